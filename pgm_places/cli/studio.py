@@ -36,6 +36,14 @@ def studio(
         Path | None,
         Option("--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."),
     ] = None,
+    corrections: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Paint to begin with, as the studio exports it: a label image or GeoJSON. What "
+            "is painted already stays.",
+        ),
+    ] = None,
     drive: Annotated[
         Path | None,
         Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
@@ -60,6 +68,7 @@ def studio(
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.server import serve
+    from pgm_places.teaching.paint import Paint
     from pgm_places.trained import stored_labeler
 
     progress = make_progress(quiet=quiet)
@@ -84,6 +93,10 @@ def studio(
         n_threads=n_threads,
     )
     try:
+        if desk.carried is not None:
+            progress.warn(desk.carried.words)
+        if corrections is not None:
+            desk.take(Paint.read(corrections, loaded.grid))
         serve(
             desk, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
         )

@@ -419,7 +419,12 @@ class PlaceLabeler(Labeler):
         if not self.whole_spaces or method.unary in ("laser", "context") or segments is None:
             return problem
         assert unary is not None and isinstance(layout, GridLayout)  # there are scores of a map
-        return problem.with_unary(sealed(with_whole_spaces(unary, segments, layout, names, known)))
+        place = None
+        doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
+        if known is not None and doorways is not None:
+            place = layout.from_raster(doorways.place)
+        whole = with_whole_spaces(unary, segments, layout, names, known, place)
+        return problem.with_unary(sealed(whole))
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

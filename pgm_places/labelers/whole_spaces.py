@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ _INSIDE, _RIBBON, _OPENING = 4.0, 2.0, 1.0
 in nats times square metres: the evidence of a cell counts by its area. Chosen on half of the
 buildings (docs/spaces.md)."""
 
+_BESIDE_KNOWN = 8.0
+"""The same along known cells, where no doorway lies between: who paints a corridor means the strip
+along it, too. A room that is as open to it is larger, and stays."""
+
 _ROOM_IN_RIBBON = 0.1
 """What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed
 on all sides; what it leads to says more."""
@@ -44,6 +48,7 @@ def with_whole_spaces(
     layout: GridLayout,
     label_names: tuple[str, ...],
     known: NDArray[np.int64] | None = None,
+    place: NDArray[np.integer] | None = None,
 ) -> NDArray[np.float64]:
     """The scores of cells, those of parts that saw a space in two given to the label around them.
 
@@ -64,7 +69,10 @@ def with_whole_spaces(
     label_names : tuple of K str
         Without both corridor and room among them nothing changes.
     known : (N,) int, optional
-        Labels of the cells that are known, -1 elsewhere: their parts keep them.
+        Labels of the cells that are known, -1 elsewhere: their parts keep them, and borders along
+        them cost most.
+    place : (N,) int, optional
+        The place between doorways that each cell is in: known cells do not pull those of others.
     """
     if not set(_PAIR) <= set(label_names):
         return log_z
@@ -76,7 +84,11 @@ def with_whole_spaces(
         np.copyto(label, known, where=known >= 0, casting="unsafe")
     parts = _Parts.of(label, segments, layout, pair)
     part = layout.from_raster(parts.pieces.piece)
-    changed = np.append(parts.changed(parts.sums(log_z, part, pair, known)), False)
+    pulls = None
+    if known is not None:
+        number = np.zeros(len(known), np.int32) if place is None else place
+        pulls = _Pulls(layout.to_raster(known >= 0, fill=False), layout.to_raster(number, fill=-1))
+    changed = np.append(parts.changed(parts.sums(log_z, part, pair, known), pulls), False)
     moves = changed[part]  # -1, for none, is the last
     if known is not None:
         moves &= known < 0
@@ -87,6 +99,24 @@ def _blocks(n_cells: int) -> Iterator[slice]:
     """Some cells at a time: those of a huge map fill the memory with every step in between."""
     for first in range(0, n_cells, ROWS_AT_ONCE):
         yield slice(first, first + ROWS_AT_ONCE)
+
+
+class _Pulls(NamedTuple):
+    """Which sides of cells known labels pull across.
+
+    Parameters
+    ----------
+    known : (H, W) bool
+    place : (H, W) int
+    """
+
+    known: NDArray[np.bool_]
+    place: NDArray[np.integer]
+
+    def across(self, one: tuple[slice, slice], other: tuple[slice, slice]) -> NDArray[np.bool_]:
+        """Whether a label is known on either side and no doorway lies between."""
+        known = self.known[one] | self.known[other]
+        return np.asarray(known & (self.place[one] == self.place[other]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,28 +180,42 @@ class _Parts:
         total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
         return total * self.resolution_m**2
 
-    def borders(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """(B, 2) the parts that share a border, and its length (B,) in metres."""
-        found = []
-        for rows in bands_of_rows(self.pieces.piece.shape):
-            high = slice(rows.start, rows.stop + 1)  # and the first row of the next band
-            above = self.pieces.piece[high]
-            beside = self.pieces.piece[rows]
-            for one, other in ((above[:-1], above[1:]), (beside[:, :-1], beside[:, 1:])):
-                meet = (one != other) & (one >= 0) & (other >= 0)
-                found.append(np.sort(np.stack([one[meet], other[meet]], axis=1), axis=1))
-        pairs, sides = np.unique(np.concatenate(found), axis=0, return_counts=True)
-        length_m = np.asarray(sides * (self.resolution_m * _CITY_BLOCK), np.float64)
-        return pairs.astype(np.int64), length_m
+    def borders(
+        self, pulls: _Pulls | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """(B, 2) the parts that share a border, its length (B,) in metres, and how much pulls."""
+        pairs, pulled = [np.empty((0, 2), np.int32)], [np.empty(0, np.bool_)]
+        height, width = self.pieces.piece.shape
+        for rows in bands_of_rows((height, width)):
+            below, above = slice(rows.start, min(rows.stop, height - 1)), slice(0, width)
+            for one, other in (
+                ((below, above), (slice(below.start + 1, below.stop + 1), above)),
+                ((rows, slice(0, width - 1)), (rows, slice(1, width))),
+            ):
+                first, second = self.pieces.piece[one], self.pieces.piece[other]
+                meet = (first != second) & (first >= 0) & (second >= 0)
+                pairs.append(np.sort(np.stack([first[meet], second[meet]], axis=1), axis=1))
+                pulled.append(
+                    np.zeros(len(pairs[-1]), np.bool_)
+                    if pulls is None
+                    else pulls.across(one, other)[meet]
+                )
+        found, of, sides = np.unique(
+            np.concatenate(pairs), axis=0, return_inverse=True, return_counts=True
+        )
+        pulling = np.bincount(of.reshape(-1), np.concatenate(pulled), len(found))
+        side_m = self.resolution_m * _CITY_BLOCK
+        return found.astype(np.int64), sides * side_m, pulling * side_m
 
-    def changed(self, sums: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def changed(self, sums: NDArray[np.float64], pulls: _Pulls | None = None) -> NDArray[np.bool_]:
         """(P,) the parts whose label is the other one in the best labelling of all."""
         from pgm_places.solvers.max_flow import minimum_cut
 
-        pairs, length_m = self.borders()
+        pairs, length_m, pulling_m = self.borders(pulls)
         within = self.segment[pairs[:, 0]] == self.segment[pairs[:, 1]]
         opening = np.where(self.in_ribbon[pairs].any(axis=1), _RIBBON, _OPENING)
-        cost = np.where(within, _INSIDE, opening) * length_m
+        cost_per_m = np.where(within, _INSIDE, opening)
+        cost = cost_per_m * (length_m - pulling_m) + _BESIDE_KNOWN * pulling_m
         best = minimum_cut(np.maximum(sums, 0), np.maximum(-sums, 0), pairs, cost, cost)
         return np.asarray(~best.source_side != self.is_room)
 

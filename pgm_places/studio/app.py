@@ -100,6 +100,13 @@ class _Answers:
             raise InputError("x and y must be finite numbers of cells")
         return _json(cell_record(self.desk, *point))
 
+    def door_line(self, request: Request) -> Response:
+        """Where a doorway would end that is drawn along two points."""
+        x1, y1, x2, y2 = (float(request.query_params[name]) for name in ("x1", "y1", "x2", "y2"))
+        if not all(abs(value) < 1e9 for value in (x1, y1, x2, y2)):
+            raise InputError("x1, y1, x2 and y2 must be finite numbers of cells")
+        return _json({"ends": self.desk.door_line([(x1, y1), (x2, y2)])})
+
     def reasons(self, request: Request) -> Response:
         taught = self.desk.taught
         if taught is None:
@@ -126,8 +133,9 @@ class _Answers:
 
     async def edit(self, request: Request) -> Response:
         body = await _body(request)
-        await run_in_threadpool(self.desk.edit, body)
-        return _json({"tick": self.desk.tick, "revision": self.desk.painting.revision})
+        remark = await run_in_threadpool(self.desk.edit, body)
+        answer = {"tick": self.desk.tick, "revision": self.desk.painting.revision}
+        return _json({**answer, "remark": remark})
 
     async def export(self, request: Request) -> Response:
         body = await _body(request)
@@ -164,6 +172,7 @@ def application(desk: Desk, *, token: str, port: int) -> Guard:
         Route("/state", answers.state),
         Route("/places", answers.places),
         Route("/cell", answers.cell),
+        Route("/door-line", answers.door_line),
         Route("/reasons", answers.reasons),
         Route("/drive", answers.drive),
         Route("/tile/{layer}/{level:int}/{row:int}/{column:int}.png", answers.tile),

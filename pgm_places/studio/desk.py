@@ -12,14 +12,16 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.options import from_mapping
+from pgm_places.studio.carrying import opened_painting
 from pgm_places.studio.classes import Classes
+from pgm_places.studio.door_line import Limits, doorway_ends, parts
 from pgm_places.studio.edits import fill_cells, merge_cells
 from pgm_places.studio.given_labels import GivenLabels
 from pgm_places.studio.layers import Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
-from pgm_places.studio.painting import Painting, journal_for
 from pgm_places.studio.repaint import PaintedPart
+from pgm_places.studio.runs import runs_of_mask
 from pgm_places.studio.source_file import SourceFile
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.teaching.paint import Paint
@@ -27,6 +29,8 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["Desk"]
+
+NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it from wall to wall."
 
 CLASSES = ("corridor", "room", "doorway")
 """Those of a painting that begins without a model and without labels."""
@@ -53,6 +57,8 @@ class Desk:
     ----------
     tick : int
         Grows whenever something changes that the browser shows.
+    carried : Carried or None
+        What was carried over from an earlier state of the map.
     closing : bool
         Whether the studio ends: nobody should wait for news any more.
     """
@@ -79,18 +85,34 @@ class Desk:
         self.tick, self.n_lessons, self.learns = 0, 0, True
         self.lesson: Lesson | None = None
         self.closing = False
+        self._remark = ""
         self._lock = threading.RLock()
-        journal = journal_for(folder, self.files[1].sha256)
-        try:
-            self.painting = Painting(self.grid, Classes.named(names), journal)
-        except BaseException:
-            journal.close()
-            raise
+        self.painting, self.carried = opened_painting(
+            folder, self.grid, Classes.named(names), self.files[1].sha256
+        )
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
         tutor = Tutor(self.grid, labeler, rules=self.rules, n_threads=n_threads)
         self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
+
+    def take(self, paint: Paint) -> int:
+        """Paint what a file says where nothing is painted yet; the number of cells."""
+        with self._lock:
+            before = self.painting.n_painted
+            for k, name in enumerate(paint.classes):
+                fresh = (paint.labels == k) & (self.painting.labels < 0)
+                if fresh.any():
+                    self._paint_class(name, runs_of_mask(fresh))
+            return self.painting.n_painted - before
+
+    def _paint_class(self, name: str, runs: NDArray[np.int64]) -> None:
+        classes = self.painting.classes
+        if name not in classes.names:
+            self.painting.set_class(len(classes), name, classes.next_colour)
+        part = self.painting.paint_runs(runs, self.painting.classes.names.index(name))
+        if part is not None:
+            self.layers.painted(part)
 
     def start(self) -> None:
         """Begin to learn; labels of the map as it stands come first."""
@@ -116,8 +138,8 @@ class Desk:
 
     # ------------------------------------------------------------------ edits
 
-    def edit(self, request: Mapping[str, Any]) -> None:
-        """Carry out what the browser asks for.
+    def edit(self, request: Mapping[str, Any]) -> str:
+        """Carry out what the browser asks for; what is to be said of it, if anything.
 
         Raises
         ------
@@ -132,6 +154,7 @@ class Desk:
         values = {key: value for key, value in request.items() if key != "kind"}
         with self._lock:
             before = self.painting.labels, self.painting.classes.names
+            self._remark = ""
             part = _EDITS[kind](self, **_arguments(kind, values))
             if part is not None:
                 self.layers.painted(part)
@@ -139,11 +162,31 @@ class Desk:
             relearn = part is not None or before[1] != self.painting.classes.names
             if relearn or kind == "learn":
                 self._ask()
+            return self._remark
+
+    def door_line(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """The ends, x and y in cells, that a doorway drawn along two points would have."""
+        with self._lock:
+            ends = doorway_ends(points, self.grid, self._limits)
+        return [(float(column) + 0.5, float(row) + 0.5) for row, column in ends]
+
+    @property
+    def _limits(self) -> Limits:
+        names = self.painting.classes.names
+        doorway = (
+            names.index(self.rules.doorway_label) if self.rules.doorway_label in names else None
+        )
+        topology = None if self.lesson is None else self.lesson.taught.topology
+        return Limits(self.painting.labels, doorway, topology)
 
     def _stroke(self, label: int, stroke: Mapping[str, Any]) -> PaintedPart | None:
-        runs = stroke_cells(from_mapping(Stroke, stroke, path="stroke"), self.grid)
+        drawn = from_mapping(Stroke, stroke, path="stroke")
+        limits = self._limits if drawn.tool == "doorway" else None
+        runs = stroke_cells(drawn, self.grid, limits)
         if not runs.size:
             raise InputError("no free cell lies there")
+        if limits is not None and label >= 0 and not parts(runs, self.grid, limits):
+            self._remark = NOTHING_PARTED
         return self.painting.paint_runs(runs, label)
 
     def _fill(self, label: int, point: tuple[float, float]) -> PaintedPart | None:

@@ -4,6 +4,7 @@ A page from elsewhere that the same browser shows must not reach the studio. It 
 token in the address, nor can it send its own name as ``Host`` or ``Origin`` without being refused.
 """
 
+import asyncio
 import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ __all__ = ["MOST_BYTES", "POLICY", "Guard"]
 
 MOST_BYTES = 4 << 20
 """The largest body of a request; an outline with 100 000 points is smaller."""
+
+BODY_S = 10.0
+"""So long the body of a request may take to arrive."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -69,7 +73,12 @@ class Guard:
         if problem:
             await _refuse(send, *problem)
             return
-        body = await _whole_body(receive)
+        try:
+            async with asyncio.timeout(BODY_S):
+                body = await _whole_body(receive)
+        except TimeoutError:
+            await _refuse(send, 408, f"the request did not arrive within {BODY_S:.0f} seconds")
+            return
         if body is None:
             await _refuse(send, 413, f"the request is larger than {MOST_BYTES} bytes")
             return

@@ -17,10 +17,11 @@ try:
 except ImportError:  # Windows: two studios on one folder are not kept apart
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Journal"]
+__all__ = ["Journal", "subject_of"]
 
 FORMAT, SCHEMA = "pgm-places-studio", 1
 MAX_BYTES = 2 << 30
+MAX_HEADER_BYTES = 1 << 16
 
 
 class Journal:
@@ -129,6 +130,27 @@ class Journal:
                     f"{value!r}); choose another folder with --out"
                 )
         return entries[1:]
+
+
+def subject_of(path: Path) -> dict[str, Any] | None:
+    """What the edits of a journal are about; None where there is no journal, or not a whole line.
+
+    Raises
+    ------
+    InputError
+        The file is not a journal.
+    """
+    try:
+        with path.open("rb") as file:
+            line = file.readline(MAX_HEADER_BYTES)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from None
+    if not line.endswith(b"\n"):
+        return None
+    header = _entry(path, 1, line)
+    return {key: value for key, value in header.items() if key not in ("format", "schema")}
 
 
 def _entry(path: Path, number: int, line: bytes) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -240,8 +239,3 @@ class Painting:
         self.classes, self.names = change.classes[forward], change.names[forward]
         change.repaint.put(self.labels, forward=forward)
         return change.repaint.part
-
-
-def journal_for(folder: Path, map_sha256: str) -> Journal:
-    """The journal of a map's painting in a folder."""
-    return Journal(folder / "journal.jsonl", {"map": map_sha256})

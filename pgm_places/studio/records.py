@@ -83,6 +83,8 @@ def _notices(desk: Desk) -> list[str]:
         for file in desk.files
         if file.was_changed()
     ]
+    if desk.carried is not None:
+        found.append(desk.carried.words)
     if desk.painting.journal.was_changed():
         found.append("The journal was changed by something else. Nothing more can be saved to it.")
     return found

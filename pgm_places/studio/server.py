@@ -1,19 +1,25 @@
 """The server: the studio on a port of this computer, until it is told to end."""
 
+import contextlib
 import secrets
 import socket
 from collections.abc import Callable
+from pathlib import Path
 
 import uvicorn
 
 from pgm_places.errors import OutputError
 from pgm_places.studio.app import application
+from pgm_places.studio.connections import BoundedConnection
 from pgm_places.studio.desk import Desk
 
 __all__ = ["serve"]
 
 HOST = "127.0.0.1"
 """This computer only, whatever else it is connected to."""
+
+PORT_FILE = "port"
+FIRST_PORT, LAST_PORT = 1024, 65535
 
 
 def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> None:
@@ -23,7 +29,7 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
     ----------
     desk : Desk
     port : int
-        0 for any that is free.
+        0 for that of the last time in the desk's folder if it is free, or else any that is.
     on_address : callable
         Told the address, token included, once browsers may open it.
 
@@ -32,12 +38,13 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
     OutputError
         The port is taken.
     """
-    with _listening(port) as listener:
+    with _listening(port) if port else _listening_again(desk.folder / PORT_FILE) as listener:
         number = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
         app = application(desk, token=token, port=number)
         config = uvicorn.Config(
             app,
+            http=BoundedConnection,
             log_level="error",
             access_log=False,  # addresses hold the token
             server_header=False,
@@ -47,6 +54,21 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
         desk.start()
         on_address(f"http://{HOST}:{number}/{token}/")
         _Server(config, desk).run(sockets=[listener])
+
+
+def _listening_again(kept: Path) -> socket.socket:
+    """A listener on the port in a file, if it is free, or on any; the file then holds its port.
+
+    With the same port, pages of the last studio can tell their user where the new one is.
+    """
+    try:
+        port = int(kept.read_text(encoding="ascii"))
+        listener = _listening(port if FIRST_PORT <= port <= LAST_PORT else 0)
+    except (OSError, ValueError, OutputError):
+        listener = _listening(0)
+    with contextlib.suppress(OSError):  # it would only have been convenient
+        kept.write_text(f"{listener.getsockname()[1]}\n", encoding="ascii")
+    return listener
 
 
 class _Server(uvicorn.Server):

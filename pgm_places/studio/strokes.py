@@ -16,17 +16,15 @@ from pgm_places.io.maps.regions import rasterize_polygon
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
 from pgm_places.studio._run_kernels import mark_brush
+from pgm_places.studio.door_line import Limits, doorway_ends
 from pgm_places.studio.runs import runs_of_mask
 
-__all__ = ["Stroke", "doorway_ends", "stroke_cells"]
+__all__ = ["Stroke", "stroke_cells"]
 
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
 BAND_ROWS = 64
 """So many rows are painted at once."""
-
-LONGEST_SNAP_M = 2.0
-"""How far behind a click a wall may be for a doorway to reach it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +59,12 @@ class Stroke:
             raise InputError("points must be finite numbers of cells")
 
 
-def stroke_cells(stroke: Stroke, grid: OccupancyGrid) -> NDArray[np.int64]:
+def stroke_cells(
+    stroke: Stroke, grid: OccupancyGrid, limits: Limits | None = None
+) -> NDArray[np.int64]:
     """(n, 3) runs of the free cells that a stroke covers: row, first column and length.
+
+    ``limits`` are what a doorway ends at besides walls.
 
     Examples
     --------
@@ -76,40 +78,11 @@ def stroke_cells(stroke: Stroke, grid: OccupancyGrid) -> NDArray[np.int64]:
     if stroke.tool == "polygon":
         return _inside_polygon(stroke.points, grid)
     if stroke.tool == "doorway":
-        ends = doorway_ends(stroke.points, grid)
+        ends = doorway_ends(stroke.points, grid, limits)
     else:
         ends = np.array([_centred(point) for point in stroke.points])
         ends = ends if len(ends) > 1 else ends.repeat(2, axis=0)
     return _near(np.hstack([ends[:-1], ends[1:]]), max(stroke.radius, 0.5), grid)
-
-
-def doorway_ends(points: Sequence[tuple[float, float]], grid: OccupancyGrid) -> NDArray[np.float64]:
-    """(2, 2) row and column of both ends of a line, each moved on to the nearest wall behind.
-
-    An end without a wall within two metres stays where it is.
-    """
-    start, end = (np.array(_centred(point)) for point in points)
-    along = end - start
-    length = float(np.hypot(*along))
-    if length == 0:
-        raise InputError("the ends of a doorway must be two different points")
-    step = along / length
-    return np.array([_to_wall(start, -step, grid), _to_wall(end, step, grid)])
-
-
-def _to_wall(
-    start: NDArray[np.float64], step: NDArray[np.float64], grid: OccupancyGrid
-) -> NDArray[np.float64]:
-    """The last point before a cell that is not free; the start where there is none near."""
-    shape = np.array(grid.shape)
-    point = start
-    for _ in range(int(LONGEST_SNAP_M / grid.resolution_m * 2) + 1):
-        ahead = point + step / 2
-        cell = np.floor(ahead + 0.5).astype(int)
-        if (cell < 0).any() or (cell >= shape).any() or not grid.free[cell[0], cell[1]]:
-            return point
-        point = ahead
-    return start
 
 
 def _centred(point: tuple[float, float]) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, label_raster, plain_names
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.geojson import read_regions
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.regions import load_regions
@@ -88,7 +89,8 @@ class Paint:
         grid : OccupancyGrid
             The map.
         classes : sequence of str, optional
-            What may be painted; the names in an image's names file by default.
+            What may be painted; by default the names in an image's names file, or those that
+            GeoJSON uses.
 
         Raises
         ------
@@ -97,9 +99,13 @@ class Paint:
             is not among ``classes``.
         """
         vector = Path(path).suffix.lower() in _VECTOR_SUFFIXES
-        if vector and classes is None:
-            raise LabelError(f"{path}: GeoJSON does not list its classes; give 'classes'")
-        names = tuple(listed_names(path) if classes is None else classes)
+        if classes is not None:
+            names = tuple(classes)
+        elif vector:
+            shapes = read_regions(path, line_width_m=LINE_WIDTH_M)
+            names = tuple(dict.fromkeys(shape.code for shape in shapes))
+        else:
+            names = tuple(listed_names(path))
         if vector:
             labels = load_regions(path, names, grid, line_width_m=LINE_WIDTH_M)
         else:

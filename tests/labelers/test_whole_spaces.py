@@ -125,6 +125,27 @@ def test_known_cells_keep_their_part_and_bring_over_what_is_doubtful() -> None:
     assert (labels(scores(label, sure), hall, known=known.ravel()) == label).all()
 
 
+def beside_paint(sure: float, width: int, place: NDArray[np.int64] | None = None) -> bool:
+    """Whether the strip along a painted corridor, a segment of its own, is corridor, too."""
+    segment = np.zeros((20 + width, 100), int)
+    segment[20:] = 1
+    label = np.where(segment == 0, CORRIDOR, ROOM)
+    known = np.where(segment == 0, CORRIDOR, -1).ravel()
+    more = {} if place is None else {"place": place[segment].ravel()}
+    found = labels(scores(label, sure), segment, known=known, **more)
+    assert (found[:20] == CORRIDOR).all()
+    strip = np.unique(found[20:])
+    assert strip.size == 1
+    return bool(strip[0] == CORRIDOR)
+
+
+def test_known_cells_pull_the_strip_along_them_but_no_room_and_nothing_behind_a_doorway() -> None:
+    assert beside_paint(0.95, 15)
+    assert not beside_paint(0.95, 60)  # as open to it, but much deeper: a room
+    assert not beside_paint(0.95, 15, np.array([0, 1]))
+    assert beside_paint(0.95, 15, np.array([3, 3]))
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_labels_are_the_best_of_all(seed: int) -> None:
     rng = np.random.default_rng(seed)

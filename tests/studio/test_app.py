@@ -100,6 +100,19 @@ def test_a_question_for_news_is_answered_when_there_are_some(
     assert found["tick"] > tick and found["painted"] == 9
 
 
+def test_a_doorway_says_where_it_will_end_and_that_it_parts_nothing(client: Client) -> None:
+    where = {"x1": 25.5, "y1": 14.5, "x2": 25.5, "y2": 15.5}
+    ends = client.get("door-line", params=where).json()["ends"]
+    assert sorted(y for _, y in ends) == pytest.approx([13.5, 16.5], abs=0.6)
+    stroke = {"tool": "doorway", "points": [[25.5, 14.5], [25.5, 15.5]], "radius": 0.6}
+    request = {"kind": "stroke", "label": 2, "stroke": stroke}
+    assert client.post("edit", json=request).json()["remark"] == ""
+    stroke["points"] = [[10.5, 9.0], [10.5, 11.0]]
+    found = client.post("edit", json=request).json()
+    assert found["remark"].startswith("This doorway parts nothing: there is a way around it.")
+    assert client.get("door-line", params=dict.fromkeys(where, "nan")).status_code == 400
+
+
 @pytest.mark.parametrize(
     "path", ["cell", "cell?x=1", "cell?x=nan&y=1", "cell?x=1e300&y=1", "state?after=x"]
 )

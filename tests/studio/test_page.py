@@ -46,7 +46,7 @@ def opened(browser: Any) -> Iterator[Open]:
 
     yield visit
     context.close()
-    ours = ("400 (Bad Request)", "net::ERR_")  # refused edits, and studios we killed
+    ours = ("400 (Bad Request)", "403 (Forbidden)", "net::ERR_")  # refused, or killed by us
     unexpected = [text for text in complaints if not any(part in text for part in ours)]
     assert not unexpected
 
@@ -258,6 +258,121 @@ def test_when_the_order_changes_the_next_place_is_the_one_that_has_moved_up(
     assert page.evaluate("studio.chosen") == ids[0]
 
 
+def press(page: Any, key: str, code: str, **modifiers: bool) -> None:
+    """A key as a keyboard of another country sends it: what it types, and where it lies."""
+    page.evaluate(
+        """([key, code, modifiers]) => document.getElementById('canvas').dispatchEvent(
+            new KeyboardEvent(
+                'keydown', { key, code, bubbles: true, cancelable: true, ...modifiers }))""",
+        [key, code, modifiers],
+    )
+
+
+def test_keys_are_those_that_other_keyboards_type(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    page.keyboard.press("1")
+    drag(page, (8, 8), (18, 12))
+    wait_revision(page, 1)
+    press(page, "z", "KeyY", ctrlKey=True)  # QWERTZ
+    wait_revision(page, 2)
+    assert page.evaluate("studio.state.painted") == 0
+    press(page, "y", "KeyZ", ctrlKey=True)
+    wait_revision(page, 3)
+    press(page, "z", "KeyW", ctrlKey=True)  # AZERTY
+    wait_revision(page, 4)
+    assert page.evaluate("studio.state.painted") == 0
+    press(page, "Я", "KeyZ", ctrlKey=True, shiftKey=True)  # letters that are not Latin
+    wait_revision(page, 5)
+    assert page.evaluate("studio.state.painted") > 0
+    before = page.evaluate("studio.tools.radius")
+    press(page, "]", "Digit9", ctrlKey=True, altKey=True, modifierAltGraph=True)  # AltGr 9
+    assert page.evaluate("studio.tools.radius") == pytest.approx(1.25 * before)
+    press(page, "[", "Digit8", altKey=True)  # Option 8
+    assert page.evaluate("studio.tools.radius") == pytest.approx(before)
+    assert page.evaluate("studio.label") == 0  # neither has chosen a class
+
+
+def test_a_corner_is_taken_back_before_an_edit(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    page.keyboard.press("1")
+    drag(page, (8, 8), (18, 12))
+    wait_revision(page, 1)
+    page.keyboard.press("p")
+    for x in (28, 38, 39, 40):
+        click(page, x, 10)
+    page.keyboard.press("Backspace")
+    page.keyboard.press("Control+z")
+    assert page.evaluate("studio.tools.points.length") == 2
+    assert page.evaluate("studio.state.revision") == 1
+    click(page, 38, 20)
+    page.keyboard.press("Enter")
+    wait_revision(page, 2)
+    click(page, 28, 10)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Backspace")  # nothing is drawn: nothing happens
+    page.keyboard.press("Control+z")
+    wait_revision(page, 3)
+
+
+def test_escape_closes_why_and_its_scan(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
+        page.keyboard.press(key)
+        page.keyboard.press("r")
+        drag(page, first, last)
+    wait_taught(page, 2)
+    page.keyboard.press("v")
+    click(page, 20.5, 20.5)
+    page.wait_for_selector("#panel-why .scan-legend")
+    seen = page.evaluate("studio.why.showsScan")
+    page.get_by_role("switch", name="What its scan sees").click()
+    assert seen and not page.evaluate("studio.why.showsScan")
+    page.keyboard.press("Escape")
+    assert page.evaluate("[studio.asked, studio.why.cell, studio.chosen]") == [None, None, None]
+    assert page.locator("#panel-why .note").count() == 0
+
+
+def test_a_doorway_is_shown_where_it_will_end_and_warns_where_it_parts_nothing(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    page.keyboard.press("d")
+    click(page, 25.5, 14.3)
+    page.mouse.move(*at(page, 25.5, 15.7))
+    until(page, "studio.tools.line")
+    ends = page.evaluate("studio.tools.line.map((end) => studio.frame.toCells(end)[1])")
+    assert sorted(ends) == pytest.approx([13.5, 16.5], abs=0.6)
+    page.keyboard.press("Escape")
+    assert page.evaluate("studio.tools.line") is None
+    click(page, 10.5, 9)
+    click(page, 10.5, 12)
+    page.wait_for_selector("#toast.bad")
+    assert "parts nothing" in page.inner_text("#toast")
+
+
+def test_what_is_read_of_a_cell_is_never_that_of_another(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    held: list[Any] = []
+    page.route("**/cell?*", lambda route: held.append(route))
+    page.mouse.move(*at(page, 10.5, 10.5))
+    deadline = time.monotonic() + PATIENCE_S
+    while not held:
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(20)
+    page.mouse.move(5, 5)  # off the map
+    held.pop().continue_()
+    page.wait_for_timeout(300)
+    assert page.inner_text("#readout") == ""
+    page.unroute("**/cell?*")
+    page.mouse.move(*at(page, 10.5, 10.5))
+    until(page, "document.getElementById('readout').textContent.includes(' m')")
+    before = page.inner_text("#readout")
+    page.keyboard.press("+")  # another cell is under the pointer now
+    until(page, f"document.getElementById('readout').textContent !== {before!r}")
+
+
 def test_a_doorway_is_shown_in_its_own_colour_before_it_is_painted(
     opened: Open, running: StudioProcess
 ) -> None:
@@ -398,7 +513,22 @@ def test_a_stroke_after_the_studio_has_ended_is_refused_in_words(
     assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
         "status failed"
     )
+    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
+    assert "this tab cannot know where" in page.inner_text("#notices")
     assert (painted(map_yaml).labels == -1).all()
+
+
+def test_after_a_restart_an_old_tab_leads_to_the_new_one(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    old = opened(running)
+    running.kill()
+    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
+        old.wait_for_selector("#notices >> text=cannot know its address")
+        opened(again)
+        old.click("text=Go on in the new one.")
+        until(old, "window.studio?.state")
+        assert old.url == again.address
 
 
 def test_a_colour_is_changed_and_the_change_undone_by_keys(

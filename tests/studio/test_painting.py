@@ -15,7 +15,7 @@ from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.painting import Painting, journal_for
+from pgm_places.studio.painting import Painting
 
 Reopen = Callable[[], Desk]
 
@@ -110,7 +110,7 @@ def counted_calls() -> Iterator[list[int]]:
 
 def blank(folder: Path, shape: tuple[int, int] = (30, 30)) -> Painting:
     """The painting of an empty map, kept in a folder."""
-    journal = journal_for(folder, "0" * 64)
+    journal = Journal(folder / "journal.jsonl", {"map": "0" * 64})
     return Painting(
         OccupancyGrid(np.zeros(shape, np.int8), 0.1), Classes.named(("a", "b")), journal
     )

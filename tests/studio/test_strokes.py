@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.studio._run_kernels import mark_brush
+from pgm_places.studio.door_line import Limits, doorway_ends, parts
 from pgm_places.studio.runs import checked_runs, runs_of_mask
-from pgm_places.studio.strokes import Stroke, doorway_ends, stroke_cells
+from pgm_places.studio.strokes import Stroke, stroke_cells
+from pgm_places.topology.from_labels import topological_map
 from tests.reference.strokes import band
 from tests.studio.conftest import two_rooms
 
@@ -126,6 +128,54 @@ def test_a_doorway_far_from_walls_stays_as_it_was_drawn() -> None:
     open_space = OccupancyGrid(np.zeros((100, 100), np.int8), 0.1)
     ends = doorway_ends(((50.0, 50.0), (55.0, 50.0)), open_space)
     assert ends.tolist() == [[49.5, 49.5], [49.5, 54.5]]
+
+
+def crossing() -> OccupancyGrid:
+    """A corridor from left to right, with an opening of four cells in its upper wall."""
+    cells = np.full((30, 60), 100, np.int8)
+    cells[5:15, 2:58] = 0
+    cells[15, 30:34] = 0
+    cells[16:28, 20:50] = 0
+    return OccupancyGrid(cells, 0.1)
+
+
+def test_a_doorway_in_front_of_another_opening_ends_there_and_not_where_it_was_clicked() -> None:
+    """Behind the click is no wall within two metres, but an opening that is a doorway already."""
+    grid = crossing()
+    points = ((32.5, 8.5), (32.5, 11.5))
+    alone = doorway_ends(points, grid)
+    assert sorted(alone[:, 0].tolist()) == pytest.approx([5, 27], abs=0.6)  # on through the opening
+    paint = np.full(grid.shape, -1, np.int16)
+    paint[15, 30:34] = 2
+    limits = Limits(paint, 2)
+    ends = doorway_ends(points, grid, limits)
+    assert sorted(ends[:, 0].tolist()) == pytest.approx([5, 14], abs=0.6)
+    runs = stroke_cells(Stroke(tool="doorway", points=points, radius=1.2), grid, limits)
+    assert sorted(set(runs[:, 0].tolist()))[::9] == [5, 14]
+    assert parts(runs, grid, limits)
+
+
+def test_a_doorway_far_from_walls_ends_at_the_outline_of_its_region() -> None:
+    grid = OccupancyGrid(np.zeros((100, 100), np.int8), 0.1)
+    labels = np.zeros(grid.shape, np.int16)
+    labels[:, 60:] = 1
+    found = topological_map(grid, labels, ("corridor", "room"), correct=False)
+    limits = Limits(np.full(grid.shape, -1, np.int16), None, found)
+    ends = doorway_ends(((50.0, 50.0), (55.0, 50.0)), grid, limits)
+    assert ends[0].tolist() == [49.5, 49.5]
+    assert ends[1].tolist() == pytest.approx([49.5, 59.0], abs=0.6)
+    line = Stroke(tool="doorway", points=((50.0, 50.0), (55.0, 50.0)), radius=1.2)
+    assert not parts(stroke_cells(line, grid, limits), grid, limits)  # one can walk around it
+
+
+def test_a_doorway_that_is_drawn_again_is_not_stopped_by_itself() -> None:
+    grid = two_rooms()
+    paint = np.full(grid.shape, -1, np.int16)
+    paint[13:17, 25] = 2
+    points = ((25.5, 14.5), (25.5, 15.5))
+    runs = stroke_cells(Stroke(tool="doorway", points=points), grid, Limits(paint, 2))
+    assert runs[:, 0].tolist() == [13, 14, 15, 16]
+    assert parts(runs, grid, Limits(paint, 2))
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,11 @@ export class Frame {
     return [x, this.map.rows - y];
   }
 
+  /** The point on the map of one as the server counts. */
+  fromCells([x, y]) {
+    return { x, y: this.map.rows - y };
+  }
+
   /** Corners in cells of a box in metres, whatever the rotation of the map. */
   box([left, bottom, right, top]) {
     const corners = [

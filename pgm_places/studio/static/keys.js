@@ -6,7 +6,7 @@ import { TOOLS } from "./tools.js";
 const LISTED = [
   ["Choose a class", "1 – 9"], ["Eraser", "0"],
   ...TOOLS.map((tool) => [tool.words.split(":")[0], tool.key.toUpperCase()]),
-  ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter"], ["Cancel", "Esc"],
+  ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter"], ["Take back a corner", "Backspace"], ["Cancel, close “Why”", "Esc"],
   ["Undo", "Ctrl Z"], ["Redo", "Ctrl Shift Z"],
   ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"],
   ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Side by side", "Shift S"], ["Show errors", "X"],
@@ -25,14 +25,16 @@ export class Keys {
   #press(event) {
     const { target } = event;
     if (target.matches("input:not([type=checkbox]):not([type=range]), textarea, select") || byId("help").open) return;
-    const command = event.ctrlKey || event.metaKey;
-    if (command && event.code === "KeyZ") this.#take(event, () => this.studio.edit({ kind: event.shiftKey ? "redo" : "undo" }));
-    else if (command && event.code === "KeyY") this.#take(event, () => this.studio.edit({ kind: "redo" }));
-    if (command || event.altKey) return;
-    const digit = /^Digit(\d)$/.exec(event.code)?.[1];
+    const key = typed(event);
+    const third = event.getModifierState("AltGraph") || (event.altKey && /^[[\]]$/.test(key)); // AltGr, Option
+    const command = (event.ctrlKey || event.metaKey) && !third;
+    if (command && key === "z") this.#take(event, () => (event.shiftKey ? this.studio.redo() : this.studio.undo()));
+    else if (command && key === "y") this.#take(event, () => this.studio.redo());
+    if (command || (event.altKey && !third)) return;
+    const digit = third ? undefined : /^Digit(\d)$/.exec(event.code)?.[1]; // by position: AZERTY needs Shift to type them
     if (digit !== undefined) this.#take(event, () => this.#digit(Number(digit), event.shiftKey));
     else if (event.code === "Space" && target === this.view.canvas) this.#take(event, () => (this.pointer.space = true));
-    else this.#letter(event);
+    else this.#letter(event, key);
   }
 
   #digit(digit, shift) {
@@ -42,9 +44,8 @@ export class Keys {
     else if (!shift) this.studio.chooseLabel(label);
   }
 
-  #letter(event) {
+  #letter(event, key) {
     const { studio, view } = this;
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const tool = TOOLS.find((item) => item.key === key);
     const onMap = event.target === view.canvas || event.target === document.body;
     const moves = { ArrowLeft: [80, 0], ArrowRight: [-80, 0], ArrowUp: [0, 80], ArrowDown: [0, -80] };
@@ -59,7 +60,8 @@ export class Keys {
       "=": () => view.zoom(1.4),
       "-": () => view.zoom(1 / 1.4),
       Home: () => view.showAll(),
-      Escape: () => studio.tools.cancel(),
+      Escape: () => studio.escape(),
+      Backspace: () => studio.tools.takeBack(),
       "?": () => help(),
     };
     if (tool) this.#take(event, () => studio.tools.choose(tool.name));
@@ -72,6 +74,14 @@ export class Keys {
     event.preventDefault();
     action();
   }
+}
+
+/** What a key types, small; of alphabets other than the Latin one, the letter that is printed there in English. */
+function typed(event) {
+  if (event.key.length > 1) return event.key;
+  const letter = /^Key([A-Z])$/.exec(event.code)?.[1];
+  const isLatin = event.key.charCodeAt(0) < 128;
+  return (letter && !isLatin ? letter : event.key).toLowerCase();
 }
 
 /** Show the list of keys. */

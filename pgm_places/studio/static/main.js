@@ -40,9 +40,11 @@ class Studio {
     this.asked = null;
     this.placesVersion = "";
     this.slow = new Set();
+    this.offline = null; // why there is no news
+    this.refused = 0; // edits that nobody kept
     this.tab = "paint";
     this.#build();
-    this.server.follow((state) => this.#take(state), () => this.#lost());
+    this.server.follow((state) => this.#take(state), (why) => this.#lost(why));
   }
 
   // ------------------------------------------------------------------ what the server says
@@ -50,7 +52,8 @@ class Studio {
   #take(state) {
     const first = !this.state;
     this.state = state;
-    this.offline = false;
+    this.offline = null;
+    this.refused = 0;
     this.frame = new Frame(state.map);
     this.colours = this.theme.colours(state.classes);
     this.label = Math.min(this.label, state.classes.length - 1);
@@ -62,6 +65,7 @@ class Studio {
       if (state.drive) this.#loadDrive();
     }
     this.#loadPlaces();
+    this.#readSoon();
     this.changed();
   }
 
@@ -86,8 +90,9 @@ class Studio {
     this.layers.set("drive", 1);
   }
 
-  #lost() {
-    this.offline = true;
+  #lost(why) {
+    this.offline = why;
+    byId("readout").replaceChildren();
     this.#status();
   }
 
@@ -112,12 +117,35 @@ class Studio {
     try {
       return await this.server.post("edit", request);
     } catch (error) {
-      this.say(error.message, true);
+      if (!error.status || error.status === 403) this.refused += 1; // nobody was there who could keep it
+      this.say(error.status === 403 ? "This tab's studio has ended, so this was not kept." : error.message, true);
+      this.#status();
       return null;
     } finally {
       clearTimeout(late);
       if (this.slow.delete(request)) this.#status();
     }
+  }
+
+  /** Take back the last corner of what is being drawn, or the last edit. */
+  undo() {
+    if (!this.tools.takeBack()) this.edit({ kind: "undo" });
+  }
+
+  redo() {
+    this.edit({ kind: "redo" });
+  }
+
+  /** Give up what is being drawn, or close the answer to "why". */
+  escape() {
+    if (this.tools.busy) this.tools.cancel();
+    else this.forget();
+  }
+
+  /** No cell and no place is asked about any more. */
+  forget() {
+    this.asked = this.chosen = this.why.cell = this.why.reasons = null;
+    this.changed();
   }
 
   async export(what) {
@@ -159,13 +187,16 @@ class Studio {
     const ys = polygons.map((point) => point.y);
     const room = 2.5 / this.state.map.resolution_m;
     this.view.show(Math.min(...xs) - room, Math.min(...ys) - room, Math.max(...xs) + room, Math.max(...ys) + room);
-    this.#follow(region.anchor);
+    this.#read(region.anchor);
     this.changed();
   }
 
-  async #follow(point) {
+  /** Say what the server knows of the cell at a point, unless another point is asked for meanwhile. */
+  async #read(point) {
+    this.reading = point;
     const [x, y] = this.frame.toCells(point);
-    this.#readout(await this.server.get("cell", { x, y }).catch(() => null));
+    const cell = await this.server.get("cell", { x, y }).catch(() => null);
+    if (this.reading === point) this.#readout(cell);
   }
 
   resize(factor) {
@@ -229,25 +260,31 @@ class Studio {
   }
 
   hovered(screen) {
-    this.tools.pointer = this.view.toMap(screen.x, screen.y);
+    this.hoverScreen = screen;
+    this.hover = this.tools.pointer = this.view.toMap(screen.x, screen.y);
     if (this.tools.name !== "look") this.redraw();
-    this.hover = this.tools.pointer;
+    this.tools.snap();
     this.#readSoon();
+  }
+
+  /** The map was moved: what is seen is drawn, and another cell may be under the pointer. */
+  moved() {
+    if (this.hover) this.hovered(this.hoverScreen);
+    this.redraw();
   }
 
   /** Say what the server knows of the cell under the pointer, not more often than it can answer. */
   #readSoon() {
     if (this.asking) return;
-    this.asking = setTimeout(async () => {
+    this.asking = setTimeout(() => {
       this.asking = null;
-      if (!this.state || !this.hover) return;
-      const [x, y] = this.frame.toCells(this.hover);
-      this.#readout(await this.server.get("cell", { x, y }).catch(() => null));
+      const point = this.hover ?? this.reading;
+      if (this.state && point) this.#read(point);
     }, ASK_EVERY_MS);
   }
 
   left() {
-    this.hover = null;
+    this.hover = this.reading = null;
     this.tools.pointer = null;
     byId("readout").replaceChildren();
     this.redraw();
@@ -299,8 +336,8 @@ class Studio {
       return button;
     };
     byId("actions").append(
-      action("undo", "Undo (Ctrl Z)", () => this.edit({ kind: "undo" })),
-      action("redo", "Redo (Ctrl Shift Z)", () => this.edit({ kind: "redo" })),
+      action("undo", "Undo (Ctrl Z)", () => this.undo()),
+      action("redo", "Redo (Ctrl Shift Z)", () => this.redo()),
       action("swipe", "Divider between two labellings (S)", () => this.swipe.toggle("divider"), true),
       action("side", "Two labellings side by side (Shift S)", () => this.swipe.toggle("side"), true),
       action("sun", "Light or dark", () => this.theme.toggle()),
@@ -355,7 +392,7 @@ class Studio {
     const { learner, lesson, painted } = this.state ?? { learner: {} };
     let [kind, words] = ["", "Labelled"];
     if (this.offline && !this.state) [kind, words] = ["failed", "The studio does not answer"];
-    else if (this.offline) [kind, words] = ["failed", "The studio has ended; all edits are kept"];
+    else if (this.offline) [kind, words] = ["failed", ended(this.refused)];
     else if (this.slow.size) [kind, words] = ["working", "Painting"];
     else if (learner.problem) [kind, words] = ["failed", learner.problem];
     else if (learner.working) [kind, words] = ["working", `${painted ? "Learning" : "Labelling"}: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
@@ -369,11 +406,12 @@ class Studio {
     }
     status.dataset.revision = lesson?.revision ?? -1;
     byId("notices").replaceChildren(...(this.state?.notices ?? []).map((notice) => h("p", {}, notice)));
+    if (this.offline && this.state) byId("notices").append(h("p", {}, ...moved(this.offline)));
     if (this.state?.tabs > 1) byId("notices").append(h("p", {}, `This studio is open in ${this.state.tabs} tabs; they share one painting and one undo.`));
   }
 
   #bar() {
-    byId("act-undo").disabled = !this.state.can_undo;
+    byId("act-undo").disabled = !this.state.can_undo && !this.tools.points.length;
     byId("act-redo").disabled = !this.state.can_redo;
     byId("act-swipe").setAttribute("aria-pressed", String(this.swipe.way === "divider"));
     byId("act-side").setAttribute("aria-pressed", String(this.swipe.way === "side"));
@@ -411,7 +449,10 @@ class Studio {
 
   #readout(cell) {
     const readout = byId("readout");
-    if (!cell || (!this.hover && !this.chosen)) return;
+    if (!cell) { // nobody knows; what stands there is of another cell
+      readout.replaceChildren();
+      return;
+    }
     const parts = [h("span", { className: "muted" }, `${cell.x_m.toFixed(2)}, ${cell.y_m.toFixed(2)} m`)];
     if (cell.ground !== "free") parts.push(h("span", {}, cell.ground));
     else if (cell.label) {
@@ -424,6 +465,18 @@ class Studio {
     if (cell.paint) parts.push(h("span", { className: "muted" }, "painted"));
     readout.replaceChildren(...parts);
   }
+}
+
+function ended(refused) {
+  if (!refused) return "The studio has ended; what it took is kept";
+  return `The studio has ended; ${refused === 1 ? "1 edit since was" : `${refused} edits since were`} not kept`;
+}
+
+/** Where the studio is that was started in this one's place, or that nobody here can know. */
+function moved({ refused, address }) {
+  if (address) return ["The studio was started again. ", h("a", { href: address }, "Go on in the new one.")];
+  if (refused) return ["The studio was started again. This tab cannot know its address; it is the one that was printed."];
+  return ["If the studio was started again, this tab cannot know where; its address is the one that was printed."];
 }
 
 window.studio = new Studio();

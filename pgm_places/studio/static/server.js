@@ -27,16 +27,17 @@ export class Server {
     return answered(response);
   }
 
-  /** Hand over each new state, for as long as the page is open. */
+  /** Hand over each new state, for as long as the page is open; `lost` hears why there is none. */
   async follow(take, lost) {
     let after = -1;
     for (;;) {
       try {
         const state = await this.get("state", { after, tab: this.tab });
         after = state.tick;
+        keepAddress();
         take(state);
-      } catch {
-        lost();
+      } catch (error) {
+        lost({ refused: error.status === 403, address: error.status === 403 ? newerAddress() : null });
         await new Promise((resume) => setTimeout(resume, 700));
         after = -1;
       }
@@ -53,5 +54,25 @@ async function answered(response) {
   } catch {
     // The guard answers in plain words.
   }
-  throw new Error(problem || `the studio answered ${response.status}`);
+  throw Object.assign(new Error(problem || `the studio answered ${response.status}`), { status: response.status });
+}
+
+const ADDRESS = "address"; // of the newest studio at this host and port
+
+function keepAddress() {
+  try {
+    if (localStorage.getItem(ADDRESS) !== location.href) localStorage.setItem(ADDRESS, location.href);
+  } catch {
+    // A browser that keeps nothing cannot tell other tabs.
+  }
+}
+
+/** Where the studio is that has taken this one's place, if another tab has opened it. */
+function newerAddress() {
+  try {
+    const address = localStorage.getItem(ADDRESS);
+    return address !== location.href && address?.startsWith(location.origin) ? address : null;
+  } catch {
+    return null;
+  }
 }

@@ -14,7 +14,7 @@ export class Stage {
     this.asked = false;
     this.split = null;
     new ResizeObserver(() => this.#resize()).observe(canvas);
-    view.changed = () => this.redraw();
+    view.changed = () => studio.moved();
   }
 
   redraw() {
@@ -87,7 +87,7 @@ export class Stage {
     const pixel = 1 / view.scale;
     studio.places.draw(context, pixel, shown, colours);
     studio.places.drawChosen(context, pixel, studio.chosen, colours);
-    if (studio.asked && studio.why.reasons) this.#scan(studio.why.reasons, pixel, colours);
+    if (studio.asked && studio.why.reasons && studio.why.showsScan) this.#scan(studio.why.reasons, pixel, colours);
     studio.tools.draw(context, pixel, colours);
     context.restore();
     if (shown.names) studio.places.drawNames(context, view, colours);

@@ -22,6 +22,7 @@ export class Tools {
     this.pointer = null;
     this.pending = [];
     this.first = null;
+    this.line = null; // the doorway that a second click would draw
   }
 
   get tool() {
@@ -37,7 +38,7 @@ export class Tools {
   cancel() {
     this.points = [];
     this.drawing = false;
-    this.first = null;
+    this.first = this.line = null;
     this.studio.redraw();
   }
 
@@ -86,6 +87,7 @@ export class Tools {
       if (this.points.length === 2) {
         const points = this.points;
         this.points = [];
+        this.line = null;
         this.#stroke("doorway", points);
       }
     } else if (this.name === "fill") {
@@ -93,7 +95,36 @@ export class Tools {
     } else if (this.name === "merge" && region) {
       this.#merge(region);
     }
+    this.studio.changed(); // what is drawn can be taken back
+  }
+
+  /** Take back the last corner of what is being drawn; whether there was one. */
+  takeBack() {
+    if (this.drawing || !this.points.length) return false;
+    this.points.pop();
+    this.line = null;
+    this.studio.changed();
+    return true;
+  }
+
+  /** Whether something is being drawn that Esc gives up. */
+  get busy() {
+    return this.drawing || this.points.length > 0 || this.first !== null;
+  }
+
+  /** Show where the doorway would end, not more often than the server can say. */
+  async snap() {
+    if (this.name !== "doorway" || this.points.length !== 1 || this.snapping || !this.pointer) return;
+    const [start, end] = [this.points[0], this.pointer];
+    this.snapping = true;
+    const { frame, server } = this.studio;
+    const [[x1, y1], [x2, y2]] = [start, end].map((point) => frame.toCells(point));
+    const found = await server.get("door-line", { x1, y1, x2, y2 }).catch(() => null);
+    this.snapping = false;
+    if (this.points[0] !== start) return;
+    this.line = found && found.ends.map((point) => frame.fromCells(point));
     this.studio.redraw();
+    if (this.pointer && this.pointer !== end) this.snap();
   }
 
   /** Close a polygon. */
@@ -132,6 +163,7 @@ export class Tools {
       radius: tool === "doorway" ? studio.doorwayRadius : this.radius,
     };
     const done = await studio.edit({ kind: "stroke", label, stroke });
+    if (done?.remark) studio.say(done.remark, true);
     if (done) shown.revision = done.revision;
     else this.pending = this.pending.filter((other) => other !== shown);
     studio.redraw();
@@ -148,12 +180,14 @@ export class Tools {
     for (const item of this.pending) this.#drawShape(context, item, pixel, colours, 0.75);
     const label = this.studio.labelOf(this.name);
     if (this.drawing || this.points.length) {
-      const points = [...this.points];
+      let points = [...this.points];
       const open = this.name === "polygon" || this.name === "doorway";
       if (open && this.pointer) points.push(this.pointer);
+      if (this.name === "doorway" && this.line) points = this.line;
       const shape = { tool: this.name, points, radius: this.radius, label };
       this.#drawShape(context, shape, pixel, colours, 0.55);
     }
+    if (this.line) this.#drawEnds(context, pixel, colours);
     if (this.name === "brush" && this.pointer) {
       for (const [colour, width] of [
         [colours.halo, 3],
@@ -165,6 +199,19 @@ export class Tools {
         context.lineWidth = width * pixel;
         context.stroke();
       }
+    }
+  }
+
+  /** Where a doorway reaches to. */
+  #drawEnds(context, pixel, colours) {
+    for (const { x, y } of this.line) {
+      context.beginPath();
+      context.arc(x, y, 4 * pixel, 0, 7);
+      context.fillStyle = colours.ink;
+      context.strokeStyle = colours.halo;
+      context.lineWidth = 2 * pixel;
+      context.fill();
+      context.stroke();
     }
   }
 

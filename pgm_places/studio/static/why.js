@@ -8,11 +8,13 @@ export class Why {
     this.element = h("div", { className: "panel" });
     this.cell = null;
     this.reasons = null;
+    this.showsScan = true;
   }
 
   render(state) {
-    const key = JSON.stringify([this.cell, this.reasons?.questions, this.studio.chosen, this.studio.placesVersion, state.classes]);
-    if (key === this.key || this.element.contains(document.activeElement) && document.activeElement.tagName === "INPUT") return;
+    const key = JSON.stringify([this.cell, this.reasons?.questions, this.showsScan, this.studio.chosen, this.studio.placesVersion, state.classes]);
+    const writes = this.element.querySelector("input:not([type=checkbox]):focus"); // a name is being written
+    if (key === this.key || writes) return;
     this.key = key;
     const region = this.studio.places.byId.get(this.studio.chosen);
     if (!region && !this.cell) {
@@ -20,8 +22,21 @@ export class Why {
       return;
     }
     this.element.replaceChildren(
-      ...[region ? this.#region(region, state) : null, this.cell ? this.#cell(this.cell) : null].flat().filter(Boolean),
+      ...[this.#head(), region ? this.#region(region, state) : null, this.cell ? this.#cell(this.cell) : null].flat().filter(Boolean),
     );
+  }
+
+  /** What is drawn on the map, with a switch, and a way to be rid of it. */
+  #head() {
+    const close = h("button", { className: "button", type: "button" }, "Close", h("kbd", {}, "Esc"));
+    close.addEventListener("click", () => this.studio.forget());
+    const scan = h("input", { type: "checkbox", role: "switch", checked: this.showsScan });
+    scan.addEventListener("change", () => {
+      this.showsScan = scan.checked;
+      this.studio.changed();
+    });
+    const legend = this.reasons ? h("label", { className: "switch" }, scan, h("i", { className: "scan-legend" }), "What its scan sees") : h("span");
+    return h("div", { className: "row between" }, legend, close);
   }
 
   #region(region, state) {
