@@ -1,5 +1,6 @@
 """The command studio: reads the files it is given, then serves the map to a browser."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,16 +10,29 @@ from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
+from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
+
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.studio.desk import Desk
+    from pgm_places.studio.given_labels import GivenLabels
+    from pgm_places.studio.shelf import Shelf
 
 __all__ = ["studio"]
 
 
 def studio(
-    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="A map_server map.")],
+    maps: Annotated[
+        list[Path],
+        Argument(
+            metavar="MAP.yaml...", help="A map_server map, or several, listed with their progress."
+        ),
+    ],
     labels: Annotated[
         list[Path] | None,
         Option(help="Label image to compare with, such as the truth; may be given several times."),
@@ -34,7 +48,12 @@ def studio(
     ] = "default",
     out: Annotated[
         Path | None,
-        Option("--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."),
+        Option(
+            "--out",
+            "-o",
+            help="Folder for the paint and the exports; MAP-studio by default, of several maps a "
+            "folder each in maps-studio.",
+        ),
     ] = None,
     corrections: Annotated[
         Path | None,
@@ -58,50 +77,97 @@ def studio(
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Teach the labels of a map in the browser."""
+    """Teach the labels of maps in the browser."""
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL
-    from pgm_places.io.maps.label_image import load_labels
-    from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.studio.desk import Desk
-    from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.server import serve
+    from pgm_places.studio.shelf import Shelf
     from pgm_places.teaching.paint import Paint
     from pgm_places.trained import stored_labeler
 
     progress = make_progress(quiet=quiet)
+    if len(maps) > 1:
+        _refuse_for_several({"--labels": labels, "--corrections": corrections, "--drive": drive})
     stored = None if model == NO_MODEL else stored_labeler(model)
-    with progress.stage("map"):
+
+    def opened(map_yaml: Path, folder: Path) -> Desk:
         loaded = load_map(map_yaml, unknown_value=unknown_value)
-    for message in loaded.warnings:
-        progress.warn(message)
-    given: list[GivenLabels] = []
-    for path in labels or ():
-        names = tuple(listed_names(path))
-        title = path.name if all(path.name != item.title for item in given) else str(path)
-        given.append(GivenLabels(title, load_labels(path, names, grid=loaded.grid), names))
-    desk = Desk(
-        loaded,
-        out or Path(f"{map_yaml.stem}-studio"),
-        None if stored is None else stored.item,
-        model=model,
-        given=given,
-        rules=None if stored is None else stored.rules,
-        drive_xy_m=None if drive is None else _path(drive),
-        n_threads=n_threads,
-    )
-    try:
+        for message in loaded.warnings:
+            progress.warn(message)
+        desk = Desk(
+            loaded,
+            folder,
+            None if stored is None else stored.item,
+            model=model,
+            given=_given(labels or (), loaded.grid),
+            rules=None if stored is None else stored.rules,
+            drive_xy_m=None if drive is None else _path(drive),
+            n_threads=n_threads,
+        )
         if desk.carried is not None:
             progress.warn(desk.carried.words)
         if corrections is not None:
-            desk.take(Paint.read(corrections, loaded.grid))
+            try:
+                desk.take(Paint.read(corrections, loaded.grid))
+            except BaseException:
+                desk.close()
+                raise
+        return desk
+
+    if len(maps) == 1:
+        with progress.stage("map"):
+            shelf = Shelf.of(opened(maps[0], out or Path(f"{maps[0].stem}-studio")))
+    else:
+        shelf = _shelf_of(maps, out or Path("maps-studio"), opened)
+    try:
         serve(
-            desk, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
+            shelf, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
         )
     finally:
-        desk.close()
+        shelf.close()
+
+
+def _refuse_for_several(given: "Mapping[str, object]") -> None:
+    for name, value in given.items():
+        if value:
+            raise InputError(f"{name} belongs to one map; start the studio with that map alone")
+
+
+def _shelf_of(
+    maps: "Sequence[Path]", folder: Path, opened: "Callable[[Path, Path], Desk]"
+) -> "Shelf":
+    """A shelf of several maps, each with a folder of its own."""
+    from pgm_places.studio.shelf import Book, Shelf
+
+    books: list[Book] = []
+    for map_yaml in maps:
+        if not map_yaml.is_file():
+            raise InputError(f"{map_yaml}: no such file; give the YAML file of a map")
+        same = map_yaml.stem == "map" or any(map_yaml.stem == book.title for book in books)
+        title = f"{map_yaml.resolve().parent.name}-{map_yaml.stem}" if same else map_yaml.stem
+        if any(title == book.title for book in books):
+            raise InputError(f"{map_yaml}: two maps would be called {title!r}; rename one of them")
+        own = folder / title
+        books.append(Book(title, own, partial(opened, map_yaml, own)))
+    folder.mkdir(parents=True, exist_ok=True)
+    return Shelf(books, folder)
+
+
+def _given(paths: "Sequence[Path]", grid: "OccupancyGrid") -> "list[GivenLabels]":
+    """Labels to compare with, each by the name of its file."""
+    from pgm_places.io.maps.label_image import load_labels
+    from pgm_places.io.maps.label_values import listed_names
+    from pgm_places.studio.given_labels import GivenLabels
+
+    found: list[GivenLabels] = []
+    for path in paths:
+        names = tuple(listed_names(path))
+        title = path.name if all(path.name != item.title for item in found) else str(path)
+        found.append(GivenLabels(title, load_labels(path, names, grid=grid), names))
+    return found
 
 
 def _path(drive: Path) -> "NDArray[np.float64]":

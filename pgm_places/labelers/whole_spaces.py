@@ -205,7 +205,8 @@ class _Parts:
         )
         pulling = np.bincount(of.reshape(-1), np.concatenate(pulled), len(found))
         side_m = self.resolution_m * _CITY_BLOCK
-        return found.astype(np.int64), sides * side_m, pulling * side_m
+        length_m, pulling_m = (np.asarray(n * side_m, np.float64) for n in (sides, pulling))
+        return found.astype(np.int64), length_m, pulling_m
 
     def changed(self, sums: NDArray[np.float64], pulls: _Pulls | None = None) -> NDArray[np.bool_]:
         """(P,) the parts whose label is the other one in the best labelling of all."""

@@ -11,7 +11,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Mount, Route
 
 from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
@@ -19,6 +19,7 @@ from pgm_places.studio.exports import write_export
 from pgm_places.studio.guard import Guard
 from pgm_places.studio.reasons import reasons_record
 from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
+from pgm_places.studio.shelf import Shelf
 
 __all__ = ["application", "static_files"]
 
@@ -42,16 +43,14 @@ def static_files() -> dict[str, bytes]:
     }
 
 
-class _Answers:
-    """The routes and what they answer about one desk."""
+class _Files:
+    """The page's own files, of which one is the page."""
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk = desk
-        self.static = static_files()
-        self.tabs: dict[str, float] = {}
+    def __init__(self, page: str) -> None:
+        self.static, self._page = static_files(), page
 
     def page(self, _: Request) -> Response:
-        return self._static("index.html")
+        return self._static(self._page)
 
     def file(self, request: Request) -> Response:
         return self._static(request.path_params["name"])
@@ -63,22 +62,61 @@ class _Answers:
         kind = KINDS["." + name.rpartition(".")[2]]
         return Response(content, headers={"content-type": kind, "cache-control": "no-cache"})
 
+    @property
+    def routes(self) -> list[Route]:
+        return [Route("/", self.page), Route("/static/{name}", self.file)]
+
+
+class _Overview(_Files):
+    """What is answered about all maps of a shelf."""
+
+    def __init__(self, shelf: Shelf) -> None:
+        super().__init__("maps.html")
+        self.shelf = shelf
+
+    def maps(self, _: Request) -> Response:
+        return _json({"maps": self.shelf.records()})
+
+    async def training(self, _: Request) -> Response:
+        written = await run_in_threadpool(self.shelf.write_training)
+        return _json({"files": [str(path) for path in written]})
+
+    @property
+    def routes(self) -> list[Route]:
+        more = [Route("/maps", self.maps), Route("/training", self.training, methods=["POST"])]
+        return [*super().routes, *more]
+
+
+class _Answers(_Files):
+    """The routes and what they answer about one desk of a shelf."""
+
+    def __init__(self, shelf: Shelf, number: int) -> None:
+        super().__init__("index.html")
+        self.shelf, self.number = shelf, number
+        self.tabs: dict[str, float] = {}
+
+    @property
+    def desk(self) -> Desk:
+        return self.shelf.desk(self.number)
+
     async def state(self, request: Request) -> Response:
         """The state as soon as it is newer than ``after``; the old one when nothing happens."""
+        desk = await run_in_threadpool(lambda: self.desk)
         after = int(request.query_params.get("after", "-1"))
         tab = request.query_params.get("tab", "")
         self._seen(tab)
         tabs, deadline = self._n_tabs(), time.monotonic() + WAIT_S
-        while self.desk.tick == after and self._n_tabs() == tabs and time.monotonic() < deadline:
+        while desk.tick == after and self._n_tabs() == tabs and time.monotonic() < deadline:
             await asyncio.sleep(LOOK_S)
-            if self.desk.closing:
+            if desk.closing:
                 break
             if await request.is_disconnected():
                 self.tabs.pop(tab, None)
                 return _json({})
         self._seen(tab)
-        record = await run_in_threadpool(state_record, self.desk)
-        return _json({**record, "tabs": self._n_tabs()})
+        record = await run_in_threadpool(state_record, desk)
+        position = {"number": self.number, "of": len(self.shelf)}
+        return _json({**record, "tabs": self._n_tabs(), "shelf": position})
 
     def _seen(self, tab: str) -> None:
         if tab.isalnum() and len(tab) <= 40:
@@ -99,6 +137,11 @@ class _Answers:
         if not all(abs(value) < 1e9 for value in point):
             raise InputError("x and y must be finite numbers of cells")
         return _json(cell_record(self.desk, *point))
+
+    async def parts(self, request: Request) -> Response:
+        """How many places a place looks like."""
+        number = int(request.query_params["id"])
+        return _json({"parts": await run_in_threadpool(self.desk.n_parts, number)})
 
     def door_line(self, request: Request) -> Response:
         """Where a doorway would end that is drawn along two points."""
@@ -133,14 +176,32 @@ class _Answers:
 
     async def edit(self, request: Request) -> Response:
         body = await _body(request)
-        remark = await run_in_threadpool(self.desk.edit, body)
-        answer = {"tick": self.desk.tick, "revision": self.desk.painting.revision}
+        desk = await run_in_threadpool(lambda: self.desk)
+        remark = await run_in_threadpool(desk.edit, body)
+        answer = {"tick": desk.tick, "revision": desk.painting.revision}
         return _json({**answer, "remark": remark})
 
     async def export(self, request: Request) -> Response:
         body = await _body(request)
-        written = await run_in_threadpool(write_export, self.desk, str(body.get("what")))
+        what = str(body.get("what"))
+        written = await run_in_threadpool(lambda: write_export(self.desk, what))
         return _json({"files": [str(path) for path in written]})
+
+    @property
+    def routes(self) -> list[Route]:
+        return [
+            *super().routes,
+            Route("/state", self.state),
+            Route("/places", self.places),
+            Route("/cell", self.cell),
+            Route("/parts", self.parts),
+            Route("/door-line", self.door_line),
+            Route("/reasons", self.reasons),
+            Route("/drive", self.drive),
+            Route("/tile/{layer}/{level:int}/{row:int}/{column:int}.png", self.tile),
+            Route("/edit", self.edit, methods=["POST"]),
+            Route("/export", self.export, methods=["POST"]),
+        ]
 
 
 async def _body(request: Request) -> Mapping[str, Any]:
@@ -163,22 +224,13 @@ def _refused(_: Request, error: Exception) -> Response:
     return JSONResponse({"problem": str(error) or "the request is not understood"}, 400)
 
 
-def application(desk: Desk, *, token: str, port: int) -> Guard:
-    """The application of a desk, behind its guard."""
-    answers = _Answers(desk)
-    routes = [
-        Route("/", answers.page),
-        Route("/static/{name}", answers.file),
-        Route("/state", answers.state),
-        Route("/places", answers.places),
-        Route("/cell", answers.cell),
-        Route("/door-line", answers.door_line),
-        Route("/reasons", answers.reasons),
-        Route("/drive", answers.drive),
-        Route("/tile/{layer}/{level:int}/{row:int}/{column:int}.png", answers.tile),
-        Route("/edit", answers.edit, methods=["POST"]),
-        Route("/export", answers.export, methods=["POST"]),
-    ]
+def application(shelf: Shelf, *, token: str, port: int) -> Guard:
+    """The application of a shelf, behind its guard: the page of its map, or a list of its maps."""
+    desks = [_Answers(shelf, number) for number in range(len(shelf))]
+    routes: list[BaseRoute] = [*desks[0].routes]
+    if len(shelf) > 1:
+        mounts = (Mount(f"/maps/{k}", routes=each.routes) for k, each in enumerate(desks))
+        routes = [*_Overview(shelf).routes, *mounts]
     refused = dict.fromkeys((PgmPlacesError, ValueError, KeyError), _refused)
     inner: Any = Starlette(routes=routes, exception_handlers=refused)
     return Guard(inner, token, port)

@@ -222,8 +222,8 @@ def _best_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int]:
             fft.rfft2((g.cells == value).astype(np.float32), shape) for g in (before, after)
         )
         total += fft.irfft2(np.conj(one) * other, shape)
-    row, column = np.unravel_index(int(total.argmax()), shape)
-    return (
-        int(row) - shape[0] * (row >= after.shape[0]),
-        int(column) - shape[1] * (column >= after.shape[1]),
-    )
+    row, column = divmod(int(total.argmax()), shape[1])
+    # Shifts down and to the left are found at the far ends.
+    row -= shape[0] if row >= after.shape[0] else 0
+    column -= shape[1] if column >= after.shape[1] else 0
+    return row, column

@@ -13,6 +13,7 @@ from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.options import from_mapping
 from pgm_places.studio.carrying import opened_painting
+from pgm_places.studio.changes import Changes, share_that_agrees
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.door_line import Limits, doorway_ends, parts
 from pgm_places.studio.edits import fill_cells, merge_cells
@@ -23,6 +24,7 @@ from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
 from pgm_places.studio.repaint import PaintedPart
 from pgm_places.studio.runs import runs_of_mask
 from pgm_places.studio.source_file import SourceFile
+from pgm_places.studio.splitting import doorways_along, split_lines
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
@@ -55,6 +57,12 @@ class Desk:
 
     Attributes
     ----------
+    learns : bool
+        Whether the labeler learns what is painted, rather than keep to it.
+    changes : Changes or None
+        What the newest labels changed.
+    agrees : float or None
+        The share of the newest labels that those to compare with agree with.
     tick : int
         Grows whenever something changes that the browser shows.
     carried : Carried or None
@@ -82,7 +90,10 @@ class Desk:
         self.rules = rules or TopologyOptions()
         self.drive_xy_m, self.grid = drive_xy_m, source.grid
         self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
-        self.tick, self.n_lessons, self.learns = 0, 0, True
+        self.tick, self.n_lessons = 0, 0
+        self.learns = labeler is None
+        self.changes: Changes | None = None
+        self.agrees: float | None = None
         self.lesson: Lesson | None = None
         self.closing = False
         self._remark = ""
@@ -93,7 +104,9 @@ class Desk:
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
-        tutor = Tutor(self.grid, labeler, rules=self.rules, n_threads=n_threads)
+        tutor = Tutor(
+            self.grid, labeler, rules=self.rules, n_threads=n_threads, glanced=self._glanced
+        )
         self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
 
     def take(self, paint: Paint) -> int:
@@ -127,6 +140,12 @@ class Desk:
     def moved(self) -> None:
         """Something that the browser shows has changed."""
         self.tick += 1
+
+    @property
+    def painted_classes(self) -> list[str]:
+        """The names of the classes that are painted somewhere."""
+        paint = Paint(self.painting.labels, self.painting.classes.names)
+        return [name for name, n in paint.counts.items() if n]
 
     @property
     def taught(self) -> Taught | None:
@@ -198,6 +217,26 @@ class Desk:
         runs, name = merge_cells(self._topology.topology, first, second)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
+    def _split(self, region: int) -> PaintedPart | None:
+        topology = self._topology.topology
+        lines = split_lines(topology, topology.place(region))
+        if not lines:
+            raise InputError("no opening divides this place; draw a doorway")
+        name = self.rules.doorway_label
+        if name not in self.painting.classes.names:
+            raise InputError(
+                f"no class is called {name!r}; add it, as places are split by doorways"
+            )
+        runs = doorways_along(lines, self.grid, self._limits)
+        return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
+
+    def n_parts(self, region: int) -> int:
+        """How many places a place looks like."""
+        taught = self.taught
+        if taught is None or region not in [r.id for r in taught.topology.regions]:
+            return 1
+        return 1 + len(split_lines(taught.topology, taught.topology.place(region)))
+
     def _rename(self, point_m: tuple[float, float], name: str) -> None:
         taught = self._topology
         region = taught.topology.region_at(*point_m)
@@ -245,13 +284,28 @@ class Desk:
         with self._lock:
             paint = Paint(self.painting.labels.copy(), self.painting.classes.names)
             if self.labeler is not None or sum(n > 0 for n in paint.counts.values()) >= 2:
-                self.learner.ask(Question(paint, self.painting.revision, self.learns))
+                own = paint.classes if self.labeler is None else self.labeler.label_names_
+                new = any(n for name, n in paint.counts.items() if name not in own)
+                learns = self.learns or new  # only who learns a new class can label by it
+                self.learner.ask(Question(paint, self.painting.revision, learns))
+
+    def _glanced(self, labels: NDArray[np.int16]) -> None:
+        """Labels of a first glance are shown until there are better ones."""
+        self.layers.glanced(labels)
+        self.moved()
 
     def _learned(self, lesson: Lesson) -> None:
+        before, truth = self.lesson, self.layers.truth
+        changes = None
+        if before is not None:
+            changes = Changes.between(
+                before.labels, lesson.labels, lesson.taught.paint.labels, self.grid.resolution_m
+            )
+        agrees = None if truth is None else share_that_agrees(lesson.labels, truth)
         with self._lock:
-            self.lesson = lesson
+            self.lesson, self.changes, self.agrees = lesson, changes, agrees
             self.n_lessons += 1
-            self.layers.learned(lesson)
+            self.layers.learned(lesson, changes)
         self.moved()
 
 
@@ -259,6 +313,7 @@ _EDITS: dict[str, Callable[..., PaintedPart | None]] = {
     "stroke": Desk._stroke,
     "fill": Desk._fill,
     "merge": Desk._merge,
+    "split": Desk._split,
     "rename": Desk._rename,
     "class": Desk._class,
     "undo": Desk._undo,
@@ -271,6 +326,7 @@ _WANTED: dict[str, dict[str, type]] = {
     "stroke": {"label": int, "stroke": dict},
     "fill": {"label": int, "point": tuple},
     "merge": {"first": int, "second": int},
+    "split": {"region": int},
     "rename": {"point_m": tuple, "name": str},
     "class": {"index": int, "name": str, "colour": str},
     "version": {"name": str},

@@ -1,7 +1,8 @@
 """Exports of the studio: files in its folder that the command line and other tools read."""
 
 import json
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import NAMES
 
-__all__ = ["EXPORTS", "Export", "write_export"]
+__all__ = ["EXPORTS", "Export", "write_export", "write_training"]
 
 CORRECTIONS = "corrections.png"
 
@@ -94,38 +95,59 @@ def _nav2(desk: Desk) -> list[Path]:
 
 def _training(desk: Desk) -> list[Path]:
     """A configuration by which ``pgm-places train`` learns what the studio has learned."""
-    paint, alone = _paint(desk), desk.labeler is None
-    used = [name for name, n in paint.counts.items() if n]
-    if alone and len(used) < 2:
+    names = [name for name, n in _paint(desk).counts.items() if n]
+    title = f"{desk.source.yaml_path.stem}, painted in the studio"
+    return [write_training([desk], desk.folder, title, names)[0], *_corrections(desk)]
+
+
+def write_training(
+    desks: Sequence[Desk], folder: Path, title: str, painted: Collection[str]
+) -> list[Path]:
+    """Write a configuration that teaches one model the paint of all these maps, and the paint.
+
+    ``painted`` are the classes that are painted anywhere. The desks need not be open.
+
+    Raises
+    ------
+    InputError
+        Without a model to build on, fewer than two classes are painted.
+    """
+    first = desks[0]
+    alone = first.labeler is None
+    if alone and len(set(painted)) < 2:
         raise InputError("paint at least two classes; there is nothing to tell apart yet")
     options = option_values(TeachingOptions())
     if alone:
         options = {name: options[name] for name in OF_PAINT_ALONE}
-    rules = option_values(desk.rules)
-    if desk.rules == TopologyOptions():
-        rules = {}
-    source: dict[str, Any] = {
-        "map": str(desk.source.yaml_path.resolve()),
-        "corrections": CORRECTIONS,
-    }
-    if desk.source.unknown_value is not None:
-        source["unknown_value"] = desk.source.unknown_value
+    rules = {} if first.rules == TopologyOptions() else option_values(first.rules)
+    names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
+    images = [
+        _paint(desk).with_classes(names).save(desk.folder / CORRECTIONS, desk.grid)
+        for desk in desks
+    ]
     text = "\n".join(
         [
-            *_keys(
-                {
-                    "title": f"{desk.source.yaml_path.stem}, painted in the studio",
-                    "base_model": _base_model(desk),
-                }
-            ),
-            *_table("[labels]", {"names": list(desk.painting.classes.names)}),
+            *_keys({"title": title, "base_model": _base_model(first)}),
+            *_table("[labels]", {"names": names}),
             *_table("[teaching]", options),
             *(_table("[topology]", rules) if rules else ()),
-            *_table("[[train]]", source),
+            *(line for desk in desks for line in _table("[[train]]", _source(desk, folder))),
             "",
         ]
     )
-    return [write_text(desk.folder / "train.toml", text), *_corrections(desk)]
+    return [write_text(folder / "train.toml", text), *images]
+
+
+def _source(desk: Desk, folder: Path) -> dict[str, Any]:
+    """What a configuration in a folder says of a painted map."""
+    corrections = desk.folder.resolve() / CORRECTIONS
+    found: dict[str, Any] = {
+        "map": str(desk.source.yaml_path.resolve()),
+        "corrections": os.path.relpath(corrections, folder.resolve()),
+    }
+    if desk.source.unknown_value is not None:
+        found["unknown_value"] = desk.source.unknown_value
+    return found
 
 
 def _base_model(desk: Desk) -> str:
@@ -145,6 +167,8 @@ def _keys(values: Mapping[str, Any]) -> list[str]:
 
 def _model(desk: Desk) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
+    if _taught(desk).labeler is desk.labeler:
+        raise InputError("nothing has been taught yet; press 'Teach from this' first")
     folder = desk.folder / "model"
     record = {
         "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},

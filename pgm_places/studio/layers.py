@@ -1,7 +1,7 @@
 """The layers that the studio shows, each a pyramid of a raster with its colours."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.studio.changes import Changes
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.lesson import Lesson, probability_raster
 from pgm_places.studio.pyramid import Pyramid, n_levels
@@ -16,6 +17,7 @@ from pgm_places.studio.repaint import PaintedPart
 from pgm_places.studio.tiles import (
     CLEAR,
     ERRORS,
+    FLASH,
     FREE_VALUE,
     GROUNDS,
     Theme,
@@ -64,6 +66,7 @@ class Layers:
         self._labels: dict[str, Pyramid] = {}
         self._values: dict[str, Pyramid] = {}
         self._lesson: Lesson | None = None
+        self._changes: Pyramid | None = None
         self._given = {f"{FILE}{k}": title for k, title in enumerate(given)}
         for name, labels in zip(self._given, given.values(), strict=True):
             self._labels[name] = Pyramid(labels, encode_labels)
@@ -73,7 +76,12 @@ class Layers:
         """Cells of the paint have changed."""
         self._paint.changed(part.rows, part.columns)
 
-    def learned(self, lesson: Lesson) -> None:
+    def glanced(self, labels: NDArray[np.int16]) -> None:
+        """Show coarse labels (H, W) until others are there."""
+        with self._lock:
+            self._labels.setdefault("taught", Pyramid(labels, encode_labels))
+
+    def learned(self, lesson: Lesson, changes: Changes | None = None) -> None:
         """Labels have changed."""
         with self._lock:
             for name in [name for name in self._labels if name.startswith(METHOD)]:
@@ -83,6 +91,7 @@ class Layers:
             self._labels.setdefault("before", self._labels["taught"])
             self._lesson = lesson
             self._values = {}
+            self._changes = None if changes is None else Pyramid(changes.cells, _as_bytes)
 
     @property
     def sources(self) -> dict[str, str]:
@@ -136,6 +145,10 @@ class Layers:
             return png(tile, label_palette(colours))
         if kind == "errors" and self.truth is not None:
             return png(self._errors(name, where, ground), ERRORS)
+        if layer == "changes":
+            if self._changes is None:
+                raise InputError("no labels have changed yet")
+            return png(self._on_free(self._changes.tile(*where), ground), [CLEAR, FLASH])
         if layer == "entropy" or kind == "probability":
             tile = self._on_free(self._value(layer, name).tile(*where), ground)
             return png(tile, [CLEAR, *value_colours(kind, theme)[1:]])
@@ -165,9 +178,12 @@ class Layers:
                     raise InputError(f"no probability is known of class {name[:40]!r}")
                 label = int(places[0])
             raster = probability_raster(self._lesson.taught.found, label)
-            keep: Callable[[NDArray[Any]], NDArray[np.uint8]] = np.asarray
-            self._values[layer] = Pyramid(raster, keep)
+            self._values[layer] = Pyramid(raster, _as_bytes)
         return self._values[layer]
+
+
+def _as_bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.asarray(values, np.uint8)
 
 
 def _number(text: str) -> int:

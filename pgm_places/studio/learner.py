@@ -29,6 +29,8 @@ class LearnerState:
         The stage of the work that it is at.
     fraction : float
         How much of that stage is done, from 0 to 1.
+    stages : int
+        The number of stages that it has come to.
     problem : str
         Why the last question has no answer; empty where it has.
     """
@@ -36,26 +38,30 @@ class LearnerState:
     working: bool = False
     stage: str = ""
     fraction: float = 0.0
+    stages: int = 0
     problem: str = ""
 
 
 class _Reported:
     """Progress that is shown in the browser, and ends the work once a newer question came."""
 
-    def __init__(self, superseded: Callable[[], bool], show: Callable[[str, float], None]) -> None:
+    def __init__(
+        self, superseded: Callable[[], bool], show: Callable[[LearnerState], None]
+    ) -> None:
         self._superseded, self._show = superseded, show
-        self._name = ""
+        self._name, self._n_stages = "", 0
 
     @contextmanager
     def stage(self, name: str) -> "Iterator[_Reported]":
         self._name = name
+        self._n_stages += 1
         self.update(0.0)
         yield self
 
     def update(self, fraction: float, note: str = "") -> None:  # noqa: ARG002  the protocol's
         if self._superseded():
             raise _Superseded
-        self._show(self._name, fraction)
+        self._show(LearnerState(True, self._name, fraction, self._n_stages))
 
     def warn(self, message: str) -> None:
         """Warnings are part of the answer."""
@@ -118,10 +124,7 @@ class Learner(Generic[Question, Answer]):
 
     def _answer(self, question: Question) -> str:
         """Answer; what went wrong, if anything."""
-        reported = _Reported(
-            lambda: bool(self._waiting) or self._ended,
-            lambda stage, fraction: self._show(LearnerState(True, stage, fraction)),
-        )
+        reported = _Reported(lambda: bool(self._waiting) or self._ended, self._show)
         try:
             self._done(self._work(question, reported))
         except _Superseded:

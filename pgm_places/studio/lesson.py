@@ -1,6 +1,6 @@
 """Lessons: what the studio asks the teacher, and what it shows of the answer."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress
 from pgm_places.report.map_pictures import entropy
+from pgm_places.studio.glance import glance
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
@@ -87,6 +88,8 @@ class Tutor:
     rules : TopologyOptions
     method : str or None
     n_threads : int or None
+    glanced : callable, optional
+        Told the labels (H, W) of a first glance at the map, where the labeler has one.
     """
 
     def __init__(
@@ -97,14 +100,22 @@ class Tutor:
         rules: TopologyOptions | None = None,
         method: str | None = None,
         n_threads: int | None = None,
+        glanced: Callable[[NDArray[np.int16]], None] | None = None,
     ) -> None:
         self.grid, self.labeler = grid, labeler
+        self._n_threads, self._glanced = n_threads, glanced
         self._options: dict[str, Any] = {"rules": rules, "method": method, "n_threads": n_threads}
         self._teacher: Teacher | None = None
 
     def answer(self, question: Question, progress: Progress) -> Lesson:
         """Label the map, after learning the paint where that is asked for."""
         paint = question.paint
+        if self._glanced is not None:
+            tell, self._glanced = self._glanced, None
+            with progress.stage("a first glance"):
+                labels = glance(self.labeler, self.grid, self._n_threads)
+            if labels is not None:
+                tell(labels)
         teacher = self._teacher_for(paint.classes)
         learns = question.learns and bool(paint.painted.any())
         call = teacher.teach if learns else teacher.label

@@ -11,10 +11,15 @@ from pgm_places.studio.exports import EXPORTS
 from pgm_places.studio.pyramid import TILE
 from pgm_places.studio.tiles import GROUNDS, value_colours
 from pgm_places.teaching.taught import Taught
+from pgm_places.topology.checks import PlaceCheck
+from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["cell_record", "drive_record", "places_record", "state_record"]
 
 MOST_CHECKS = 200
+LEAST_M2 = 0.05
+"""Nothing smaller is shown to be checked: it would read 0.0 m², as doorways without cells do."""
+
 MOST_PATH_POINTS = 20_000
 
 
@@ -53,6 +58,7 @@ def state_record(desk: Desk) -> dict[str, Any]:
             "working": learner.working,
             "stage": learner.stage,
             "fraction": learner.fraction,
+            "stages": learner.stages,
             "problem": learner.problem,
         },
         "lesson": None
@@ -64,6 +70,8 @@ def state_record(desk: Desk) -> dict[str, Any]:
             "seconds": lesson.taught.seconds,
             "known": lesson.class_of.tolist(),
             "warnings": list(lesson.taught.found.warnings),
+            "changed": "" if desk.changes is None else desk.changes.words(painting.classes.names),
+            "agrees": desk.agrees,
         },
         "sources": desk.layers.sources,
         "drive": desk.drive_xy_m is not None,
@@ -119,9 +127,10 @@ def places_record(taught: Taught) -> dict[str, Any]:
             "box_m": list(check.place.box_m),
             "doubt": check.doubt,
             "doubtful_m2": check.doubtful_m2,
-            "second_label": check.second_label,
+            "second_label": _second_label(check, topology),
         }
         for check in taught.checks[:MOST_CHECKS]
+        if min(check.place.area_m2, check.doubtful_m2) >= LEAST_M2
     ]
     return {
         "regions": regions,
@@ -132,6 +141,16 @@ def places_record(taught: Taught) -> dict[str, Any]:
         ],
         "checks": checks,
     }
+
+
+def _second_label(check: PlaceCheck, topology: TopologicalMap) -> str | None:
+    """What a place may be instead, as a whole: no place between doorways is a doorway itself."""
+    door, place = topology.doorway_label, check.place
+    if check.second_label != door or place.label == door:
+        return check.second_label
+    known = zip(topology.label_names, place.probabilities or (), strict=False)
+    others = {name: share for name, share in known if name not in (door, place.label)}
+    return max(others, key=lambda name: others[name]) if any(others.values()) else None
 
 
 def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:

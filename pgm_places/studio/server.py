@@ -11,7 +11,7 @@ import uvicorn
 from pgm_places.errors import OutputError
 from pgm_places.studio.app import application
 from pgm_places.studio.connections import BoundedConnection
-from pgm_places.studio.desk import Desk
+from pgm_places.studio.shelf import Shelf
 
 __all__ = ["serve"]
 
@@ -22,14 +22,14 @@ PORT_FILE = "port"
 FIRST_PORT, LAST_PORT = 1024, 65535
 
 
-def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> None:
-    """Serve a desk until SIGINT or SIGTERM.
+def serve(shelf: Shelf, *, port: int = 0, on_address: Callable[[str], None]) -> None:
+    """Serve the maps of a shelf until SIGINT or SIGTERM.
 
     Parameters
     ----------
-    desk : Desk
+    shelf : Shelf
     port : int
-        0 for that of the last time in the desk's folder if it is free, or else any that is.
+        0 for that of the last time in the shelf's folder if it is free, or else any that is.
     on_address : callable
         Told the address, token included, once browsers may open it.
 
@@ -38,10 +38,10 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
     OutputError
         The port is taken.
     """
-    with _listening(port) if port else _listening_again(desk.folder / PORT_FILE) as listener:
+    with _listening(port) if port else _listening_again(shelf.folder / PORT_FILE) as listener:
         number = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
-        app = application(desk, token=token, port=number)
+        app = application(shelf, token=token, port=number)
         config = uvicorn.Config(
             app,
             http=BoundedConnection,
@@ -51,9 +51,9 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
             timeout_graceful_shutdown=1,  # browsers wait for news; they would wait for ever
             timeout_keep_alive=30,
         )
-        desk.start()
+        shelf.start()
         on_address(f"http://{HOST}:{number}/{token}/")
-        _Server(config, desk).run(sockets=[listener])
+        _Server(config, shelf).run(sockets=[listener])
 
 
 def _listening_again(kept: Path) -> socket.socket:
@@ -74,12 +74,12 @@ def _listening_again(kept: Path) -> socket.socket:
 class _Server(uvicorn.Server):
     """A server that lets those go who wait for news, before it ends."""
 
-    def __init__(self, config: uvicorn.Config, desk: Desk) -> None:
+    def __init__(self, config: uvicorn.Config, shelf: Shelf) -> None:
         super().__init__(config)
-        self._desk = desk
+        self._shelf = shelf
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._desk.closing = True
+        self._shelf.end()
         await super().shutdown(sockets)
 
 

@@ -14,6 +14,7 @@ from pgm_places.studio.pyramid import TILE
 __all__ = [
     "CLEAR",
     "ERRORS",
+    "FLASH",
     "GROUNDS",
     "Theme",
     "encode_labels",
@@ -31,6 +32,9 @@ GROUNDS: dict[Theme, tuple[str, str, str]] = {
     "dark": ("#171b21", "#262c35", "#c9d1db"),
 }
 """Colours of unknown, free and occupied cells."""
+
+FLASH = "#ffd400"
+"""Of labels that have just changed."""
 
 ERRORS = (CLEAR, "#8a93a033", ERROR)
 """Colours of cells without a truth, right and wrong ones."""

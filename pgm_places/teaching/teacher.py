@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -32,6 +31,7 @@ from pgm_places.teaching.turns import Turns
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
+from pgm_places.unary.kept_table import KeptTable
 
 __all__ = ["Teacher"]
 
@@ -108,6 +108,7 @@ class Teacher:
         self.rules, self.options = rules or TopologyOptions(), options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
         self._turns = Turns()
+        self._kept: KeptTable | None = None
 
     def blank(self) -> Paint:
         """No paint on this map."""
@@ -182,6 +183,20 @@ class Teacher:
         used = coarsen(self.grid, FINEST_M) if fine else self.grid
         return CellTable(used, Sensor(), (), self.n_threads)
 
+    def _rows(self, labeler: PlaceLabeler, progress: Progress) -> KeptTable | None:
+        """The cells' features with what is known to follow from them; None for a huge map.
+
+        The given labeler is asked again only about cells that the paint can reach: those whose
+        segments, places or gates are not what they were. What it was taught is asked about all, but
+        the networks, which are not taught, look at the map once.
+        """
+        own = self._table.all(progress)
+        if own is None:
+            return None
+        if self._kept is None:
+            self._kept = KeptTable.of_cells(own)
+        return self._kept if labeler is self.labeler else self._kept.for_model()
+
     def _labelled(
         self, labeler: PlaceLabeler, paint: Paint, progress: Progress, start: float
     ) -> Taught:
@@ -198,7 +213,7 @@ class Teacher:
             used,
             methods=[method],
             known=known.on_cells,
-            own=self._table.all(progress),
+            own=self._rows(labeler, progress),
             n_threads=self.n_threads,
             progress=progress,
         )
@@ -210,8 +225,6 @@ class Teacher:
         chosen = labeler.method(method)
         pinned = known.of_nodes(layout)
         problem = labeler.problem_of(graph, scores, chosen, known=pinned)
-        alone = replace(chosen, backend=Independent())
-        alone_problem = labeler.problem_of(graph, scores, alone, known=pinned)
 
         def placed(labeling: Labeling, name: str) -> LabelledPlaces:
             labeling = known.kept(labeler.with_halls(labeling, scores), layout)
@@ -221,7 +234,7 @@ class Teacher:
             )
             return on_own_raster(found, used, known)
 
-        unary = placed(infer(alone.backend, alone_problem), "independent")
+        unary = placed(infer(Independent(), problem), "independent")
         with progress.stage(f"labelling with {method}"):
             found = placed(infer(chosen.backend, problem), method)
         with progress.stage("places"):

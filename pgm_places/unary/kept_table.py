@@ -1,7 +1,7 @@
 """KeptTable: features of the cells of map after map, and what lists have said of them."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,21 @@ class KeptTable:
         self._n_writings = 0
         self._said: dict[str, _Said] = {}
         self._seen: tuple[OccupancyGrid, FloorScores] | None = None
+
+    @classmethod
+    def of_cells(cls, values: NDArray[np.float32]) -> Self:
+        """Of one map: the laser and custom features (N, C) of its nodes, which are not copied."""
+        found = cls(np.arange(values.shape[1]))
+        found.values, found.row_of = values, np.arange(len(values))
+        found._written = np.ones(len(values), np.int64)
+        return found
+
+    def for_model(self) -> Self:
+        """The same rows for another model; what networks have seen is known to it, too."""
+        found = type(self)(self.columns)
+        found.values, found.row_of, found._written = self.values, self.row_of, self._written
+        found._seen = self._seen
+        return found
 
     @property
     def n_rows(self) -> int:

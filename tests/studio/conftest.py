@@ -13,6 +13,7 @@ from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.studio.app import application
 from pgm_places.studio.desk import Desk
+from pgm_places.studio.shelf import Shelf
 
 TOKEN, PORT, HOST = "t" * 32, 8123, "http://127.0.0.1:8123"
 
@@ -54,10 +55,11 @@ def desk(open_desk: Callable[[], Desk]) -> Desk:
 
 
 class Client:
-    """Requests to a desk's application, without a network."""
+    """Requests to the application of a desk or a shelf, without a network."""
 
-    def __init__(self, desk: Desk, base_url: str, headers: dict[str, str]) -> None:
-        self.app: Any = application(desk, token=TOKEN, port=PORT)
+    def __init__(self, desk: Desk | Shelf, base_url: str, headers: dict[str, str]) -> None:
+        shelf = Shelf.of(desk) if isinstance(desk, Desk) else desk
+        self.app: Any = application(shelf, token=TOKEN, port=PORT)
         self.base_url, self.headers = base_url, headers
 
     def request(self, method: str, path: str, **values: Any) -> httpx.Response:

@@ -11,6 +11,7 @@ import pytest
 from pgm_places.studio.connections import MOST_CONNECTIONS
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.server import _Server, serve
+from pgm_places.studio.shelf import Shelf
 
 PATIENCE_S = 60.0
 
@@ -30,7 +31,9 @@ def address(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
     monkeypatch.setattr(_Server, "__init__", noted)
     told: list[str] = []
-    thread = threading.Thread(target=serve, args=(desk,), kwargs={"on_address": told.append})
+    thread = threading.Thread(
+        target=serve, args=(Shelf.of(desk),), kwargs={"on_address": told.append}
+    )
     thread.start()
     deadline = time.monotonic() + PATIENCE_S
     while not (servers and servers[0].started):

@@ -478,6 +478,94 @@ def test_two_methods_of_a_model_are_compared(opened: Open, map_yaml: Path) -> No
         assert kept and all(entry["image"] is not None for entry in kept)
 
 
+def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
+    opened: Open, map_yaml: Path
+) -> None:
+    grid = load_map(map_yaml).grid
+    truth = np.where(grid.free, 1, -1)
+    save_labels(map_yaml.parent / "truth.png", truth, ["corridor", "room", "doorway"])
+    options = ("--model", "generated", "--out", map_yaml.parent / "kept")
+    with studio(map_yaml, "--labels", map_yaml.parent / "truth.png", *options) as process:
+        page = opened(process)
+        until(page, "studio.state.lesson && !studio.state.learner.working && studio.placesVersion")
+        assert page.evaluate("studio.tab") == "review"
+        until(page, "document.getElementById('status').textContent === 'Up to date'")
+        assert page.inner_text("#agrees").endswith(" % agree")
+        page.keyboard.press("n")
+        chosen = page.evaluate("studio.chosen")
+        assert page.locator(".checks .chosen .answers").count() == 1
+        page.get_by_role("button", name="Yes,").click()
+        wait_revision(page, 1)
+        wait_taught(page, 1)
+        confirmed = page.evaluate("studio.places.byId.get(%d).class" % chosen)
+        assert page.evaluate("studio.state.painted") > 0
+        page.evaluate("studio.goTo(%d)" % chosen)
+        other = "corridor" if confirmed == "room" else "room"
+        page.get_by_role("button", name=f"It is a {other}").click()
+        wait_taught(page, 2)
+        assert page.evaluate("studio.places.regions.some((r) => r.class === %r)" % other)
+        page.click("#tab-paint")
+        assert not page.evaluate("studio.state.learns")
+        page.get_by_role("button", name="Teach from this").click()
+        until(page, "studio.state.learns")
+        page.get_by_role("button", name="Stop teaching").wait_for()
+
+
+def test_what_changes_elsewhere_is_said_and_undone_by_one_press(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
+        page.keyboard.press(key)
+        page.keyboard.press("r")
+        drag(page, first, last)
+    wait_taught(page, 2)
+    # Whether anything changes elsewhere on so small a map depends on what is learned; say so.
+    page.route(
+        "**/state?*",
+        lambda route: route.fulfill(
+            response=(found := route.fetch()),
+            json={**found.json(), "lesson": changed(found.json()["lesson"])},
+        ),
+    )
+    page.keyboard.press("r")
+    drag(page, (27, 14), (35, 20))
+    page.wait_for_selector("#toast >> text=25.0 m² became room.")
+    assert page.evaluate("studio.flash") is not None
+    page.locator("#toast").get_by_role("button", name="Undo").click()
+    wait_revision(page, 4)
+    assert page.locator("#toast").get_by_role("button", name="Undo").count() == 0
+
+
+def changed(lesson: Any) -> Any:
+    """What a state says of labels, if they changed much."""
+    return lesson and {**lesson, "changed": "25.0 m² became room"}
+
+
+def test_several_maps_are_listed_and_each_leads_back(
+    opened: Open, browser: Any, map_yaml: Path
+) -> None:
+    save_map(load_map(map_yaml).grid, map_yaml.parent / "other")
+    options = (map_yaml.parent / "other.yaml", "--model", "none", "--out", map_yaml.parent / "all")
+    with studio(map_yaml, *options) as process:
+        page = browser.new_page(viewport=SIZE)
+        page.goto(process.address)
+        page.get_by_role("link", name="other").click()
+        until(page, "window.studio?.state")
+        assert page.inner_text("#map-name") == "other"
+        page.keyboard.press("1")
+        page.keyboard.press("r")
+        drag(page, (6, 6), (14, 12))
+        wait_revision(page, 1)
+        page.click("#all-maps")
+        page.wait_for_selector("text=m² painted")
+        assert page.inner_text("#status") == "1 of 2 painted"
+        page.get_by_role("button", name="Write the training").click()
+        page.wait_for_selector("#toast.bad")  # one class alone teaches nothing
+        assert "two classes" in page.inner_text("#toast")
+        page.close()
+
+
 def test_nothing_is_lost_by_a_reload_or_a_kill(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:

@@ -107,6 +107,10 @@ def test_wiping_and_masks() -> None:
         paint.with_cells([[0, 0]], "attic")
 
 
-def test_geojson_needs_classes(tmp_path: Path) -> None:
-    with pytest.raises(LabelError, match="give 'classes'"):
-        Paint.read(tmp_path / "x.geojson", GRID)
+def test_the_classes_of_geojson_are_those_that_it_uses(tmp_path: Path) -> None:
+    labels = np.full(GRID.shape, -1, np.int16)
+    labels[np.unravel_index(np.flatnonzero(GRID.free)[:3], GRID.shape)] = 1
+    path = Paint(labels, ("room", "lab")).save(tmp_path / "x.geojson", GRID)
+    found = Paint.read(path, GRID)
+    assert found.classes == ("lab",)
+    np.testing.assert_array_equal(found.labels, np.where(labels == 1, 0, -1))

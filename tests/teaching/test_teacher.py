@@ -2,6 +2,7 @@
 
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
+from pgm_places.unary import cell_lists
 
 label_map = partial(labelling.label_map, entered=EnteredOptions(unentered=True))
 
@@ -163,6 +165,31 @@ def test_maps_too_large_for_a_table_get_the_same_labels(monkeypatch: pytest.Monk
     monkeypatch.setattr(cell_table, "MAX_BYTES", 1000)
     found = Teacher(building().grid, trained_labeler()).teach(relabelled(0.05))
     np.testing.assert_array_equal(found.labels, taught().labels)
+
+
+def test_only_what_paint_can_reach_is_scored_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    labeler, grid = trained_labeler(), building().grid
+    scored: list[int] = []
+    asked = cell_lists.aligned_log_proba
+
+    def counted(fitted: Any, values: Any, *more: Any) -> Any:
+        scored.append(len(values))
+        return asked(fitted, values, *more)
+
+    monkeypatch.setattr(cell_lists, "aligned_log_proba", counted)
+    teacher = Teacher(grid, labeler)
+    first = teacher.label(teacher.blank())
+    n_cells = sum(scored)
+    assert n_cells >= int(grid.free.sum())
+    scored.clear()
+    paint = first.paint.with_cells(first.topology.cells(first.checks[0].place.id), "room")
+    again = teacher.label(paint)
+    assert sum(scored) < n_cells / 2
+    fresh = Teacher(grid, labeler).label(paint)
+    np.testing.assert_array_equal(again.labels, fresh.labels)
+    np.testing.assert_array_equal(again.found.labeling.beliefs, fresh.found.labeling.beliefs)
+    taught = teacher.teach(paint)
+    np.testing.assert_array_equal(taught.labels, Teacher(grid, labeler).teach(paint).labels)
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

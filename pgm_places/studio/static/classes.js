@@ -13,8 +13,6 @@ export class Classes {
     const key = JSON.stringify([state.classes, label, state.learns, state.painted, state.model, state.versions]);
     if (key === this.key || this.element.querySelector("input:not([type=checkbox]):focus")) return;
     this.key = key;
-    const learns = h("input", { type: "checkbox", role: "switch", checked: state.learns });
-    learns.addEventListener("change", () => this.studio.edit({ kind: "learn", on: learns.checked }));
     const { resolution_m: side } = state.map;
     this.element.replaceChildren(
       h("section", {}, h("h2", {}, "Paint with"),
@@ -22,9 +20,7 @@ export class Classes {
           state.classes.map((item, k) => this.#row(item, k)),
           this.#eraser()),
         this.#adder(state)),
-      h("section", {},
-        h("label", { className: "switch" }, learns, "Learn from the paint"),
-        h("p", { className: "small" }, this.#words(state)),
+      h("section", {}, h("h2", {}, "What the paint does"), this.#teaching(state),
         h("p", { className: "small" }, `Painted: ${(state.painted * side * side).toFixed(1)} m². Painted cells keep their label in any case.`)),
       h("hr", { className: "rule" }),
       h("section", {}, h("h2", {}, "Versions"), this.#versions(state)),
@@ -32,10 +28,15 @@ export class Classes {
     );
   }
 
-  #words(state) {
-    if (!state.learns) return "Off: paint is kept and pulls its neighbours, but teaches nothing.";
-    if (state.model) return `On top of the model “${state.model}”.`;
-    return "From nothing but the paint: begin with a stroke of two classes.";
+  /** Paint is kept to; whether it also teaches the model is asked for. */
+  #teaching(state) {
+    if (!state.model) return h("p", { className: "small" }, "All is learned from the paint: begin with a stroke of two classes.");
+    const words = state.learns
+      ? `The model “${state.model}” also learns from the paint: for errors that repeat, and for other maps of this kind.`
+      : "It is kept to and pulls what lies around it. For errors that repeat, teach the model.";
+    const button = h("button", { className: "button", type: "button" }, state.learns ? "Stop teaching" : "Teach from this");
+    button.addEventListener("click", () => this.studio.edit({ kind: "learn", on: !state.learns }));
+    return [h("p", { className: "small" }, words), button];
   }
 
   #row(item, k) {

@@ -62,11 +62,35 @@ class Studio {
       this.view.showAll();
       document.title = `${state.map.name} · Studio`;
       byId("map-name").textContent = state.map.name;
+      byId("all-maps").hidden = state.shelf.of < 2;
+      byId("all-maps").prepend(icon("next"));
       if (state.drive) this.#loadDrive();
     }
+    this.#labelled(state.lesson);
     this.#loadPlaces();
     this.#readSoon();
     this.changed();
+  }
+
+  /** Labels have come: the first lead to what is in doubt, others show what they changed. */
+  #labelled(lesson) {
+    if (!lesson || lesson.number === this.labelled) return;
+    const first = this.labelled === undefined;
+    this.labelled = lesson.number;
+    if (first && this.state.model && !this.tabChosen) this.show("review");
+    if (first || !lesson.changed) return;
+    this.flash = performance.now();
+    this.redraw();
+    if (this.wentBack) {
+      this.say(`${lesson.changed}.`);
+      return;
+    }
+    const undo = h("button", { className: "plain", type: "button" }, "Undo");
+    undo.addEventListener("click", () => {
+      byId("toast").hidden = true;
+      this.edit({ kind: "undo" });
+    });
+    this.say([h("span", {}, `${lesson.changed}.`), undo]);
   }
 
   async #loadPlaces() {
@@ -110,6 +134,7 @@ class Studio {
   // ------------------------------------------------------------------ what the person does
 
   async edit(request) {
+    this.wentBack = ["undo", "redo", "restore"].includes(request.kind);
     const late = setTimeout(() => {
       this.slow.add(request);
       this.#status();
@@ -314,11 +339,11 @@ class Studio {
 
   say(words, bad = false) {
     const toast = byId("toast");
-    toast.textContent = words;
+    toast.replaceChildren(...[words].flat());
     toast.className = bad ? "toast bad" : "toast";
     toast.hidden = false;
     clearTimeout(this.toasted);
-    this.toasted = setTimeout(() => (toast.hidden = true), bad ? 6000 : 3000);
+    this.toasted = setTimeout(() => (toast.hidden = true), bad || typeof words !== "string" ? 6000 : 3000);
   }
 
   #build() {
@@ -348,10 +373,14 @@ class Studio {
       action("minus", "Zoom out (−)", () => this.view.zoom(1 / 1.5)),
       action("fit", "Show all (Home)", () => this.view.showAll()),
     );
-    const panels = { paint: ["Paint", this.classes], layers: ["Layers", this.layers], review: ["Review", this.review], why: ["Why", this.why] };
+    const panels = { review: ["Review", this.review], paint: ["Paint", this.classes], layers: ["Layers", this.layers], why: ["Why", this.why] };
     for (const [name, [words, panel]] of Object.entries(panels)) {
       const tab = h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}` }, words);
-      tab.addEventListener("click", () => (this.tab === name ? this.#fold() : this.show(name)));
+      tab.addEventListener("click", () => {
+        this.tabChosen = true;
+        if (this.tab === name) this.#fold();
+        else this.show(name);
+      });
       byId("tabs").append(tab);
       panel.element.id = `panel-${name}`;
       panel.element.setAttribute("role", "tabpanel");
@@ -389,15 +418,19 @@ class Studio {
 
   #status() {
     const status = byId("status");
-    const { learner, lesson, painted } = this.state ?? { learner: {} };
-    let [kind, words] = ["", "Labelled"];
+    const { learner, lesson } = this.state ?? { learner: {} };
+    let [kind, words] = ["", "Up to date"];
     if (this.offline && !this.state) [kind, words] = ["failed", "The studio does not answer"];
     else if (this.offline) [kind, words] = ["failed", ended(this.refused)];
     else if (this.slow.size) [kind, words] = ["working", "Painting"];
     else if (learner.problem) [kind, words] = ["failed", learner.problem];
-    else if (learner.working) [kind, words] = ["working", `${painted ? "Learning" : "Labelling"}: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
+    else if (learner.working) [kind, words] = ["working", `Labelling: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
     else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
-    else words = `Labelled in ${lesson.seconds.toFixed(1)} s`;
+    byId("agrees").hidden = typeof lesson?.agrees !== "number";
+    if (!byId("agrees").hidden) byId("agrees").replaceChildren(share(lesson.agrees), h("span", {}, " agree"));
+    const busy = kind === "working" && learner.working;
+    byId("progress").hidden = !busy;
+    byId("progress").style.setProperty("--done", busy ? overall(learner) : 0);
     status.className = `status ${kind}`;
     if (status.dataset.words !== words) {
       status.dataset.words = words;
@@ -465,6 +498,17 @@ class Studio {
     if (cell.paint) parts.push(h("span", { className: "muted" }, "painted"));
     readout.replaceChildren(...parts);
   }
+}
+
+/** How much of all stages is done, as far as that is known: each stage is half of what is left. */
+function overall({ stages, fraction }) {
+  const before = 1 - 0.6 ** Math.max(0, stages - 1);
+  return before + (1 - before) * 0.4 * fraction;
+}
+
+/** A share in percent that is 100 % only if it is. */
+function share(value) {
+  return value < 1 && value > 0.9995 ? "> 99.9 %" : `${(100 * value).toFixed(1)} %`;
 }
 
 function ended(refused) {

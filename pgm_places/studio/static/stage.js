@@ -5,6 +5,8 @@ import { roundLength } from "./geometry.js";
 import { byId } from "./dom.js";
 import { TRUTH } from "./layers.js";
 
+const FLASH_MS = 2200;
+
 export class Stage {
   constructor(canvas, view, studio) {
     Object.assign(this, { canvas, view, studio });
@@ -80,6 +82,7 @@ export class Stage {
     for (const name of ["labels", "errors"]) if (shown[name]) this.#labelled(name, shown[name], source);
     if (shown.values) this.#tiled(studio.layers.value, shown.values);
     if (shown.paint) this.#tiled("paint", shown.paint);
+    this.#flash();
     context.restore();
     context.save();
     context.translate(view.x, view.y);
@@ -108,6 +111,20 @@ export class Stage {
     }
     layer.draw(context, this.view, studio.state.map);
     context.restore();
+  }
+
+  /** Let what the newest labels changed light up, and fade. */
+  #flash() {
+    const { studio } = this;
+    if (studio.flash === undefined) return;
+    const age = performance.now() - studio.flash;
+    if (age > FLASH_MS) {
+      studio.flash = undefined;
+      return;
+    }
+    const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.#tiled("changes", calm ? 0.55 : 0.75 * Math.abs(Math.cos((2.5 * Math.PI * age) / FLASH_MS)));
+    this.redraw();
   }
 
   /** Labels, or their errors: of one source, or of two on either side of the divider. */

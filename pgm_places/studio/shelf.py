@@ -1,0 +1,171 @@
+"""The shelf: the maps of one studio, of which a few are open at a time."""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from pgm_places.errors import InputError, PgmPlacesError
+from pgm_places.studio.desk import Desk
+from pgm_places.studio.exports import write_training
+
+__all__ = ["Book", "Shelf"]
+
+MOST_OPEN = 4
+"""So many maps stay in memory with all that is known of their cells."""
+
+
+@dataclass(frozen=True)
+class Book:
+    """A map that may be opened.
+
+    Parameters
+    ----------
+    title : str
+    folder : Path
+        Where its paint is kept.
+    open : callable
+        Makes its desk.
+    """
+
+    title: str
+    folder: Path
+    open: Callable[[], Desk]
+
+
+class Shelf:
+    """Maps that are taught one after the other; all methods may be called from any thread.
+
+    Parameters
+    ----------
+    books : sequence of Book
+        At least one.
+    folder : Path
+        Where that is kept which belongs to all of them.
+
+    Attributes
+    ----------
+    closing : bool
+        Whether the studio ends.
+    """
+
+    def __init__(self, books: Sequence[Book], folder: Path) -> None:
+        self.books, self.folder, self.closing = tuple(books), folder, False
+        self._open: dict[int, Desk] = {}  # the one that was used last is last
+        self._known: dict[int, dict[str, Any]] = {}
+        self._lock = threading.Lock()
+
+    @classmethod
+    def of(cls, desk: Desk) -> Self:
+        """That of one map."""
+        found = cls([Book(desk.source.yaml_path.stem, desk.folder, lambda: desk)], desk.folder)
+        found._open[0] = desk
+        return found
+
+    def start(self) -> None:
+        """Begin to label the maps that are open already."""
+        for desk in self._open.values():
+            desk.start()
+
+    def __len__(self) -> int:
+        return len(self.books)
+
+    def desk(self, number: int) -> Desk:
+        """The desk of a map, opened where it is not; the one that waited longest is closed.
+
+        Raises
+        ------
+        InputError
+            There is no such map, or it cannot be read.
+        """
+        if not 0 <= number < len(self):
+            raise InputError(f"there is no map {number}; there are {len(self)}")
+        with self._lock:
+            desk = self._open.pop(number, None)
+            if desk is None:
+                while len(self._open) >= MOST_OPEN:
+                    self._close(next(iter(self._open)))
+                try:
+                    desk = self.books[number].open()
+                except PgmPlacesError as error:
+                    self._known[number] = {"problem": str(error)}
+                    raise
+                desk.start()
+            self._open[number] = desk
+            return desk
+
+    def records(self) -> list[dict[str, Any]]:
+        """How far each map is, as plain data."""
+        with self._lock:
+            for number, desk in self._open.items():
+                self._known[number] = progress_of(desk)
+        return [
+            {
+                "title": book.title,
+                "address": f"maps/{number}/",
+                "painted_before": (book.folder / "journal.jsonl").exists(),
+                **self._known.get(number, {}),
+            }
+            for number, book in enumerate(self.books)
+        ]
+
+    def write_training(self) -> list[Path]:
+        """One configuration that teaches a model the paint of all maps, and what it reads.
+
+        Raises
+        ------
+        InputError
+            Nothing is painted on any map, or too little.
+        """
+        desks, names = [], []
+        for number, book in enumerate(self.books):
+            with self._lock:
+                desk = self._open.get(number)
+                if desk is None and not (book.folder / "journal.jsonl").exists():
+                    continue
+                shown = desk or book.open()
+                try:
+                    if shown.painting.n_painted:
+                        names += shown.painted_classes
+                        desks.append(shown)
+                finally:
+                    if desk is None:
+                        shown.close()
+        if not desks:
+            raise InputError("nothing is painted on any of the maps yet")
+        title = f"{len(desks)} maps, painted in the studio"
+        return write_training(desks, self.folder, title, names)
+
+    def close(self) -> None:
+        """Let go of all maps."""
+        self.closing = True
+        with self._lock:
+            for desk in self._open.values():
+                desk.closing = True
+            for number in list(self._open):
+                self._close(number)
+
+    def end(self) -> None:
+        """Nobody should wait for news any more."""
+        self.closing = True
+        for desk in list(self._open.values()):
+            desk.closing = True
+
+    def _close(self, number: int) -> None:
+        desk = self._open.pop(number)
+        self._known[number] = progress_of(desk)
+        desk.closing = True
+        desk.close()
+
+
+def progress_of(desk: Desk) -> dict[str, Any]:
+    """What has been done on a desk, and what is in doubt."""
+    taught, cell_m2 = desk.taught, desk.grid.resolution_m**2
+    return {
+        "painted_m2": desk.painting.n_painted * cell_m2,
+        "working": desk.learner.state.working,
+        "problem": desk.learner.state.problem,
+        "doubtful_m2": None if taught is None else sum(c.doubtful_m2 for c in taught.checks),
+        "agrees": desk.agrees,
+    }

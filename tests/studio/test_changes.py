@@ -1,0 +1,140 @@
+"""What a relabelling has changed, and what a desk says and does about it."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.studio.changes import Changes, share_that_agrees
+from pgm_places.studio.desk import Desk
+from pgm_places.studio.exports import write_export
+from pgm_places.studio.given_labels import GivenLabels
+from pgm_places.studio.records import places_record, state_record
+from tests.quick_labeler import places
+
+
+@given(st.integers(0, 2**31))
+def test_what_changed_is_counted_outside_the_paint_alone(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    before, after, paint = rng.integers(-1, 3, (3, 7, 9)).astype(np.int16)
+    found = Changes.between(before, after, paint, 0.5)
+    expected: dict[int, float] = {}
+    for r, c in np.ndindex(before.shape):
+        changes = before[r, c] != after[r, c] and min(before[r, c], after[r, c]) >= 0
+        assert found.cells[r, c] == (changes and paint[r, c] < 0)
+        if found.cells[r, c]:
+            expected[int(after[r, c])] = expected.get(int(after[r, c]), 0.0) + 0.25
+    assert found.became_m2 == pytest.approx(expected)
+
+
+def test_the_share_that_agrees_is_of_cells_with_a_truth() -> None:
+    truth = np.array([[-1, 0, 1, 1]], np.int16)
+    assert share_that_agrees(np.array([[0, 0, 0, 1]], np.int16), truth) == pytest.approx(2 / 3)
+    assert share_that_agrees(np.full((1, 4), -1, np.int16), truth) is None
+
+
+@pytest.fixture
+def labelled(map_yaml: Path) -> Iterator[Desk]:
+    """A desk with a model, and a truth that says room everywhere."""
+    loaded, names = load_map(map_yaml), tuple(places().label_names_)
+    truth = np.where(loaded.grid.free, names.index("room"), -1).astype(np.int16)
+    given = [GivenLabels("truth.png", truth, names)]
+    desk = Desk(loaded, map_yaml.parent / "kept", places(), model="quick", given=given)
+    desk.start()
+    wait(desk)
+    yield desk
+    desk.close()
+
+
+def wait(desk: Desk, revision: int = 0) -> None:
+    deadline = time.monotonic() + 300
+    while desk.lesson is None or desk.lesson.revision < revision or desk.learner.state.working:
+        assert not desk.learner.state.problem and time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def rectangle(desk: Desk, label: str, *corners: tuple[float, float]) -> dict[str, Any]:
+    stroke = {"tool": "rectangle", "points": [list(corner) for corner in corners], "radius": 1}
+    number = desk.painting.classes.names.index(label)
+    return {"kind": "stroke", "label": number, "stroke": stroke}
+
+
+def test_teaching_is_off_until_it_is_asked_for(labelled: Desk) -> None:
+    assert labelled.taught is not None and not labelled.learns
+    labelled.edit(rectangle(labelled, "corridor", (6, 6), (24, 12)))
+    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 12)))
+    wait(labelled, 2)
+    assert labelled.taught.labeler is labelled.labeler
+    with pytest.raises(InputError, match="press 'Teach from this' first"):
+        write_export(labelled, "model")
+    labelled.edit({"kind": "learn", "on": True})
+    deadline = time.monotonic() + 300
+    while labelled.taught.labeler is labelled.labeler:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert write_export(labelled, "model")
+
+
+def test_a_class_that_the_model_does_not_know_is_learned_all_the_same(labelled: Desk) -> None:
+    labelled.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
+    labelled.edit(rectangle(labelled, "lab", (6, 6), (24, 24)))
+    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
+    wait(labelled, 3)
+    assert labelled.taught is not None
+    assert "lab" in labelled.taught.label_names
+
+
+def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: Desk) -> None:
+    assert labelled.changes is None
+    record = state_record(labelled)["lesson"]
+    first = record["agrees"]
+    assert record["changed"] == "" and 0 <= first <= 1
+    whole = rectangle(labelled, "corridor", (5, 5), (25, 25))
+    labelled.edit({**whole, "stroke": {**whole["stroke"], "points": [[5, 5], [25, 24]]}})
+    wait(labelled, 1)
+    assert labelled.changes is not None
+    changed, record = labelled.changes.cells, state_record(labelled)["lesson"]
+    assert not changed[labelled.painting.labels >= 0].any()
+    assert bool(record["changed"]) == (changed.sum() * 0.04 >= 0.5)
+    right = labelled.lesson is not None and labelled.lesson.labels[labelled.grid.free] == 1
+    assert record["agrees"] == pytest.approx(np.mean(right))
+    tile = labelled.layers.tile(
+        "changes", 0, 0, 0, classes=labelled.painting.classes, theme="light"
+    )
+    assert tile.startswith(b"\x89PNG")
+
+
+def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: Desk) -> None:
+    """Both rooms and the door between them as one room; a corner keeps the other class alive."""
+    labelled.edit(rectangle(labelled, "room", (5, 5), (46, 25)))
+    wait(labelled, 1)
+    assert labelled.taught is not None
+    [region] = [item.id for item in labelled.taught.topology.regions if item.area_m2 > 20]
+    assert labelled.n_parts(region) == 2 and labelled.n_parts(10**6) == 1
+    labelled.edit({"kind": "split", "region": region})
+    doorway = labelled.painting.classes.names.index("doorway")
+    rows, columns = np.nonzero(labelled.painting.labels == doorway)
+    assert set(rows.tolist()) == {13, 14, 15, 16}
+    assert np.abs(columns - 25).max() <= 1
+    wait(labelled, 2)
+    assert len([r for r in labelled.taught.topology.regions if r.label == "room"]) == 2
+    with pytest.raises(InputError, match="no opening divides this place"):
+        rooms = [r.id for r in labelled.taught.topology.regions if r.label == "room"]
+        labelled.edit({"kind": "split", "region": rooms[0]})
+
+
+def test_doorways_without_area_are_not_to_be_checked(labelled: Desk) -> None:
+    assert labelled.taught is not None
+    record = places_record(labelled.taught)
+    areas = {region.id: region.area_m2 for region in labelled.taught.topology.regions}
+    assert record["checks"] and all(areas[check["id"]] >= 0.05 for check in record["checks"])
+    assert all(check["doubtful_m2"] >= 0.05 for check in record["checks"])
+    rooms = [check for check in record["checks"] if check["label"] != "doorway"]
+    assert rooms and all(check["second_label"] != "doorway" for check in rooms)
