@@ -56,7 +56,7 @@ def test_a_map_that_cannot_be_read_says_so_in_the_list(tmp_path: Path) -> None:
         "gone", tmp_path / "gone", lambda: Desk(load_map(tmp_path / "x.yaml"), tmp_path, None)
     )
     shelf = Shelf([broken, book(tmp_path, "here")], tmp_path)
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"x\.yaml"):
         shelf.desk(0)
     assert "x.yaml" in shelf.records()[0]["problem"]
 
