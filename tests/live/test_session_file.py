@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.live.place_memory import PlaceMemory
+from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.live.session_file import read_session, write_session
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.live.test_place_memory import Maps, ids, parted, whole
 
 
@@ -35,6 +36,14 @@ def test_what_is_read_is_what_was_written(memory: PlaceMemory, tmp_path: Path) -
         )
     assert min(place.cells.min() for place in found.places.values()) < 0
     assert (tmp_path / "session.json").stat().st_size < 4000
+
+
+def test_cells_like_stairs_stay_where_they_are(tmp_path: Path) -> None:
+    memory, cells = Maps().memory, np.array([[-1, 3], [0, 0], [0, 1], [1, 2], [1, 3], [3, 4]])
+    memory.raster, memory.next_id = OccupancyGrid([[0]], 0.1), 2
+    memory.places[1] = RememberedPlace("room", "room 1", cells, (0.0, 0.0))
+    found = read_session(write_session(tmp_path / "session.json", memory))
+    np.testing.assert_array_equal(found.places[1].cells, cells)
 
 
 def test_the_next_map_finds_the_same_ids(memory: PlaceMemory, tmp_path: Path) -> None:

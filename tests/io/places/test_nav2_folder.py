@@ -23,7 +23,7 @@ from tests.io.places.nav2_loaders import (
     graph_of,
     map_of,
 )
-from tests.topology.floors import floor_map
+from tests.topology.floors import NAMES, floor_grid, floor_map
 
 
 @pytest.fixture
@@ -191,3 +191,27 @@ def test_names_that_are_neither_place_nor_class_are_refused(tmp_path: Path) -> N
         topology.ids_of(["room", "rom"])
     with pytest.raises(InputError, match="there is no place 'corridr'"):
         write_nav2(tmp_path, topology, route_graph(topology), speeds_m_s={"corridr": 1.0})
+
+
+@pytest.mark.parametrize("is_flipped", [False, True])
+def test_a_way_beside_an_open_place_to_keep_out_of_avoids_its_mask(
+    tmp_path: Path, is_flipped: bool
+) -> None:
+    """A corridor of 0.8 m for a robot of 0.35 m: of its two middle rows, one is in the mask."""
+    labels = np.full((16, 40), -1, np.int16)
+    labels[1:9, 1:9] = labels[1:9, 31:39] = 1
+    labels[1:9, 9:31] = 0
+    labels[9:15, 12:28] = 1
+    labels = labels[::-1] if is_flipped else labels
+    grid = floor_grid(labels, resolution_m=0.1)
+    topology = topological_map(grid, labels, NAMES, correct=False)
+    shut = topology.region_at(2.0, 0.4 if is_flipped else 1.2)
+    assert shut is not None
+    routes = route_graph(topology, robot_radius_m=0.35, closed=[shut.id])
+    assert routes.unreachable == ()
+    write_nav2(tmp_path, topology, routes)
+    mask = load_map(tmp_path / "keepout.yaml").occupancy
+    _, edges = graph_of(tmp_path / "nav2_route.geojson")
+    for edge in edges:
+        along = np.linspace(*edge["line"][0], 200)
+        assert not mask[tuple(grid.cells_at_m(along).T)].any()
