@@ -18,13 +18,13 @@ from pgm_places.progress import Progress
 __all__ = ["SHARES", "train"]
 
 SHARES = {
-    "robot": 0.18,
-    "real": 0.10,
-    "drawn": 0.14,
-    "simulated": 0.20,
+    "robot": 0.20,
+    "real": 0.08,
+    "drawn": 0.12,
+    "simulated": 0.18,
     "generated": 0.10,
-    "generated-robot": 0.14,
-    "effects": 0.14,
+    "generated-robot": 0.12,
+    "effects": 0.20,
 }
 """How often a piece is cut from floors of each source."""
 

@@ -22,6 +22,8 @@ class LabelOptions:
         One of the model's; its last one by default.
     doorways, halls : str, optional
         Instead of what the model's tables ``[topology]`` and ``[labels]`` say.
+    doorway_depth_m : float, optional
+        Instead of what the model's table ``[labels]`` says.
     disc_radius_m : float, optional
     unentered : bool, optional
         Instead of what the model's table ``[entered]`` says:
@@ -39,6 +41,7 @@ class LabelOptions:
     method: str | None = None
     doorways: str | None = None
     halls: str | None = None
+    doorway_depth_m: float | None = None
     disc_radius_m: float | None = None
     unentered: bool | None = None
     unknown_value: UnknownGrey | None = None

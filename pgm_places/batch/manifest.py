@@ -121,6 +121,7 @@ def _made_with(model: ReadyModel, options: LabelOptions) -> dict[str, Any]:
         "method": model.method,
         "options": {
             "halls": model.labeler.halls,
+            "doorway_depth_m": model.labeler.doorway_depth_m,
             "unknown_value": options.unknown_value,
             "entered": option_values(model.entered),
             "topology": json.loads(json.dumps(option_values(model.rules))),

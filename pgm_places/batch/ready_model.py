@@ -61,12 +61,14 @@ def ready_model(options: LabelOptions) -> ReadyModel:
     labeler, rules = stored.item, with_given(stored.rules, {"doorways": options.doorways})
     if stored.kind == "joint-labeler":
         labeler = labeler.of_maps()
-    if options.halls is not None:
-        labeler = labeler.with_options(halls=options.halls)
+    given = {name: getattr(options, name) for name in ("halls", "doorway_depth_m")}
+    given = {name: value for name, value in given.items() if value is not None}
+    if given:
+        labeler = labeler.with_options(**given)
     method = options.method or labeler.default_method
     labeler.method(method)  # an unknown one shows now
-    given = {name: getattr(options, name) for name in option_values(stored.entered)}
-    entered = with_given(stored.entered, given)
+    of_entered = {name: getattr(options, name) for name in option_values(stored.entered)}
+    entered = with_given(stored.entered, of_entered)
     return ReadyModel(labeler, rules, entered, method, sha256_of(options.folder / MANIFEST))
 
 

@@ -54,6 +54,14 @@ def label(
             "default, as set in the model's [labels].",
         ),
     ] = None,
+    doorway_depth: Annotated[
+        Positive | None,
+        Option(
+            metavar="M",
+            help="How deep doorways are labelled along the passage; by default, as in the maps "
+            "that the model learned from (m).",
+        ),
+    ] = None,
     *,
     entered: GivenOptions[EnteredOptions],
     corrections: Annotated[
@@ -120,6 +128,7 @@ def label(
         method=method,
         doorways=doorways,
         halls=halls,
+        doorway_depth_m=doorway_depth,
         unknown_value=unknown_value,
         max_cells=max_cells,
         outputs=Outputs() if outputs is None else Outputs.named(outputs),
@@ -203,7 +212,8 @@ def _read(options: "LabelOptions", progress: "Progress") -> "ReadyModel":
     """The model; what the flags get wrong shows now."""
     from pgm_places.batch.ready_model import ready_model
 
-    with named_as_flags({"doorways": "--doorways", "halls": "--halls"}):
+    flags = {"doorways": "--doorways", "halls": "--halls", "doorway_depth_m": "--doorway-depth"}
+    with named_as_flags(flags):
         model = ready_model(options)
     if options.halls is not None and not model.labeler.unary_model_.knows_halls:
         progress.warn("--halls: this model was not trained to tell halls from corridors")

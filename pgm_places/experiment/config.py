@@ -89,11 +89,13 @@ class LabelsConfig:
     """The labels to distinguish; their order is the order of every table.
 
     Where ``hall`` is one of them beside ``corridor`` and ``room``, ``halls`` says what halls are
-    labelled in the end.
+    labelled in the end. ``doorway_depth_m`` is how deep doorways are labelled along the passage, by
+    default as in the training maps.
     """
 
     names: Annotated[tuple[str, ...], MinLen(2)]
     halls: HallsAs = "corridor"
+    doorway_depth_m: Positive | None = None
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -209,8 +211,9 @@ def _check_teaching(config: ExperimentConfig) -> None:
             raise ConfigError(
                 "[teaching] says how a base_model continues to learn; give base_model"
             )
-    elif given or config.labels.halls != LabelsConfig.halls:
-        name = given[0] if given else "labels.halls"
+    elif given or config.labels.halls != LabelsConfig.halls or config.labels.doorway_depth_m:
+        of_labels = "halls" if config.labels.halls != LabelsConfig.halls else "doorway_depth_m"
+        name = given[0] if given else f"labels.{of_labels}"
         raise ConfigError(
             f"{name} is for training from scratch; base_model brings its own, so remove it"
         )

@@ -55,6 +55,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         max_examples_per_map=settings.max_examples_per_map,
         features=build_features(config),
         halls=config.labels.halls,
+        doorway_depth_m=config.labels.doorway_depth_m,
         floor=trained_floor() if any(m.unary == "floor" for m in config.methods) else None,
     )
     labeler.check_options()

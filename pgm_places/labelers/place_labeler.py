@@ -16,6 +16,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.traits import traits_of
+from pgm_places.labelers.doorway_depth import with_doorway_depth
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
@@ -27,6 +28,7 @@ from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.labelers.whole_spaces import with_whole_spaces
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import Positive
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import FeatureTables
@@ -97,6 +99,10 @@ class PlaceLabeler(Labeler):
         Whether borders between ``corridor`` and ``room`` run along openings of segments where
         little speaks for two spaces, for methods that see segments: see
         :mod:`pgm_places.labelers.whole_spaces`.
+    doorway_depth_m : float, optional
+        How deep doorways with gates are labelled along the passage, for methods that see gates; by
+        default as in the maps that were learned from: see
+        :mod:`pgm_places.labelers.doorway_depth`.
     floor : FloorModel, optional
         Networks that see the whole floor, for methods with ``unary = "floor"``:
         :func:`pgm_places.trained.trained_floor` are those that ship with the package. They should
@@ -156,6 +162,7 @@ class PlaceLabeler(Labeler):
         features: Sequence[Any] = (),
         halls: HallsAs = "corridor",
         whole_spaces: bool = True,
+        doorway_depth_m: Positive | None = None,
         floor: FloorModel | None = None,
     ) -> None:
         self.label_names = label_names
@@ -172,6 +179,7 @@ class PlaceLabeler(Labeler):
         self.features = features
         self.halls = halls
         self.whole_spaces = whole_spaces
+        self.doorway_depth_m = doorway_depth_m
         self.floor = floor
 
     def check_options(self) -> None:
@@ -415,16 +423,21 @@ class PlaceLabeler(Labeler):
         """
         names, layout = self.learned_names, graph.layout
         problem = cells_problem(graph, names, scores, method.unary, known)
-        segments, unary = scores.segments, problem.unary
-        if not self.whole_spaces or method.unary in ("laser", "context") or segments is None:
+        if method.unary in ("laser", "context"):
             return problem
-        assert unary is not None and isinstance(layout, GridLayout)  # there are scores of a map
-        place = None
-        doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
-        if known is not None and doorways is not None:
-            place = layout.from_raster(doorways.place)
-        whole = with_whole_spaces(unary, segments, layout, names, known, place)
-        return problem.with_unary(sealed(whole))
+        assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
+        unary, space = problem.unary, self.unary_model_.space
+        if self.doorway_depth_m is not None and space is not None and space.gates is not None:
+            gates, doorway = scores.accepted_gates, space.doorway
+            assert doorway is not None  # the list of gates has learned it
+            unary = with_doorway_depth(unary, gates, layout, doorway, self.doorway_depth_m)
+        if self.whole_spaces and scores.segments is not None:
+            place = None
+            doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
+            if known is not None and doorways is not None:
+                place = layout.from_raster(doorways.place)
+            unary = with_whole_spaces(unary, scores.segments, layout, names, known, place)
+        return problem if unary is problem.unary else problem.with_unary(sealed(unary))
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

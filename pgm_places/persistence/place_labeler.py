@@ -38,7 +38,7 @@ KIND = "place-labeler"
 
 _OF_FLOOR = ("views_per_network", "share", "doorway_share", "gate_share")
 
-OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map", "whole_spaces")
+OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map", "whole_spaces", "doorway_depth_m")
 """What learning reads, kept so that a loaded labeler can be fitted again, and how it labels."""
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
 from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import Gates
@@ -20,6 +21,7 @@ __all__ = [
     "match_doors",
     "match_gates",
     "match_painted",
+    "true_doors",
     "unmatched_doors",
 ]
 
@@ -200,6 +202,13 @@ def unmatched_doors(
     doors = _doors(label_raster("labels", labels, grid.shape), grid, doorway)
     alone = np.setdiff1d(np.arange(doors.count), match.door)
     return tuple(_rectangle(np.argwhere(doors.piece == number), grid) for number in alone)
+
+
+def true_doors(known: LabelledMap, doorway: int) -> tuple[Gate, ...]:
+    """The rectangle around the cells of each door of at least 0.1 m2 of a labelled map."""
+    doors = _doors(np.asarray(known.labels, np.int16), known.grid, doorway)
+    large = np.flatnonzero(doors.size * known.grid.resolution_m**2 >= _LEAST_DOOR_M2)
+    return tuple(_rectangle(np.argwhere(doors.piece == n), known.grid) for n in large)
 
 
 def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:

@@ -79,6 +79,21 @@ class CellScores:
     segments: NodeSegments | None = None
     floor: NDArray[np.float64] | None = None
 
+    @property
+    def accepted_gates(self) -> Doorways:
+        """The accepted gates, kept or made from the spaces.
+
+        Raises
+        ------
+        InputError
+            No score was made from spaces.
+        """
+        if self.doorways is not None:
+            return self.doorways
+        if self.spaces is None:
+            raise InputError("these scores were made without spaces, so they know no gates")
+        return self.spaces.doorways
+
 
 @dataclass(frozen=True, eq=False)
 class UnaryModel:

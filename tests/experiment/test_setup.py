@@ -57,6 +57,7 @@ def test_options_of_maps_reach_the_labeler() -> None:
         "features": (),
         "halls": "room",
         "whole_spaces": True,
+        "doorway_depth_m": None,
         "floor": None,
     }
     assert (classifier.n_rounds, classifier.order) == (7, [2, 1, 3, 0])

@@ -1,0 +1,78 @@
+"""Doorways as deep as asked for."""
+
+import numpy as np
+import pytest
+
+from pgm_places import trained_labeler
+from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
+from pgm_places.labelers.doorway_depth import with_doorway_depth
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gate import Gate
+
+RESOLUTION_M = 0.1
+SHAPE = (9, 30)
+
+
+def _passage(centre_x_m: float, painted: slice) -> tuple[np.ndarray, np.ndarray, GridLayout, Doorways]:
+    """Scores before and after a depth of 0.4 m, of a passage along x with a gate at 1.5 m."""
+    grid = OccupancyGrid(np.zeros(SHAPE, np.int8), resolution_m=RESOLUTION_M)
+    layout = LabelGraph.from_grid(grid).layout
+    assert isinstance(layout, GridLayout)
+    p = np.full((*SHAPE, 3), (0.6, 0.35, 0.05))
+    p[:, painted] = (0.05, 0.05, 0.9)
+    log_z = np.log(p).reshape(-1, 3)
+    gate = Gate((centre_x_m, 0.45), 0.0, width_m=0.9, depth_m=0.2)
+    doorways = Doorways(grid, (gate,), np.ones(1), np.zeros(SHAPE, np.int16))
+    return log_z, with_doorway_depth(log_z, doorways, layout, 2, 0.4), layout, doorways
+
+
+def _doorway_columns(log_z: np.ndarray, layout: GridLayout) -> list[int]:
+    labels = layout.to_raster(log_z.argmax(axis=1), fill=-1)
+    assert (labels == labels[0]).all()
+    return np.flatnonzero(labels[0] == 2).tolist()
+
+
+def test_doorways_are_cut_to_their_depth_around_the_gate() -> None:
+    log_z, found, layout, _ = _passage(1.5, slice(10, 20))
+    assert _doorway_columns(log_z, layout) == list(range(10, 20))
+    assert _doorway_columns(found, layout) == [13, 14, 15, 16]
+    assert np.allclose(np.logaddexp.reduce(found.T, axis=0), 0)
+
+
+def test_odds_of_the_other_labels_stay() -> None:
+    log_z, found, _, _ = _passage(1.5, slice(10, 20))
+    assert np.allclose(found[:, 0] - found[:, 1], log_z[:, 0] - log_z[:, 1])
+    changed = (found != log_z).any(axis=1)
+    odds = (found - np.log1p(-np.exp(found)))[:, 2], (log_z - np.log1p(-np.exp(log_z)))[:, 2]
+    assert np.allclose((odds[0] - odds[1])[changed], np.log(0.02))
+
+
+def test_a_gate_beside_its_doorway_is_not_its_middle() -> None:
+    _, found, layout, _ = _passage(0.9, slice(13, 17))
+    assert _doorway_columns(found, layout) == [13, 14, 15, 16]
+
+
+def test_cells_far_from_gates_keep_their_scores() -> None:
+    log_z, found, layout, _ = _passage(1.5, slice(0, 30))
+    same = layout.to_raster((found == log_z).all(axis=1), fill=False)[0]
+    assert same.tolist() == [abs(x - 15 + 0.5) > 11 or abs(x - 15 + 0.5) < 2 for x in range(30)]
+
+
+def test_the_shipped_model_labels_doorways_of_the_depth_asked_for() -> None:
+    building = generate_building(4, size="small")
+    labeler = trained_labeler().with_options(whole_spaces=False)
+    doorway = labeler.label_names_.index("doorway")
+    as_learned = labeler.label(building.grid).labels == doorway
+    shallow = labeler.with_options(doorway_depth_m=0.3).label(building.grid).labels == doorway
+    assert 0.2 * as_learned.sum() < shallow.sum() < 0.7 * as_learned.sum()
+    assert (as_learned | ~shallow).mean() > 0.999
+
+
+@pytest.mark.parametrize("depth_m", [0.0, -1.0])
+def test_a_depth_is_positive(depth_m: float) -> None:
+    with pytest.raises(ConfigError, match="doorway_depth_m must be a number above 0"):
+        trained_labeler().with_options(doorway_depth_m=depth_m)
