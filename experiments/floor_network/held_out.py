@@ -8,7 +8,7 @@ import numpy as np
 from experiments.floor_network.floors import N_FOLDS, all_floors, fold_of, network_file
 from experiments.floor_network.sheets import LabelledPair, write_sheets
 from experiments.robot_maps.catalogue import robot_maps
-from experiments.robot_maps.figures import measured, table, write_figures
+from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source
 from pgm_places import save, trained_labeler
 from pgm_places.floor.network import FloorNetwork
@@ -24,6 +24,9 @@ __all__ = ["VIEWS", "measure", "networks", "ship", "with_networks"]
 
 VIEWS = 4
 """Sides from which each of the shipped networks looks at a map."""
+
+DEPTHS_M = (None, 0.4)
+"""How deep doorways are labelled: as learned, and as the labels of robots' maps have them."""
 
 _VIEWS_ALONE = 8
 """The same for the one network that has not seen a building."""
@@ -62,20 +65,25 @@ def measure(data: Path, kept: Path, progress: Progress) -> None:
     fold = fold_of(list(all_floors(data)))
     floors = {each.name: each.building for each in all_floors(data)}
     labeler = trained_labeler()
-    sources = [
-        Source(with_networks(labeler, [network], _VIEWS_ALONE)) for network in networks(kept)
-    ]
-    figures, pairs = [], []
+    labelers = [with_networks(labeler, [network], _VIEWS_ALONE) for network in networks(kept)]
+    figures: dict[float | None, list[MapFigures]] = {depth: [] for depth in DEPTHS_M}
+    pairs = []
     maps = list(robot_maps(data))
     with progress.stage("maps") as stage:
         for known, weight in maps:
-            source = sources[fold[floors[f"robot_{known.item.name}"]]]
-            found = source.label(known.item.grid)
-            figures.append(measured(known, weight, found))
-            pairs.append(LabelledPair(known, found.labels, figures[-1].cells.accuracy))
-            stage.update(len(figures) / len(maps), known.item.name)
-    print(table(figures))
-    write_figures(kept / "robots.csv", figures)
+            labeler = labelers[fold[floors[f"robot_{known.item.name}"]]]
+            grid = known.item.grid
+            graph, scores = labeler.scores(grid, methods=[labeler.default_method])
+            for depth, mine in figures.items():
+                source = Source(labeler.with_options(doorway_depth_m=depth))
+                found = source.decoded(grid, graph, scores)
+                mine.append(measured(known, weight, found))
+            pairs.append(LabelledPair(known, found.labels, mine[-1].cells.accuracy))
+            stage.update(len(pairs) / len(maps), known.item.name)
+    for depth, mine in figures.items():
+        print(f"doorways {'as deep as learned' if depth is None else f'{depth} m deep'}:")
+        print(table(mine))
+        write_figures(kept / f"robots_{depth or 'learned'}.csv", mine)
     write_sheets(kept, pairs)
 
 

@@ -51,8 +51,16 @@ class Source:
 
     def label(self, grid: OccupancyGrid) -> Found:
         """The labels of a map that has the model's cells, and its doorways."""
-        name = self.method or self.labeler.default_method
-        graph, scores = self.labeler.scores(grid, methods=[name])
+        graph, scores = self.labeler.scores(grid, methods=[self._name])
+        return self.decoded(grid, graph, scores)
+
+    @property
+    def _name(self) -> str:
+        return self.method or self.labeler.default_method
+
+    def decoded(self, grid: OccupancyGrid, graph: LabelGraph, scores: CellScores) -> Found:
+        """The labels that follow from the scores of a map."""
+        name = self._name
         if self.evidence is not None:
             said: dict[str, Any] = {
                 self.labeler.method(name).unary: self.evidence(grid, graph, scores)

@@ -11,6 +11,8 @@ from pgm_places.labelers.map_prior import PositionPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_floor import with_local_floor
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
 from pgm_places.unary.scan_observer import ScanObserver
 
@@ -117,9 +119,10 @@ class OnlineLabeler:
         observer: ScanObserver,
         belief_filter: BeliefFilter,
         label_names: tuple[str, ...],
+        floor: FloorModel | None = None,
     ) -> None:
         self._scorer, self._observer, self._filter = ScanScorer(model), observer, belief_filter
-        self.label_names = label_names
+        self.label_names, self._floor = label_names, floor
         self.n_steps = 0
 
     def choose(self, belief: NDArray[np.float64]) -> int:
@@ -159,5 +162,7 @@ class OnlineLabeler:
         where = scan.pose if pose is None else np.asarray(pose, np.float64)
         seen = self._observer.add(where, scan.ranges_m)
         log_z = self._scorer.log_proba(seen.circle_m, extra, seen.spaces)
+        if self._floor is not None and seen.floor is not None:
+            log_z = with_local_floor(log_z, seen.floor, self._floor)
         self.n_steps += 1
         return self._filter.step(float(where[0]), float(where[1]), log_z)

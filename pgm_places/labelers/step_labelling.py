@@ -20,6 +20,8 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_floor import with_local_floor
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
 __all__ = ["StepLabelling"]
@@ -31,6 +33,7 @@ class StepLabelling(Labeler):
     every_m: float
     loop_m: float
     beams: BeamOptions
+    floor: FloorModel | None
     scan_model_: ScanModel
     method_: Any
 
@@ -51,8 +54,11 @@ class StepLabelling(Labeler):
             Before :meth:`fit`.
         """
         self.check_fitted()
-        observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map)
-        return OnlineLabeler(self.scan_model_, observer, self._filter(map_prior), self.label_names_)
+        observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map, self.floor)
+        belief_filter = self._filter(map_prior)
+        return OnlineLabeler(
+            self.scan_model_, observer, belief_filter, self.label_names_, self.floor
+        )
 
     def scores(
         self,
@@ -63,14 +69,22 @@ class StepLabelling(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> NDArray[np.float64]:
-        """(T, K) log z of each step by itself: what the list says of its scan."""
+        """(T, K) log z of each step by itself: what the list, and the networks, say of it."""
         self.check_fitted()
         model = self.scan_model_
         with (progress or Silent()).stage("scans, features and list"):
             seen = observed_along(
-                trajectory, model.sensor, self.beams, known_map=known_map, n_threads=n_threads
+                trajectory,
+                model.sensor,
+                self.beams,
+                known_map=known_map,
+                floor=self.floor,
+                n_threads=n_threads,
             )
-            return model.log_proba(seen.circles_m, extra, spaces=seen.spaces, n_threads=n_threads)
+            log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces, n_threads=n_threads)
+        if self.floor is None or seen.floor is None:
+            return log_z
+        return with_local_floor(log_z, seen.floor, self.floor)
 
     def label(
         self,

@@ -24,6 +24,7 @@ from pgm_places.options import AtLeastZero, Seed, Whole
 from pgm_places.progress import Progress
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.options import NumberOfFolds
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features
 
@@ -80,6 +81,10 @@ class TrajectoryLabeler(StepLabelling):
     extra_names : sequence of D str
         Names of columns in addition to the laser's that :meth:`fit` and :meth:`label` are given as
         ``extra``.
+    floor : FloorModel, optional
+        Networks that see the map around the robot, and how much they count beside the list when
+        trajectories are labelled; learning does without. :func:`pgm_places.trained.trained_floor`
+        are those that ship with the package.
 
     Attributes
     ----------
@@ -126,6 +131,7 @@ class TrajectoryLabeler(StepLabelling):
         features: Sequence[Any] = (),
         extra_names: Sequence[str] = (),
         loop_m: AtLeastZero = 0.0,
+        floor: FloorModel | None = None,
     ) -> None:
         self.label_names = label_names
         self.method = method
@@ -139,6 +145,7 @@ class TrajectoryLabeler(StepLabelling):
         self.features = features
         self.extra_names = extra_names
         self.loop_m = loop_m
+        self.floor = floor
 
     # ------------------------------------------------------------------ learning
 
@@ -190,6 +197,7 @@ class TrajectoryLabeler(StepLabelling):
         every_m: float = EVERY_M,
         beams: BeamOptions = BEAMS,
         loop_m: float = 0.0,
+        floor: FloorModel | None = None,
     ) -> Self:
         """One whose list and method were learned elsewhere."""
         labeler = cls(
@@ -201,6 +209,7 @@ class TrajectoryLabeler(StepLabelling):
             features=model.features,
             extra_names=model.extra_names,
             loop_m=loop_m,
+            floor=floor,
         )
         labeler.check_options()
         return labeler.set_learned(
@@ -217,6 +226,9 @@ class TrajectoryLabeler(StepLabelling):
         """
         super().check_options()
         as_backend(self.method)
+        if self.floor is not None:
+            columns_of(tuple(self.label_names))
+            self.beams.check_builds_map("the floor networks look at one")
         check_scan_features(as_features(self.features))
 
     def fit(

@@ -9,7 +9,6 @@ import numpy as np
 from pgm_places.errors import ModelFileError, shown
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import FEATURES, as_features, n_columns
-from pgm_places.floor.network import FloorNetwork
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -17,6 +16,7 @@ from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import check_option
 from pgm_places.persistence.backend import dump_backend, load_backend
+from pgm_places.persistence.floor import dump_floor, load_floor
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
     check_feature_set,
@@ -27,7 +27,6 @@ from pgm_places.persistence.unary import (
     load_sensor,
 )
 from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
-from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
@@ -36,9 +35,14 @@ __all__ = ["KIND", "check_savable", "dump", "load"]
 
 KIND = "place-labeler"
 
-_OF_FLOOR = ("views_per_network", "share", "doorway_share", "gate_share")
-
-OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map", "whole_spaces", "doorway_depth_m")
+OPTIONS = (
+    "learn_on",
+    "n_folds",
+    "n_node_features",
+    "max_examples_per_map",
+    "whole_spaces",
+    "doorway_depth_m",
+)
 """What learning reads, kept so that a loaded labeler can be fitted again, and how it labels."""
 
 
@@ -68,7 +72,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
     if unary.space is not None:
         manifest["space"] = _dump_space(arrays, unary.space)
     if unary.floor is not None:
-        manifest["floor"] = _dump_floor(arrays, unary.floor)
+        manifest["floor"] = dump_floor(arrays, unary.floor)
     return manifest, arrays
 
 
@@ -145,7 +149,7 @@ def _unary_model(manifest: Mapping[str, Any], arrays: Arrays) -> UnaryModel:
         context,
         features,
         _load_space(manifest.get("space"), arrays, n_own, n_labels),
-        _load_floor(manifest.get("floor"), arrays, n_labels),
+        load_floor(manifest.get("floor"), arrays, n_labels),
     )
 
 
@@ -183,29 +187,6 @@ def _load_space(
         doorway,
         corridor,
     )
-
-
-def _dump_floor(arrays: Arrays, floor: FloorModel) -> dict[str, Any]:
-    for number, network in enumerate(floor.networks):
-        arrays[f"floor/{number}"] = network.packed()
-    return {
-        "n_networks": len(floor.networks),
-        "columns": list(floor.columns),
-        **{name: getattr(floor, name) for name in _OF_FLOOR},
-    }
-
-
-def _load_floor(
-    record: Mapping[str, Any] | None, arrays: Arrays, n_labels: int
-) -> FloorModel | None:
-    if record is None:
-        return None
-    columns = tuple(record["columns"])
-    if len(columns) != n_labels:
-        raise ModelFileError(f"floor.columns must have {n_labels} entries, got {len(columns)}")
-    networks = [FloorNetwork.unpacked(arrays[f"floor/{k}"]) for k in range(record["n_networks"])]
-    options = {name: record[name] for name in _OF_FLOOR}
-    return FloorModel(tuple(networks), columns, **options)
 
 
 def _dump_method(arrays: Arrays, name: str, method: PlaceMethod) -> dict[str, Any]:

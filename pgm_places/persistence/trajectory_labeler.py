@@ -8,6 +8,7 @@ from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import n_columns
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.persistence.backend import dump_backend, load_backend
+from pgm_places.persistence.floor import dump_shared_floor, load_floor
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
     check_feature_set,
@@ -45,6 +46,8 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
         "classifier": dump_list(arrays, "classifier", model.classifier),
         "method": dump_backend(arrays, "method", labeler.method_),
     }
+    if labeler.floor is not None:
+        manifest["floor"] = dump_shared_floor(arrays, labeler.floor)
     return manifest, arrays
 
 
@@ -64,6 +67,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
         ScanModel(classifier, len(names), sensor, extra_names, features, sees_spaces),
         every_m=manifest["every_m"],
         beams=BeamOptions(**manifest["beams"]),
+        floor=load_floor(manifest.get("floor"), arrays, len(names)),
     )
     # Absent from models saved by earlier versions.
     return labeler.with_options(**manifest.get("options", {}))

@@ -21,6 +21,8 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.local_floor import LocalFloor
 from pgm_places.unary.scan_observer import Observations, ScanObserver, surroundings_along
 from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
 
@@ -58,14 +60,15 @@ class BeamOptions:
     def __post_init__(self) -> None:
         check_options(self)
         check_missing(self.missing, all_from_map=self.all_from_map)
-        if self.spaces_m > 0 and self.missing not in ("local-map", "known-map"):
-            raise ConfigError(
-                f"missing = {self.missing!r} builds no map, but spaces_m needs the spaces around "
-                "the robot; use 'local-map' or 'known-map'"
-            )
+        if self.spaces_m > 0:
+            self.check_builds_map("spaces_m needs the spaces around the robot")
 
     def observer(
-        self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
+        self,
+        geometry: ScanGeometry,
+        sensor: Sensor,
+        known_map: OccupancyGrid | None = None,
+        floor: FloorModel | None = None,
     ) -> ScanObserver:
         """What sees the surroundings of one robot, with a fresh :meth:`circle`.
 
@@ -73,8 +76,20 @@ class BeamOptions:
         ------
         InputError
             As :meth:`circle`.
+        ConfigError
+            Networks are to look, but no map is built.
         """
-        return ScanObserver(self.circle(geometry, sensor, known_map), self.spaces_m)
+        if floor is not None:
+            self.check_builds_map("the floor networks look at one")
+        return ScanObserver(self.circle(geometry, sensor, known_map), self.spaces_m, floor)
+
+    def check_builds_map(self, why: str) -> None:
+        """Refuse beams for which no map around the robot is kept."""
+        if self.missing not in ("local-map", "known-map"):
+            raise ConfigError(
+                f"missing = {self.missing!r} builds no map, but {why}; use 'local-map' or "
+                "'known-map'"
+            )
 
     def circle(
         self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
@@ -237,6 +252,7 @@ def observed_along(
     beams: BeamOptions,
     *,
     known_map: OccupancyGrid | None = None,
+    floor: FloorModel | None = None,
     n_threads: int | None = None,
 ) -> Observations:
     """What a robot sees at each step of a trajectory.
@@ -261,8 +277,12 @@ def observed_along(
             n_threads=n_threads,
         )
         around = Surroundings(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
-        return Observations(circles, surroundings_along(around, trajectory.poses))
-    observer = beams.observer(trajectory.geometry, sensor, known_map)
+        return Observations(
+            circles,
+            surroundings_along(around, trajectory.poses),
+            None if floor is None else LocalFloor(known_map, floor).along(trajectory.poses),
+        )
+    observer = beams.observer(trajectory.geometry, sensor, known_map, floor)
     return observer.along(trajectory.poses, trajectory.ranges_m)
 
 

@@ -11,7 +11,7 @@ from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.trajectories.segments import DistanceGate
 
-__all__ = ["N_SURROUNDINGS", "Surroundings"]
+__all__ = ["N_SURROUNDINGS", "Surroundings", "square_around"]
 
 N_SURROUNDINGS = len(space_feature_names(RATIOS))
 """Columns that a step gets from the segments around it."""
@@ -67,7 +67,7 @@ class Surroundings:
         """
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
-            self._grid = _square(self._source, where, self._reach_m)
+            self._grid = square_around(self._source, where, self._reach_m)
             self._features = None
             if self._grid is not None:
                 self._features = CellFeatures.of(Segmentation.of(self._grid))
@@ -79,7 +79,7 @@ class Surroundings:
         return self._features.lookup(cell, n_threads=1)[0]
 
 
-def _square(
+def square_around(
     source: LocalMap | OccupancyGrid, centre_m: NDArray[np.float64], reach_m: float
 ) -> OccupancyGrid | None:
     """The square of a map around a position, with cells of at least 0.1 m; None off the map."""

@@ -17,7 +17,9 @@ RESOLUTION_M = 0.1
 SHAPE = (9, 30)
 
 
-def _passage(centre_x_m: float, painted: slice) -> tuple[np.ndarray, np.ndarray, GridLayout, Doorways]:
+def _passage(
+    centre_x_m: float, painted: slice
+) -> tuple[np.ndarray, np.ndarray, GridLayout, Doorways]:
     """Scores before and after a depth of 0.4 m, of a passage along x with a gate at 1.5 m."""
     grid = OccupancyGrid(np.zeros(SHAPE, np.int8), resolution_m=RESOLUTION_M)
     layout = LabelGraph.from_grid(grid).layout
