@@ -176,7 +176,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m experiments.tracking_model.networks")
     parser.add_argument("--kept", type=Path, required=True, help="folder that keeps the drives")
     parser.add_argument("--networks", type=Path, required=True, help="folder of the networks")
-    parser.add_argument("--every", type=int, default=1, help="only drives of the real maps and of every n-th other building")
+    parser.add_argument(
+        "--every",
+        type=int,
+        default=1,
+        help="only drives of the real maps and of every n-th other building",
+    )
     parser.add_argument("--share", type=float, default=0.5, help="share shown by kind")
     chosen = parser.parse_args()
     data = data_folder()

@@ -90,6 +90,7 @@ def test_step_by_step_gives_the_beliefs_of_the_whole_log(known: bool) -> None:
     beliefs = [online.step(path.scan(t)) for t in range(len(path))]
     np.testing.assert_array_equal(whole.beliefs, np.array(beliefs))
     alone = tool.with_options(floor=None).label(path, known_map=known_map)
+    assert whole.beliefs is not None and alone.beliefs is not None
     assert not np.array_equal(whole.beliefs, alone.beliefs)
 
 
