@@ -10,8 +10,13 @@ HERE = Path(__file__).parent
 
 def installed(folder: str) -> tuple[str, list[str]]:
     """The files of a folder, and where they go."""
-    files = sorted(path.relative_to(HERE).as_posix() for path in (HERE / folder).iterdir())
-    return f"share/{NAME}/{folder}", files
+    files = [path for path in (HERE / folder).iterdir() if path.is_file()]
+    return f"share/{NAME}/{folder}", sorted(path.relative_to(HERE).as_posix() for path in files)
+
+
+TESTS = ["pytest", "pyyaml"]
+"""That pytest is among them tells colcon how the tests are run: newer versions look among the
+extras, older ones at what setuptools has given up."""
 
 
 setup(
@@ -25,6 +30,8 @@ setup(
         installed("config"),
     ],
     install_requires=["setuptools", "pgm-places[bags]"],
+    extras_require={"test": TESTS},
+    tests_require=TESTS,
     zip_safe=True,
     description="Labels the places of a robot's map, and where the robot is, while it drives.",
     license="MIT",

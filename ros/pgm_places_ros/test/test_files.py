@@ -44,6 +44,11 @@ def test_the_package_installs_what_it_has(monkeypatch: pytest.MonkeyPatch) -> No
     assert installed["share/ament_index/resource_index/packages"] == [f"resource/{name}"]
     for files in installed.values():
         assert all((PACKAGE / file).is_file() for file in files)
+    assert given["extras_require"]["test"] == given["tests_require"]
+    systems = {"pytest": "python3-pytest", "pyyaml": "python3-yaml"}
+    assert {systems[item] for item in given["tests_require"]} == {
+        item.text for item in manifest.findall("test_depend")
+    }
     assert f"[install]\ninstall_scripts=$base/lib/{name}" in (PACKAGE / "setup.cfg").read_text()
     imported: set[str] = set()
     for file in (PACKAGE / "pgm_places_ros" / "node.py", *(PACKAGE / "launch").iterdir()):
