@@ -36,6 +36,7 @@ TOPICS = (
     "teaching",
     "batch",
     "live",
+    "live_dating",
     "live_updates",
 )
 FOLDER = Path(__file__).resolve().parent
