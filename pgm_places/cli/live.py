@@ -187,11 +187,8 @@ def _run_robot(
     from pgm_places.live.place_finder import PlaceFinder
     from pgm_places.trained import trained_labeler
 
-    network.config()  # refused before the model is loaded
+    network.config()  # refused before anything is started
     progress = make_progress(quiet=quiet)
-    with progress.stage("model"):
-        finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), options)
-        finder.warm_up()
 
     def show(found: "FoundPlace") -> None:
         if found.changed:
@@ -199,6 +196,9 @@ def _run_robot(
 
     desk = MapProcess(model, method=method, n_threads=n_threads, session=session)
     try:
+        with progress.stage("model"):
+            finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), options)
+            finder.warm_up()
         robot = DdsNode(finder, desk, progress.warn, node, options, on_place=show, network=network)
         robot.run(float("inf") if seconds is None else seconds)
     except KeyboardInterrupt:

@@ -108,8 +108,8 @@ class DdsNetwork:
         there = ", ".join(name for _, name in socket.if_nameindex())
         if self.interface:
             return ConfigError(
-                f"DDS cannot be spoken over the interface {self.interface!r} ({error}); interfaces "
-                f"of this machine: {there}"
+                f"DDS cannot be spoken over the interface {self.interface!r}; interfaces of this "
+                f"machine: {there}"
             )
         return ConfigError(
             f"Cyclone DDS does not start ({error}); check {VARIABLE} and the network; interfaces "

@@ -157,7 +157,8 @@ def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int
             if value <= 0:
                 raise InputError(
                     f"the speed in {name!r} is {value:g}, which Nav2 takes for no limit; give a "
-                    "speed above 0, or keep the robot out with the export 'keepout'"
+                    "speed above 0, or keep the robot out (--keep-out of 'nav2', or the export "
+                    "'keepout')"
                 )
     if kind == "speed-m-s":
         # In centimetres per second where they fit, so that round speeds are exact.
