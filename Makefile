@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-data test-uncompiled fuzz faults lint types imports docs wheel bench core current clean
+.PHONY: demo test test-data fuzz faults lint types imports docs wheel bench core current clean
 
 # The README prints these lines for those without make. Only errors of pip are shown.
 $(VENV)/.package: pyproject.toml
@@ -42,12 +42,6 @@ test: $(VENV)/.installed current
 # Only the tests on real maps and logs, which are skipped where these are absent.
 test-data: $(VENV)/.installed
 	$(PYTEST) -m real_data tests
-
-# The source of the kernels without compiling it, against references that need no larger graphs.
-UNCOMPILED := $(addprefix tests/solvers/test_,belief_propagation.py elimination.py forest.py \
-	local_search.py max_flow.py mean_field.py)
-test-uncompiled: $(VENV)/.installed
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(UNCOMPILED)
 
 # Spoiled files for every reader, N of them each; what finds something is kept in fuzz-findings/.
 N ?= 10000

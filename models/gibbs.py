@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, require_type
+from pgm_places._core import gibbs_sweep
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
-from pgm_places.solvers._gibbs_kernels import gibbs_sweep
 from pgm_places.solvers.feasibility import allowed_labels
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 

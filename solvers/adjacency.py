@@ -1,6 +1,7 @@
 """Adjacency of a graph for kernels: the arcs that leave each node."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,12 +9,29 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import integer_array, sealed
 from pgm_places._core import fill_slots
 from pgm_places.errors import InputError
-from pgm_places.solvers._adjacency_kernels import Arcs
 
-__all__ = ["Adjacency", "adjacency", "part_means"]
+__all__ = ["Adjacency", "Arcs", "adjacency", "part_means"]
 
 _MAX_EDGES = 2**30
 """Arcs are numbered in int32: two for every edge."""
+
+
+class Arcs(NamedTuple):
+    """Arcs in compressed rows: node ``i`` owns the slots ``start[i]`` to ``start[i + 1]``.
+
+    Edge ``e`` = (i, j) makes arc ``2 e`` from i to j and arc ``2 e + 1`` back: ``arc ^ REVERSE`` is
+    the other direction, ``arc >> 1`` the edge, and ``arc & 1`` tells whether the slot's owner is
+    the edge's second node. Values kept per arc lie side by side for both directions.
+    """
+
+    start: NDArray[np.uint32]
+    """(N + 1,) first slot of each node."""
+    head: NDArray[np.uint32]
+    """(2 E,) the neighbour at a slot; with sorted edges increasing within a node."""
+    arc: NDArray[np.uint32]
+    """(2 E,) the arc from the slot's owner to that neighbour."""
+    ends: NDArray[np.uint32]
+    """(2 E,) the owner of each arc; its head is ``ends[arc ^ REVERSE]``."""
 
 
 @dataclass(frozen=True, eq=False)

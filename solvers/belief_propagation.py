@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.solvers._belief_kernels import (
-    Rule,
+from pgm_places._core import (
     agreement_sweep,
     decode_beliefs,
     message_sweep,
@@ -18,6 +16,7 @@ from pgm_places.solvers._belief_kernels import (
     pass_forest,
     spanning_order,
 )
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.forest_order import is_forest, rooted_forest
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
@@ -33,6 +32,15 @@ TIE = 1e-9
 
 _SAFE_EXP = 500.0
 """Rewards up to this are added as exponentials: far from the largest float even when summed."""
+
+
+class Rule(NamedTuple):
+    """How messages are renewed."""
+
+    maximise: bool
+    """Whether labels of the sender are maximised over, or summed."""
+    damping: float
+    """Share of the old log-message that is kept."""
 
 
 @dataclass(frozen=True, eq=False)

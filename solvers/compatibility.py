@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
+from pgm_places._core import count_pairs
 from pgm_places.errors import InputError
 
 __all__ = ["DIRECTIONS", "edge_pair_counts", "grid_pair_counts", "yamamoto_coefficients"]
@@ -28,8 +29,6 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     >>> counts[DIRECTIONS.index((0, 1))].tolist()
     [[1, 1], [0, 0]]
     """
-    from pgm_places.solvers._compatibility_kernels import count_pairs
-
     raster = np.asarray(labels)
     integer_array("labels", raster, ("H", "W"), low=np.iinfo(raster.dtype).min, high=n_labels)
     if not 1 <= n_labels <= np.iinfo(np.int16).max:

@@ -1,16 +1,26 @@
 """Dead-end elimination: removes labels that no optimal labelling contains."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.solvers._elimination_kernels import Alive, eliminate_labels
+from pgm_places._core import eliminate_labels
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
 __all__ = ["Reduction", "reduce_model"]
+
+
+class _Alive(NamedTuple):
+    """The labels that are not ruled out yet."""
+
+    labels: NDArray[np.bool_]
+    """(N, K)."""
+    n_labels: NDArray[np.int32]
+    """(N,) how many each node has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +73,7 @@ def reduce_model(model: PairwiseModel) -> Reduction:
     alive = np.empty(model.unary.shape, np.bool_)
     n_alive = np.empty(model.n_nodes, np.int32)
     ring, waiting = np.empty(model.n_nodes, np.uint32), np.empty(model.n_nodes, np.bool_)
-    eliminate_labels(model.terms, model.around.arcs, Alive(alive, n_alive), ring, waiting)
+    eliminate_labels(model.terms, model.around.arcs, _Alive(alive, n_alive), ring, waiting)
     open_nodes = n_alive > 1
     labels = alive.argmax(axis=1).astype(np.int32)
     unary = np.where(alive, model.unary, -np.inf)

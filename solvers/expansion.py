@@ -2,25 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InputError
-from pgm_places.solvers._adjacency_kernels import Arcs
-from pgm_places.solvers._cut_kernels import SINK, minimum_cut_kernel
-from pgm_places.solvers._expansion_kernels import (
-    Cut,
-    Move,
+from pgm_places._core import (
     agreement_reach,
     begin_move,
     extract_cut,
     gain_of,
+    minimum_cut_kernel,
     peel_move,
 )
-from pgm_places.solvers.adjacency import Adjacency, adjacency
-from pgm_places.solvers.max_flow import cut_space
+from pgm_places.errors import InputError
+from pgm_places.solvers.adjacency import Adjacency, Arcs, adjacency
+from pgm_places.solvers.max_flow import SINK, cut_space
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 from pgm_places.solvers.regularity import require_regular
 
@@ -163,11 +161,40 @@ def alpha_expansion(
     )
 
 
+class _Move(NamedTuple):
+    """Who may still switch in a move, and what that earns."""
+
+    members: NDArray[np.uint32]
+    """(N,) the nodes for which switching may pay, as many as there are."""
+    undecided: NDArray[np.bool_]
+    """(N,) marks them."""
+    low: NDArray[np.float64]
+    """(N,) what switching earns a member at least,"""
+    high: NDArray[np.float64]
+    """(N,) and at most."""
+    weight: NDArray[np.float64]
+    """(E,) what an edge between two members adds if both switch."""
+
+
+class _Cut(NamedTuple):
+    """The graph of a minimum cut; its arrays may be longer than needed."""
+
+    number: NDArray[np.uint32]
+    """(N,) place of each of the whole graph's nodes in it,"""
+    edge_number: NDArray[np.uint32]
+    """(E,) and of each edge."""
+    arcs: Arcs
+    excess: NDArray[np.float64]
+    """(N,) capacity from the source less that to the sink."""
+    capacity: NDArray[np.float64]
+    """(2 E,) capacity of each arc."""
+
+
 class _MoveSpace:
     """Working arrays of the moves on one graph; the kernels say what they hold."""
 
     def __init__(self, n_nodes: int, n_edges: int) -> None:
-        self.move = Move(
+        self.move = _Move(
             members=np.empty(n_nodes, np.uint32),
             undecided=np.empty(n_nodes, np.bool_),
             low=np.empty(n_nodes),
@@ -175,7 +202,7 @@ class _MoveSpace:
             weight=np.empty(n_edges),
         )
         self.switched = np.empty(n_nodes, np.uint32)
-        self.cut = Cut(
+        self.cut = _Cut(
             number=np.empty(n_nodes, np.uint32),
             edge_number=np.empty(n_edges, np.uint32),
             arcs=Arcs(
@@ -197,7 +224,7 @@ class _Moves:
         self.model, self.labels, self.space = model, labels, space
         self.fresh = labels.copy()
         self.n_moves = 0
-        self.reach = np.broadcast_to(np.inf, model.unary.shape)
+        self.reach = np.full(model.unary.shape, np.inf)
         if model.agreement is not None:
             self.reach = np.zeros((model.n_nodes, model.n_labels))
             agreement_reach(model.around.arcs.ends, model.agreement, self.reach)

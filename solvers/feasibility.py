@@ -1,23 +1,42 @@
 """A labelling that breaks no rule (no -inf), near one that does."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import find_allowed
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers._feasibility_kernels import (
-    FOUND,
-    NONE_EXISTS,
-    SearchSpace,
-    find_allowed,
-)
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.pairwise import PairwiseModel
 
 __all__ = ["allowed_labels"]
 
+FOUND, NONE_EXISTS = 1, -1
+"""How a search ends; 0 where it gave up."""
+
 MAX_FAILURES = 10_000
 """Dead ends after which the search gives up: finding an allowed labelling is NP-hard in general."""
+
+
+class _SearchSpace(NamedTuple):
+    """Working arrays; a labelling that was found is the one label that each node has left."""
+
+    alive: NDArray[np.bool_]
+    """(N, K) labels that are still possible."""
+    n_alive: NDArray[np.int32]
+    """(N,) how many each node has."""
+    trail: NDArray[np.int64]
+    """(N K,) node and label of each that was ruled out, in order."""
+    decided: NDArray[np.int64]
+    """(N, 3) node and label of each decision, and the length of the trail before it."""
+    ring: NDArray[np.uint32]
+    """(N,) nodes whose neighbours must be looked at."""
+    waiting: NDArray[np.bool_]
+    """(N,) whether a node is in that ring."""
+    counts: NDArray[np.int64]
+    """(3,) lengths of the trail and of the ring, and where the ring begins."""
 
 
 def allowed_labels(
@@ -56,7 +75,7 @@ def allowed_labels(
     [0, 1]
     """
     n_nodes, n_labels = model.unary.shape
-    space = SearchSpace(
+    space = _SearchSpace(
         alive=np.empty((n_nodes, n_labels), np.bool_),
         n_alive=np.empty(n_nodes, np.int32),
         trail=np.empty(n_nodes * n_labels, np.int64),

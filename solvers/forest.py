@@ -6,12 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, sealed
+from pgm_places._core import decode_forest, pass_forest, sample_forest
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers._belief_kernels import (
-    decode_forest,
-    pass_forest,
-    sample_forest,
-)
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.forest_order import rooted_forest
 from pgm_places.solvers.forest_sums import forest_sums, sums_to_roots

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import forest_order
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import forest_order
 from pgm_places.solvers.adjacency import Adjacency
 
 __all__ = ["is_forest", "rooted_forest"]

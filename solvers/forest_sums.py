@@ -10,14 +10,22 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import (
+    collect_sums,
+    distribute_sums,
+    pass_back,
+    pass_forest,
+    subtract_peaks,
+)
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers._belief_kernels import NO_ARC, pass_back, pass_forest
-from pgm_places.solvers._scaled_belief_kernels import collect, distribute, subtract_peaks
 from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_from_all
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel
 
 __all__ = ["ForestSums", "forest_sums", "sums_by_logarithms", "sums_to_roots"]
+
+NO_ARC = 2**32 - 1
+"""The parent arc of a root."""
 
 WIDEST_RANGE = 600.0
 """Products between exp(-600) and 1 keep all their digits; wider ones are left to logarithms."""
@@ -76,8 +84,8 @@ def forest_sums(
         return sums_by_logarithms(model, order, parent)
     np.exp(inner, out=inner)
     outer, beliefs, scale = np.ones_like(inner), np.empty_like(inner), np.empty(model.n_nodes)
-    collect(gain, model.around.arcs, order, parent, inner, outer, scale)
-    distribute(gain, model.around.arcs, order, parent, inner, outer, beliefs)
+    collect_sums(gain, model.around.arcs, order, parent, inner, outer, scale)
+    distribute_sums(gain, model.around.arcs, order, parent, inner, outer, beliefs)
     shares += np.log(scale)
     child = np.flatnonzero(parent != NO_ARC)
     if model.agreement is None:

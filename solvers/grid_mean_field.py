@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, sealed
+from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.solvers.mean_field import check_schedule, normalised
@@ -93,8 +94,6 @@ def grid_mean_field(
     >>> grid_mean_field(unary, cells, np.eye(2)).labels.tolist()
     [0, 0, 0]
     """
-    from pgm_places.solvers._grid_mean_field_kernels import update_rows
-
     check_schedule(damping, tolerance, max_iterations)
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
@@ -113,7 +112,7 @@ def grid_mean_field(
     def update(parity: int, task: int) -> None:
         first, last = tasks[task]
         rows = (first + (first + parity) % 2, last)
-        change = update_rows(nodes, table, cells, start, rows, reach, damping, beliefs)
+        change = update_rows(nodes, table, cells, start, *rows, reach, damping, beliefs)
         largest[task] = max(largest[task], change)
 
     history: list[float] = []
@@ -136,8 +135,6 @@ def grid_mean_field(
 
 def _rows_of(cells_rc: ArrayLike, n_nodes: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The cells (N, 2), and the first node of each row (H + 1,)."""
-    from pgm_places.solvers._grid_mean_field_kernels import row_starts
-
     given = np.asarray(cells_rc).reshape(-1, 2) if not n_nodes else np.asarray(cells_rc)
     integer_array("cells_rc", given, (n_nodes, 2), low=0, high=np.iinfo(np.int32).max)
     cells = np.ascontiguousarray(given, np.int32)

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
-from pgm_places._core import copy_edges, update_parts_of_raster
+from pgm_places._core import (
+    code_walls,
+    collect_beliefs,
+    copy_edges,
+    place_beliefs,
+    update_parts_of_raster,
+)
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.pages import Planes
@@ -27,6 +33,9 @@ from pgm_places.solvers.relaxation import (
 )
 
 __all__ = ["neighbour_weights", "relax_grid"]
+
+BLOCK = 16
+"""Cells of a row that are stored together: a cache line of float32, one to four vectors."""
 
 CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the rows that parts keep
@@ -235,8 +244,6 @@ def _parts(cells: _Cells) -> Iterator[slice]:
 
 
 def _lay_out(cells: _Cells, shape: tuple[int, int]) -> _Rows:
-    from pgm_places.solvers._belief_store_kernels import BLOCK
-
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
     for part in _parts(cells):
@@ -276,14 +283,12 @@ def _fill(
     n_threads: int | None,
 ) -> Planes:
     """The store (K, M) with the beliefs of the start."""
-    from pgm_places.solvers._belief_store_kernels import place
-
     store, parts = Planes((unary.shape[1], rows.n_cells), np.float32), list(_parts(cells))
 
     def fill(task: int) -> None:
         part = parts[task]
         beliefs = starting_beliefs(unary[part], floor=floor, first_node=part.start)
-        place(beliefs, cells[part], rows.index, store.array)
+        place_beliefs(beliefs, cells[part], rows.index, store.array)
 
     run_tasks(fill, len(parts), n_threads=n_threads)
     return store
@@ -322,10 +327,8 @@ def _read_parts(
     n_threads: int | None,
     found: NDArray[np.float32],
 ) -> None:
-    from pgm_places.solvers._belief_store_kernels import collect
-
     def read(task: int) -> None:
-        collect(store.array, cells[parts[task]], rows.index, found[parts[task]])
+        collect_beliefs(store.array, cells[parts[task]], rows.index, found[parts[task]])
 
     run_tasks(read, len(parts), n_threads=n_threads)
 
@@ -338,8 +341,6 @@ def _codes(
     *,
     by_direction: bool,
 ) -> NDArray[np.uint8]:
-    from pgm_places.solvers._belief_store_kernels import code_walls
-
     walls = given() if callable(given) else given
     codes = np.zeros(rows.n_cells, np.uint8)
     if walls is not None:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import modes_pass
 from pgm_places.errors import InputError
-from pgm_places.solvers._local_kernels import modes_pass
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
 __all__ = ["LocalSearch", "improved_modes", "iterated_conditional_modes"]

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import decode_beliefs
 from pgm_places.errors import InfeasibleError, InputError, SolverError
-from pgm_places.solvers._belief_kernels import decode_beliefs
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score

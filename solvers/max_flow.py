@@ -1,22 +1,36 @@
 """The minimum cut between a source and a sink, on exact float64 capacities."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen
+from pgm_places._core import minimum_cut_kernel, parted_capacity
 from pgm_places.errors import InputError
-from pgm_places.solvers._cut_kernels import (
-    PATH_COLUMNS,
-    SOURCE,
-    CutSpace,
-    minimum_cut_kernel,
-    parted_capacity,
-)
 from pgm_places.solvers.adjacency import adjacency
 
-__all__ = ["MinimumCut", "cut_space", "minimum_cut"]
+__all__ = ["SINK", "SOURCE", "CutSpace", "MinimumCut", "cut_space", "minimum_cut"]
+
+SOURCE, SINK = 1, 2
+"""Sides of a node; 0 is free."""
+
+
+class CutSpace(NamedTuple):
+    """Working arrays of one minimum cut, to be reused for the next; ``side`` is its result."""
+
+    side: NDArray[np.int8]
+    """(N,) tree of each node."""
+    path: NDArray[np.uint32]
+    """(N, 4) the path to the root: the arc that leads to the parent or a mark above all arcs, the
+    parent, when the path was last known to be sound, its length."""
+    active: NDArray[np.uint32]
+    """(N,) ring of nodes that may grow."""
+    waiting: NDArray[np.bool_]
+    """(N,) whether a node is in that ring."""
+    orphans: NDArray[np.uint32]
+    """(N,) ring of nodes that lost their parent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +112,7 @@ def cut_space(n_nodes: int) -> CutSpace:
     """Working arrays for cuts of a graph of that many nodes."""
     return CutSpace(
         side=np.empty(n_nodes, np.int8),
-        path=np.empty((n_nodes, PATH_COLUMNS), np.uint32),
+        path=np.empty((n_nodes, 4), np.uint32),
         active=np.empty(n_nodes, np.uint32),
         waiting=np.empty(n_nodes, np.bool_),
         orphans=np.empty(n_nodes, np.uint32),

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.solvers._belief_kernels import pass_back, pass_forest
+from pgm_places._core import pass_back, pass_forest
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.belief_propagation import heard_from_all
 from pgm_places.solvers.forest import forest_maximum, ordered_forest

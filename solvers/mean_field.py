@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import mean_field_pass
 from pgm_places.errors import InputError
-from pgm_places.solvers._local_kernels import mean_field_pass
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.set_beliefs import SetTables, set_unit, set_updates
 

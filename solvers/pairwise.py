@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, number_array
+from pgm_places._core import score_labels
 from pgm_places.errors import InputError
-from pgm_places.solvers._pairwise_kernels import Terms, score_labels
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 
 __all__ = ["PairwiseModel", "checked_labels", "label_distances", "pairwise_model", "total_score"]
@@ -18,6 +19,16 @@ FEWEST_LABELS = {1.0: 24, 2.0: 48}
 
 SAME = 1e-13
 """Numbers closer than this share of the largest are the same, but for rounding."""
+
+
+class Terms(NamedTuple):
+    """Log-potentials of a pairwise model as kernels take them."""
+
+    unary: NDArray[np.float64]
+    """(N, K)."""
+    pairwise: NDArray[np.float64]
+    """(E, K) rewards of agreement, or tables (E, K, K), or one table (1, K, K) for all edges, or
+    (1 + 3 E,) the power of the distance, then base, weight and cap of each edge, or (4,) of all."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,32 @@ how many of their nodes have each label.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
+from pgm_places._core import pass_from_sets, set_mean_field_pass
 from pgm_places.errors import InputError
-from pgm_places.solvers._set_belief_kernels import SetTables, pass_from_sets, set_mean_field_pass
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.set_nodes import SetNodes
 
 __all__ = ["SetMessages", "SetTables", "set_tables", "set_unit", "set_updates"]
+
+
+class SetTables(NamedTuple):
+    """C sets with M members together, and what they earn."""
+
+    start: NDArray[np.int64]
+    """(C + 1,) where the members of each set begin, and where those of the last one end."""
+    member: NDArray[np.int64]
+    """(M,) nodes."""
+    worth: NDArray[np.float64]
+    """(K, M + C) of each set in turn, for 0, 1, ... n nodes with a label: where a set's members
+    begin in ``member``, its worths begin here as many places later as there are sets before."""
+    log_gain: NDArray[np.float64]
+    """(K, M + C) ``log(exp(worth) - 1)``."""
 
 
 def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
@@ -71,9 +86,7 @@ class SetMessages:
         self._tables = tables
         self._message = np.zeros((len(tables.member), model.n_labels))
         self._field = model.unary.copy()
-        shown = self._field.view()
-        shown.setflags(write=False)  # kernels are compiled for unaries that they cannot write
-        self.model = replace(model, unary=shown)
+        self.model = replace(model, unary=self._field)
 
     def renew(self, heard: NDArray[np.float64]) -> float:
         """Renew all messages from what the nodes hear (N, K), which follows; the largest change."""

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.solvers._trws_kernels import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score

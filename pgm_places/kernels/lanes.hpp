@@ -12,7 +12,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <type_traits>
+
+#if defined(__x86_64__) || defined(_M_X64)
+#include <cpuid.h>
+#endif
 
 #define PGM_INLINE inline __attribute__((always_inline))
 
@@ -136,10 +141,11 @@ template <class T, int N, int B> PGM_INLINE Lanes<T, N, B> nearest_integer(Lanes
 
 // 2 to the power of every lane: whole numbers from -1022 to 1023.
 template <int N, int B> PGM_INLINE Lanes<double, N, B> power_of_two(Lanes<double, N, B> a) {
-    using Whole = typename Register<std::int64_t, Lanes<double, N, B>::WIDTH>::type;
-    return a.each([&](int p) {
+    using L = Lanes<double, N, B>;
+    using Whole = typename Register<std::int64_t, L::WIDTH>::type;
+    return L::each([&](int p) {
         const auto moved = a.part[p] + (0x1.8p52 + 1023);  // the exponent is in the lowest bits
-        return reinterpret_cast<decltype(a.part[p])>(reinterpret_cast<Whole>(moved) << 52);
+        return (typename L::Part)((Whole)moved << 52);     // the same bits, as another type
     });
 }
 
@@ -191,22 +197,30 @@ inline int &register_limit() {
     return bytes;
 }
 
-// The width in bytes of the widest registers of this processor.
-inline int widest_registers() {
 #if defined(__x86_64__) || defined(_M_X64)
+// Asked of the processor itself: not every compiler's library knows.
+inline int widest_registers() {
     static const int bytes = [] {
-        __builtin_cpu_init();
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-            __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-            return 64;
-        if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return 32;
-        return 16;
+        unsigned a, b, c, d, wide, unused;
+        const auto all = [](unsigned bits, std::initializer_list<int> wanted) {
+            return std::all_of(wanted.begin(), wanted.end(),
+                               [bits](int bit) { return (bits >> bit & 1) != 0; });
+        };
+        // FMA, MOVBE, XGETBV, AVX, F16C
+        if (!__get_cpuid(1, &a, &b, &c, &d) || !all(c, {12, 22, 27, 28, 29})) return 16;
+        if (!__get_cpuid_count(7, 0, &a, &wide, &c, &d) || !all(wide, {3, 5, 8})) return 16;
+        if (!__get_cpuid(0x80000001, &a, &b, &c, &d) || !all(c, {5})) return 16;  // LZCNT
+        unsigned kept;  // which registers the system keeps for each process
+        __asm__("xgetbv" : "=a"(kept), "=d"(unused) : "c"(0));
+        if (!all(kept, {1, 2})) return 16;
+        // AVX-512 F, DQ, CD, BW, VL
+        return all(wide, {16, 17, 28, 30, 31}) && all(kept, {5, 6, 7}) ? 64 : 32;
     }();
     return bytes;
-#else
-    return 16;
-#endif
 }
+#else
+inline int widest_registers() { return 16; }
+#endif
 
 // The width in bytes of the registers that kernels use.
 inline int register_bytes() { return std::min(widest_registers(), register_limit()); }

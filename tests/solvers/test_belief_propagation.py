@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
+from pgm_places._core import agreement_sweep, message_sweep, pass_max, pass_sum
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import Rule, agreement_sweep, message_sweep
-from pgm_places.solvers._pairwise_kernels import pass_max, pass_sum
-from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.belief_propagation import Rule, belief_propagation
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, distribution, score

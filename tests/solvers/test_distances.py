@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places._core import edge_score, max_of_distances
 from pgm_places.solvers import pairwise as pairwise_module
-from pgm_places.solvers._distance_kernels import max_of_distances
-from pgm_places.solvers._pairwise_kernels import edge_score
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.pairwise import label_distances, pairwise_model

@@ -9,8 +9,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import maximum_flow
 
+from pgm_places._core import spread_excess
 from pgm_places.errors import InputError
-from pgm_places.solvers._excess_kernels import spread_excess
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.max_flow import minimum_cut
 from tests.reference.energy import cut_value

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.solvers import grid_relaxation
-from pgm_places.solvers._belief_store_kernels import BLOCK
-from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
+from pgm_places.solvers.grid_relaxation import BLOCK, neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
 

@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pgm_places._core import pass_over_nodes, share_of_nodes
 from pgm_places.errors import InputError
-from pgm_places.solvers._pairwise_kernels import Terms
-from pgm_places.solvers._trws_kernels import pass_over_nodes, share_of_nodes
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.marginal_lp import solve_marginal_lp
+from pgm_places.solvers.pairwise import Terms
 from pgm_places.solvers.trws import trws
 from tests.reference.energy import Model, best_score, score
 from tests.solvers.test_expansion import grid_model
