@@ -8,6 +8,7 @@ transition is impossible it may be all there is when later observations rule out
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import filter_in_logs, smooth_in_logs, subtract_best
 from pgm_places.solvers.chain_tables import Chain
 
 __all__ = ["beliefs_in_logs", "exceeds_floats"]
@@ -77,9 +78,6 @@ def beliefs_in_logs(
     smooth : bool
         Whether later observations count too.
     """
-    from pgm_places.solvers._chain_log_kernels import filter_in_logs, smooth_in_logs
-    from pgm_places.solvers._forward_kernels import subtract_best
-
     with np.errstate(divide="ignore"):
         start, arrival = np.log(chain.start), np.log(chain.arrival)
     scaled, best = np.empty(beliefs.shape), np.empty(len(beliefs))

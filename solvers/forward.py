@@ -6,12 +6,19 @@ step, and their steps are reported; beliefs never become NaN.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, number_array
+from pgm_places._core import (
+    filter_chain,
+    smooth_chain,
+    subtract_best,
+    trace_back,
+    viterbi_chain,
+)
 from pgm_places.errors import InputError
 from pgm_places.solvers.chain_logs import beliefs_in_logs, exceeds_floats
 from pgm_places.solvers.chain_tables import SUM_TOLERANCE, Chain, check_chain, check_tables
@@ -27,7 +34,23 @@ __all__ = [
 ]
 
 STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between check and kernel
-FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
+
+
+class _Steps(NamedTuple):
+    """Some steps of a chain, and what the filter finds in them."""
+
+    action: NDArray[np.int64]
+    """(n,) the action that led to each."""
+    log_likelihood: NDArray[np.float64]
+    """(n, K)."""
+    likelihood: NDArray[np.float64]
+    """(n, K) its exponential, up to a factor"""
+    scale: NDArray[np.float64]
+    """(n,) whose logarithm is here."""
+    beliefs: NDArray[np.float64]
+    """(n, K), written."""
+    impossible: NDArray[np.bool_]
+    """(n,), written: whether the observation has probability 0 given all before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,21 +163,19 @@ def viterbi(
     >>> viterbi([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
     [0, 0, 0]
     """
-    from pgm_places.solvers._forward_kernels import trace_back, viterbi_steps
-
     start, arrival, observed, led = check_chain(initial, transition, log_likelihood, actions)
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
     with np.errstate(divide="ignore"):
         score, log_arrival = np.log(start), np.log(arrival)
-    origin = np.empty(observed.shape, np.int8 if n_labels <= FEW_LABELS else np.int16)
+    origin = np.empty(observed.shape, np.int8 if n_labels <= np.iinfo(np.int8).max else np.int16)
     impossible = np.empty(n_steps, np.bool_)
-    shift, each = 0.0, _each(n_labels)
+    shift = 0.0
     for part in _blocks(n_steps):
         rows, begun = _checked(observed, part), part.start > 0
-        shift += viterbi_steps(
-            score, begun, log_arrival, led[part], rows, origin[part], impossible[part], each
+        shift += viterbi_chain(
+            score, begun, log_arrival, led[part], rows, origin[part], impossible[part]
         )
     labels, last = np.empty(n_steps, np.int64), int(score.argmax()) if n_labels else 0
     trace_back(origin, last, labels)
@@ -234,11 +255,6 @@ class ForwardFilter:
         return beliefs[0], not impossible[0]
 
 
-def _each(n_labels: int) -> Any:
-    """A 0.0 per label: a tuple, whose length kernels are compiled for, if there are few."""
-    return (0.0,) * n_labels if 0 < n_labels <= FEW_LABELS else np.zeros(n_labels)
-
-
 def _blocks(n_steps: int) -> Iterator[slice]:
     """Slices of steps, few enough that all their numbers stay in cache."""
     for begin in range(0, n_steps, STEPS_AT_ONCE):
@@ -255,15 +271,13 @@ def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
 
 def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
     """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
-    from pgm_places.solvers._forward_kernels import smooth_steps
-
     observed = chain.observed
     beliefs, impossible = np.empty(observed.shape), np.empty(len(observed), np.bool_)
     evidence = _filter(chain, False, beliefs, impossible)
     if exceeds_floats(chain, beliefs, impossible):
         evidence = beliefs_in_logs(chain, beliefs, impossible, smooth=smooth)
     elif smooth:
-        smooth_steps(chain.arrival, chain.led, beliefs, _each(observed.shape[1]))
+        smooth_chain(chain.arrival, chain.led, beliefs)
     return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
 
 
@@ -274,15 +288,13 @@ def _filter(
 
     The chain's start is the belief before; where nothing has ``begun``, the first prediction.
     """
-    from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
-
-    belief, each, evidence = chain.start.copy(), _each(len(chain.start)), 0.0
+    belief, evidence = chain.start.copy(), 0.0
     for part in _blocks(len(chain.observed)):
         rows = _checked(chain.observed, part)
         scaled, scale = np.empty(rows.shape), np.empty(len(rows))
         subtract_best(rows, scaled, scale)
         np.exp(scaled, out=scaled)
-        steps = Steps(chain.led[part], rows, scaled, scale, beliefs[part], impossible[part])
-        evidence += filter_steps(belief, begun or part.start > 0, chain.arrival, steps, each)
+        steps = _Steps(chain.led[part], rows, scaled, scale, beliefs[part], impossible[part])
+        evidence += filter_chain(belief, begun or part.start > 0, chain.arrival, steps)
         evidence += float(scale.sum())
     return evidence

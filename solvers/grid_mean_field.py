@@ -101,7 +101,8 @@ def grid_mean_field(
     n_nodes, n_labels = nodes.shape
     table = np.zeros((n_labels, n_labels))
     if pairwise is not None:
-        table = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
+        given = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
+        table = np.ascontiguousarray(given)
     cells, start = _rows_of(cells_rc, n_nodes)
     beliefs = _start(nodes)
     tasks = _split(start)

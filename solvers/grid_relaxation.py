@@ -22,6 +22,7 @@ from pgm_places.kernels.pages import Planes
 from pgm_places.kernels.threads import Crew, run_tasks
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import (
+    SUMS,
     OnIteration,
     Relaxed,
     check_options,
@@ -151,8 +152,6 @@ def relax_grid(
     neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
     while the result is read from them.
     """
-    from pgm_places.solvers._relaxation_kernels import SUMS
-
     check_options(damping, iterations, tolerance)
     table = np.asarray(unary)
     if table.ndim != 2:

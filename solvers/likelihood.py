@@ -377,8 +377,9 @@ def _exact(
     field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
 ) -> _Expected:
     tables = potentials.tables
-    stacked = tables if tables.ndim == 3 else tables[None]
-    model = PairwiseModel(field.around, potentials.unary, None, stacked)
+    stacked = np.ascontiguousarray(tables if tables.ndim == 3 else tables[None])
+    unary = np.ascontiguousarray(potentials.unary)
+    model = PairwiseModel(field.around, unary, None, stacked)
     found = forest_sums(model, *field.rooting)
     counts = found.pair_counts(node_weight)
     if node_weight is None:

@@ -127,4 +127,4 @@ def _capacities(name: str, values: ArrayLike, size: int | str) -> NDArray[np.flo
             f"{name} must be at least 0, got {array[low[0]]} at index {low[0]}; a negative "
             "terminal capacity is a capacity to the other terminal"
         )
-    return array
+    return np.ascontiguousarray(array)

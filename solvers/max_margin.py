@@ -32,9 +32,8 @@ from pgm_places._checks import (
     is_sparse,
     stacked_rows,
 )
+from pgm_places._core import add_feature_difference, multiply_rows
 from pgm_places.errors import InputError
-from pgm_places.kernels.lane_access import FOUR
-from pgm_places.solvers._max_margin_kernels import add_feature_difference, multiply_rows
 from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = [
@@ -451,12 +450,12 @@ def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArra
     if is_sparse(rows):
         return rows @ weights
     (n_rows, n_features), n_columns = rows.shape, weights.shape[1]
-    width = -(-n_columns // FOUR) * FOUR
+    width = 4 * -(-n_columns // 4)  # the kernel takes four at a time
     padded = np.zeros((n_features, width))
     padded[:, :n_columns] = weights
-    out = np.zeros((1, n_rows * n_columns + width))
+    out = np.zeros(n_rows * n_columns + width)
     multiply_rows(np.ascontiguousarray(rows), padded, out)
-    return out[0, : n_rows * n_columns].reshape(n_rows, n_columns)
+    return out[: n_rows * n_columns].reshape(n_rows, n_columns)
 
 
 def hinge(problem: MarginProblem, weights: NDArray[np.float64], augmented_maximum: float) -> float:

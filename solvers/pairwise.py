@@ -263,7 +263,7 @@ def _with_tables(
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A contiguous view that kernels see as read-only, so that each is compiled once."""
+    """A contiguous view that nobody writes to."""
     view = np.ascontiguousarray(array).view()
     view.setflags(write=False)
     return view

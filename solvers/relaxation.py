@@ -9,25 +9,27 @@ The update of every node (paper eq. 4 and 5)::
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
+from pgm_places._core import starting_probabilities, update_parts_of_graph
 from pgm_places.errors import InputError
-from pgm_places.kernels.jit import ready
-from pgm_places.kernels.lanes import LANES
 from pgm_places.kernels.threads import Crew, resolve_threads
-
-if TYPE_CHECKING:
-    from pgm_places.solvers._relaxation_kernels import Neighbours
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
 NODES_PER_PART = 4096
-FEW_FOURS = 2  # the kernel is compiled for so many times four labels, and for any number
+LANES, FOUR = 16, 4
+"""Numbers that kernels handle at a time, of nodes in a row and of a node."""
+
+SUMS = 3
+"""Per task: largest change, sum of changes, sum of p q over labels and nodes."""
+
 MOST_ENTRIES = 2**32  # the kernel's indices have 32 bits
 GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
 PARTS_PER_THREAD = 4  # fewer parts than this a thread and starting threads costs more than it saves
@@ -40,6 +42,23 @@ function that returns the beliefs (N, K) of the moment."""
 
 Step = Callable[[], NDArray[np.float64]]
 """One iteration; returns the largest change, the sum of changes, and the sum of p q."""
+
+
+class _Neighbours(NamedTuple):
+    """Adjacency in compressed rows, one row for each node and table of compatibilities.
+
+    The neighbours of node ``i`` that table ``d`` of D counts for are the entries
+    ``start[i D + d]:start[i D + d + 1]``.
+    """
+
+    start: NDArray[np.uint32]
+    """(N D + 1,)."""
+    place: NDArray[np.uint32]
+    """(A,) where the neighbour's beliefs begin: P times its number."""
+    weight: NDArray[np.float64]
+    """(A,) its weight c_ij, or (N,) where a node's neighbours all have the same."""
+    shared: bool
+    """Which of the two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +110,12 @@ def starting_beliefs(
     >>> starting_beliefs(np.log([[3.0, 1.0]])).round(3).tolist()
     [[0.75, 0.25]]
     """
-    from pgm_places.solvers._starting_kernels import normalise
-
     array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
-    row = np.empty((1, array.size + LANES))
-    stopped = normalise(np.ascontiguousarray(array), float(floor), row)
+    row = np.empty(array.size + LANES)
+    stopped = starting_probabilities(np.ascontiguousarray(array), float(floor), row)
     if stopped >= 0:
         raise InputError(f"unary forbids every label at node {first_node + stopped}")
-    return row[0, : array.size].reshape(array.shape)
+    return row[: array.size].reshape(array.shape)
 
 
 def relax_graph(
@@ -137,9 +154,6 @@ def relax_graph(
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    from pgm_places.kernels.lane_access import FOUR
-    from pgm_places.solvers._relaxation_kernels import SUMS, update_parts
-
     check_options(damping, iterations, tolerance)
     beliefs = starting_beliefs(unary, floor=floor)
     n_nodes, n_labels = beliefs.shape
@@ -151,8 +165,7 @@ def relax_graph(
     which = None
     if table is not None:
         which = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
-    fours = _fours(n_labels)
-    width = FOUR * len(fours)
+    width = FOUR * -(-n_labels // FOUR)
     if max(n_nodes * width, len(neighbour)) >= MOST_ENTRIES:
         raise InputError(
             f"relaxation takes fewer than {MOST_ENTRIES:,} entries of node and beliefs (labels "
@@ -168,7 +181,10 @@ def relax_graph(
     buffers = [padded, padded.copy()]
     calls = [
         [
-            ready(update_parts, old, around, across, float(damping), group, begin, fours, new, sums)
+            partial(
+                update_parts_of_graph,
+                *(old, around, across, float(damping), *group, begin, width, new, sums),
+            )
             for group in groups
         ]
         for old, new in (buffers, buffers[::-1])
@@ -283,10 +299,8 @@ def _neighbours(
     shared: bool,
     table: NDArray[np.int64] | None,
     n_tables: int,
-) -> "Neighbours":
+) -> _Neighbours:
     """The adjacency for the kernel, each node's entries by table."""
-    from pgm_places.solvers._relaxation_kernels import Neighbours
-
     n_nodes = len(rows) - 1
     if n_tables > 1:
         row = np.repeat(np.arange(n_nodes) * n_tables, np.diff(rows))
@@ -297,15 +311,7 @@ def _neighbours(
         weight = weight if shared else weight[order]
         counts = np.bincount(row, minlength=n_nodes * n_tables)
         rows = np.concatenate([[0], np.cumsum(counts)])
-    return Neighbours(rows.astype(np.uint32), place.astype(np.uint32), weight, shared)
-
-
-def _fours(n_labels: int) -> Any:
-    """An entry per four labels, in a tuple where there are few."""
-    from pgm_places.kernels.lane_access import FOUR
-
-    count = -(-n_labels // FOUR)
-    return (0,) * count if count <= FEW_FOURS else np.zeros(count, np.int64)
+    return _Neighbours(rows.astype(np.uint32), place.astype(np.uint32), weight, shared)
 
 
 def _padded(
@@ -317,4 +323,4 @@ def _padded(
     wide[:, :n_labels] = beliefs
     across = np.zeros((len(tables), width, width))
     across[:, :n_labels, :n_labels] = tables.transpose(0, 2, 1)
-    return wide.reshape(1, -1), across.reshape(1, -1)
+    return wide.ravel(), across.ravel()

@@ -1,5 +1,3 @@
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -297,28 +295,6 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
     for function in (filtered_beliefs, smoothed_beliefs, viterbi):
         with pytest.raises(InputError, match=message):
             function(**{**arguments, **change})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("k", [1, 3, 5, 6, 8])
-def test_registers_and_arrays_give_the_same_bits(k: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    initial, transition, likelihood, actions = a_chain(k, 400, k, 2, zeros=0.2 if k > 1 else 0.0)
-    observed = logs(likelihood) * np.random.default_rng(k).choice([1.0, 60.0, 400.0], (400, 1))
-
-    def every() -> list[tuple[str, Any]]:
-        results = {
-            function: function(initial, transition, observed, actions=actions)
-            for function in (filtered_beliefs, smoothed_beliefs, viterbi)
-        }
-        return [
-            (f"{function.__name__}: {name}", value)
-            for function, result in results.items()
-            for name, value in vars(result).items()
-        ]
-
-    registers = every()
-    monkeypatch.setattr(forward, "FEW_LABELS", 0)
-    for n, (name, value) in enumerate(every()):
-        np.testing.assert_array_equal(registers[n][1], value, err_msg=name)
 
 
 @pytest.mark.parametrize("k", [3, 5, 7, 8])

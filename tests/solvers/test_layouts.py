@@ -1,0 +1,99 @@
+"""Arrays of any layout in memory: kernels take one, so functions have to bring all others to it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.expansion import alpha_expansion
+from pgm_places.solvers.forest import forest_marginals, forest_maximum
+from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
+from pgm_places.solvers.grid_mean_field import grid_mean_field
+from pgm_places.solvers.grid_relaxation import relax_grid
+from pgm_places.solvers.local_search import iterated_conditional_modes
+from pgm_places.solvers.max_flow import minimum_cut
+from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
+from pgm_places.solvers.trws import trws
+
+Array = NDArray[Any]
+
+
+def fortran(array: Array) -> Array:
+    return np.asfortranarray(array)
+
+
+def strided(array: Array) -> Array:
+    return np.repeat(array, 2, axis=-1)[..., ::2]
+
+
+def reversed_twice(array: Array) -> Array:
+    return np.ascontiguousarray(array[::-1])[::-1]
+
+
+def read_only(array: Array) -> Array:
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+N, K = 6, 3
+RNG = np.random.default_rng(0)
+UNARY = RNG.normal(size=(N, K))
+EDGES = np.array([[0, 1], [1, 2], [3, 2], [4, 3], [4, 5]])
+AGREEMENT = RNG.uniform(size=(len(EDGES), K))
+TABLES = -np.abs(RNG.normal(size=(len(EDGES), K, K)))
+CELLS = np.argwhere(np.ones((2, 3), bool))
+CHAIN = (np.full(K, 1 / K), np.eye(K) * 0.7 + 0.1, UNARY)
+CAPACITIES = tuple(RNG.uniform(size=n) for n in (N, N, len(EDGES), len(EDGES)))
+FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
+    "cut": (
+        lambda source, sink, ahead, back, edges: minimum_cut(source, sink, edges, ahead, back),
+        (*CAPACITIES, EDGES),
+    ),
+    "expansion": (alpha_expansion, (UNARY, EDGES, AGREEMENT)),
+    "modes": (iterated_conditional_modes, (UNARY, EDGES, AGREEMENT)),
+    "modes by tables": (
+        lambda u, e, t: iterated_conditional_modes(u, e, pairwise=t),
+        (UNARY, EDGES, TABLES),
+    ),
+    "mean field": (mean_field, (UNARY, EDGES, AGREEMENT)),
+    "messages": (belief_propagation, (UNARY, EDGES, AGREEMENT)),
+    "messages by tables": (
+        lambda u, e, t: belief_propagation(u, e, pairwise=t),
+        (UNARY, EDGES, TABLES),
+    ),
+    "trws": (trws, (UNARY, EDGES, AGREEMENT)),
+    "forest": (forest_maximum, (UNARY, EDGES, AGREEMENT)),
+    "marginals": (lambda u, e, t: forest_marginals(u, e, pairwise=t), (UNARY, EDGES, TABLES)),
+    "grid mean field": (grid_mean_field, (UNARY, CELLS, np.eye(K))),
+    "grid relaxation": (
+        lambda u, c, r: relax_grid(u, c, (2, 3), r, iterations=3),
+        (UNARY, CELLS, RNG.uniform(-1, 1, (1, K + 1, K + 1))),
+    ),
+    "relaxation": (
+        lambda u, start, node, r: relax_graph(u, start, node, r, iterations=3),
+        (UNARY, np.array([0, 1, 2, 3, 4, 5, 6]), np.array([1, 2, 3, 4, 5, 0]), np.eye(K)[None]),
+    ),
+    "start": (starting_beliefs, (UNARY,)),
+    "filter": (filtered_beliefs, CHAIN),
+    "smoother": (smoothed_beliefs, CHAIN),
+    "viterbi": (viterbi, CHAIN),
+}
+
+
+@pytest.mark.parametrize("change", [fortran, strided, reversed_twice, read_only])
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_any_layout_gives_the_same(name: str, change: Callable[[Array], Array]) -> None:
+    function, arguments = FUNCTIONS[name]
+    plain = function(*arguments)
+    changed = function(*map(change, arguments))
+    if isinstance(plain, np.ndarray):
+        np.testing.assert_array_equal(changed, plain)
+        return
+    for field, value in vars(plain).items():
+        if isinstance(value, np.ndarray | float | list):
+            np.testing.assert_array_equal(getattr(changed, field), value, err_msg=field)
