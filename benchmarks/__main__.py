@@ -41,6 +41,7 @@ TOPICS = (
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last
+KERNELS = FOLDER / "kernels.md"  # those in C++ beside numba's, which they replaced
 NOTES = FOLDER / "notes.md"  # the targets, and what limits those that were missed
 PAGE = FOLDER.parent / "docs" / "benchmarks.md"
 HEAD = """\
@@ -141,7 +142,7 @@ def main() -> None:
 def page() -> str:
     """The page of all sections that were kept."""
     parts = [HEAD + HOW_TO_RUN]
-    files = (*(SECTIONS / f"{topic}.md" for topic in TOPICS), NOTES)
+    files = (*(SECTIONS / f"{topic}.md" for topic in TOPICS), KERNELS, NOTES)
     return "\n".join(
         [*parts, *(file.read_text(encoding="utf-8") for file in files if file.exists())]
     )
