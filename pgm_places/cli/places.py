@@ -173,7 +173,7 @@ def export(
     ] = None,
     keep_out: Annotated[
         list[str] | None,
-        Option(help="For nav2: a class or a place to keep out of. Repeatable."),
+        Option(help="For nav2 and nav2-route: a class or a place to keep out of. Repeatable."),
     ] = None,
     map_yaml: Annotated[
         Path | None,
@@ -192,9 +192,10 @@ def export(
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        for flag, given in (("--keep-out", keep_out), ("--map", map_yaml)):
-            if given and to != "nav2":
-                raise InputError(f"the export {to!r} takes no {flag}; nav2 does")
+        if keep_out and to not in ("nav2", "nav2-route"):
+            raise InputError(f"the export {to!r} takes no --keep-out; nav2 and nav2-route do")
+        if map_yaml and to != "nav2":
+            raise InputError(f"the export {to!r} takes no --map; nav2 does")
         if to == "nav2":
             topology.ids_of(keep_out or ())  # a slip is said before anything is read
             for_nav2 = {
@@ -204,7 +205,7 @@ def export(
             }
             _write_routes(files.stage, topology, robot_radius_m, keep_out or (), for_nav2)
         elif to == "nav2-route" and not values:
-            _write_routes(files.stage, topology, robot_radius_m)
+            _write_routes(files.stage, topology, robot_radius_m, keep_out or ())
         else:
             write_export(
                 topology,

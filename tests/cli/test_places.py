@@ -73,7 +73,7 @@ def test_where(places: Path, run: Run) -> None:
 @pytest.mark.parametrize(
     ("to", "options", "names"),
     [
-        ("nav2-route", [], ["nav2_route.geojson", "nav2_route.png"]),
+        ("nav2-route", ["--keep-out", "room"], ["nav2_route.geojson", "nav2_route.png"]),
         (
             "nav2",
             ["--set", "corridor=0.8", "--keep-out", "room"],
@@ -98,7 +98,9 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
     ("arguments", "words"),
     [
         (["export", "--to", "nav2-rout"], "Did you mean 'nav2-route'"),
-        (["export", "--to", "dot", "--keep-out", "room"], "takes no --keep-out"),
+        (["export", "--to", "dot", "--keep-out", "room"], "takes no --keep-out; nav2 and nav2-r"),
+        (["export", "--to", "nav2-route", "--keep-out", "rom"], "there is no place 'rom'"),
+        (["export", "--to", "nav2-route", "--map", "m.yaml"], "takes no --map; nav2 does"),
         (["export", "--to", "nav2", "--keep-out", "rom"], "there is no place 'rom'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),

@@ -40,7 +40,7 @@ def test_what_is_read_is_what_was_written(memory: PlaceMemory, tmp_path: Path) -
 
 def test_cells_like_stairs_stay_where_they_are(tmp_path: Path) -> None:
     memory, cells = Maps().memory, np.array([[-1, 3], [0, 0], [0, 1], [1, 2], [1, 3], [3, 4]])
-    memory.raster, memory.next_id = OccupancyGrid([[0]], 0.1), 2
+    memory.raster, memory.next_id = OccupancyGrid(np.zeros((1, 1), np.int8), 0.1), 2
     memory.places[1] = RememberedPlace("room", "room 1", cells, (0.0, 0.0))
     found = read_session(write_session(tmp_path / "session.json", memory))
     np.testing.assert_array_equal(found.places[1].cells, cells)

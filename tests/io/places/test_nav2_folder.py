@@ -213,5 +213,6 @@ def test_a_way_beside_an_open_place_to_keep_out_of_avoids_its_mask(
     mask = load_map(tmp_path / "keepout.yaml").occupancy
     _, edges = graph_of(tmp_path / "nav2_route.geojson")
     for edge in edges:
-        along = np.linspace(*edge["line"][0], 200)
+        [(start, end)] = edge["line"]
+        along = np.linspace(start, end, 200)
         assert not mask[tuple(grid.cells_at_m(along).T)].any()
