@@ -29,6 +29,7 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.topology_files import load_topology, read_own_names
+from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import read
@@ -254,6 +255,7 @@ READERS |= {
         BYTES,
     ),
     "edits of a studio": Reader(edited, "edits.json", (of_json,)),
+    "session of a robot": Reader(_of_folder(read_session, "robot.session"), "robot.session", JSON),
 }
 for _model in MODELS:
     READERS[f"{_model}/manifest.json"] = Reader(

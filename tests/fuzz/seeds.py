@@ -25,6 +25,8 @@ from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.live.place_memory import PlaceMemory
+from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
@@ -183,6 +185,9 @@ def seeds(folder: Path) -> None:
         json_bytes({"format": "pgm-places output", "schema": 1, "files": {"a.txt": record}})
     )
     (folder / "removed.json").write_bytes(json_bytes(["a.txt", "bag/one"]))
+    memory = PlaceMemory()
+    memory.learn(gated_floor_map())
+    write_session(folder / "robot.session", memory)
     _write_journal(folder, grid)
     _write_graphs(folder)
     (folder / "floors.toml").write_text(FLOORS)
