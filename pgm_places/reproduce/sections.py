@@ -54,6 +54,7 @@ _EXPERIMENTS = (
     "furniture",
     "partial-maps",
     "buildings",
+    "rooms",
 )
 """Names that earlier versions had here, of experiments that are not the paper's."""
 

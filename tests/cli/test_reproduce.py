@@ -1,6 +1,5 @@
 """The paper's experiments from the command line."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -9,7 +8,6 @@ from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.reproduce.section import Finding, Outcome
 from pgm_places.reproduce.setting import Setting
 from tests.cli.conftest import Run
-from tests.reproduce.test_rooms import write as write_rooms
 
 
 def test_an_unknown_section_is_refused_with_the_nearest_one(run: Run, tmp_path: Path) -> None:
@@ -41,27 +39,3 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
         "reproduce.html",
         "reproduce.md",
     ]
-
-
-def test_rooms_are_scored_on_a_folder_of_maps(run: Run, tmp_path: Path) -> None:
-    maps, out = tmp_path / "maps", tmp_path / "out"
-    maps.mkdir()
-    code, text, _ = run("reproduce", "rooms", write_rooms(maps), "--out", out)
-    assert code == 0
-    assert "lab, empty: recall " in text
-    assert "lab, furnished: recall " in text
-    assert "Sharif, Mohan and Suvarna" in text
-    assert sorted(path.name for path in out.iterdir()) == [RECORD_FILE, "rooms.json", "rooms.md"]
-    for item in json.loads((out / "rooms.json").read_text()):
-        assert item["rooms"]["recall"] > 0.9
-        assert item["doors"]["n_true"] == 1
-
-
-def test_rooms_want_one_folder(run: Run, tmp_path: Path) -> None:
-    code, _, error = run("reproduce", "rooms", "--out", tmp_path / "out")
-    assert code == 2
-    assert "'rooms' wants one folder of maps" in error
-    code, _, error = run("reproduce", "rooms", tmp_path, "--out", tmp_path / "out")
-    assert code == 2
-    assert "has no map with its rooms" in error
-    assert not (tmp_path / "out").exists()

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from experiments.rooms.__main__ import main
+from experiments.rooms.maps import EMPTY, FURNISHED, read_room_maps
+from experiments.rooms.results import PEERS, RoomResult, room_tables
+from experiments.rooms.scores import score_doors, score_rooms
 from pgm_places.errors import MapError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
-from pgm_places.reproduce.room_maps import EMPTY, FURNISHED, read_room_maps
-from pgm_places.reproduce.room_scores import score_doors, score_rooms
-from pgm_places.reproduce.rooms import PEERS, RoomResult, room_tables
 
 
 def two_rooms() -> np.ndarray:
@@ -104,3 +105,17 @@ def test_tables_have_the_peers_beside() -> None:
     assert maps.rows == (("lab", "furnished", "100.0", "100.0", "100.0", "-", "-", "1 of 1"),)
     assert len(maps.heading) == len(maps.rows[0])
     assert json.dumps(RoomResult("lab", FURNISHED, rooms, doors).to_dict())
+
+
+def test_a_folder_of_maps_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    maps, out = tmp_path / "maps", tmp_path / "out"
+    maps.mkdir()
+    main([str(write(maps)), "--out", str(out)])
+    text = capsys.readouterr().out
+    assert "lab, empty: recall " in text
+    assert "lab, furnished: recall " in text
+    assert "Sharif, Mohan and Suvarna" in text
+    assert sorted(path.name for path in out.iterdir()) == ["rooms.json", "rooms.md"]
+    for item in json.loads((out / "rooms.json").read_text()):
+        assert item["rooms"]["recall"] > 0.9
+        assert item["doors"]["n_true"] == 1

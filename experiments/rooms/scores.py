@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.rooms.maps import LEAST_PIXELS
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
-from pgm_places.reproduce.room_maps import LEAST_PIXELS
 
 __all__ = ["DoorCounts", "RoomScores", "score_doors", "score_rooms"]
 
