@@ -33,10 +33,11 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.max_margin import MaxMarginProblem, MaxMarginSolution
+from pgm_places.solvers.margin_solution import MaxMarginSolution
+from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
-from pgm_places.unary.learning import fit_unary
+from pgm_places.unary.learning import UnaryLearner
 
 TRAINING_COLUMNS = 366
 PENALTY = 100.0
@@ -57,13 +58,8 @@ def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMargi
         labels, grid = coarsen_labels(labels, grid, coarse), coarse
     window = np.broadcast_to(np.arange(grid.shape[1]) * grid.resolution_m < share, grid.shape)
     known = LabelledMap(grid, labels, window)
-    learned = fit_unary(
-        [known],
-        len(NAMES),
-        sensor=Sensor(),
-        classifier=DecisionListClassifier(n_rounds=30 if quick else 100),
-        learn_on="in-sample",
-    )
+    classifier = DecisionListClassifier(n_rounds=30 if quick else 100)
+    learned = UnaryLearner(Sensor(), classifier, len(NAMES), learn_on="in-sample").fit([known])
     graph = known.graph(labelled_only=True)
     assert learned.scores is not None  # asked for by default
     scores = learned.scores

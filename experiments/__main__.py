@@ -17,8 +17,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
 from pgm_places.reproduce.figures import BORDER_M, away_from_borders, percent
-from pgm_places.reproduce.markdown import markdown_section, markdown_table
-from pgm_places.reproduce.overview import overview_table
+from pgm_places.reproduce.markdown import markdown_section, markdown_table, overview_table
 from pgm_places.reproduce.run import RECORD, finished_section, reproduce
 from pgm_places.reproduce.section import Section
 from pgm_places.reproduce.sections import SECTIONS as OF_THE_PAPER

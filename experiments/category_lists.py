@@ -23,9 +23,9 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.mrf import PottsField
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
+from pgm_places.reproduce.categories import CATEGORY_NAMES, Building79
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.learning import RAREST_FIRST
+from pgm_places.unary.list_learning import RAREST_FIRST
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
 EVERY_M, LOOP_M = 0.3, 0.4

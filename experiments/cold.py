@@ -9,7 +9,7 @@ import numpy as np
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.cold import (
+from pgm_places.reproduce.front_laser import (
     CLASSES,
     NAMES,
     PLACES,

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.reproduce.cold import PLACES, load_cold_folder, place_classes
+from pgm_places.reproduce.front_laser import PLACES, load_cold_folder, place_classes
 from pgm_places.spaces.unentered import find_unentered
 
 ALIKE = (

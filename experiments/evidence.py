@@ -10,9 +10,9 @@ from pgm_places.labelers.trajectory_learning import learn_method, trajectory_exa
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Silent
-from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
+from pgm_places.reproduce.categories import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.learning import (
+from pgm_places.unary.list_learning import (
     RAREST_FIRST,
     fitted_list,
     held_out_scores,

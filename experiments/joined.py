@@ -12,7 +12,7 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.building79 import PLACES, Building79
+from pgm_places.reproduce.categories import PLACES, Building79
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.trajectories.segments import Segments
 

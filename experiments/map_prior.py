@@ -9,7 +9,7 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.reproduce.building79 import PLACES, Building79
+from pgm_places.reproduce.categories import PLACES, Building79
 from pgm_places.trained import trained_labeler
 
 WEIGHTS = (0.03, 0.1, 0.3, 1.0)

@@ -24,7 +24,7 @@ from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
+from pgm_places.reproduce.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 

@@ -30,9 +30,8 @@ from experiments.kept import KeptArrays
 from experiments.setting import asked_setting
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.refinement import refine
 from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.space_model import with_gates

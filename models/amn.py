@@ -9,30 +9,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
+from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems, weights_of
 from pgm_places.models.amn_learning import (
-    ClassWeight,
     Learner,
     LearnerOptions,
     choose_completed,
     choose_penalty,
-    labelled_parts,
-    labelled_weights,
     learn,
     learn_hidden,
-    node_losses,
-    penalties_of,
     weighted,
 )
 from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.labelled_examples import (
+    labelled_parts,
+    labelled_weights,
+    penalties_of,
+)
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
     edge_feature_count,
@@ -48,16 +48,8 @@ from pgm_places.models.linear_model import (
 )
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.certificate import certify_weights
-from pgm_places.solvers.max_margin import (
-    REACHED,
-    MaxMarginProblem,
-    MaxMarginSolution,
-    OnStep,
-    joined,
-    reached,
-    set_weights,
-    split_weights,
-)
+from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution, OnStep, reached
+from pgm_places.solvers.max_margin import MaxMarginProblem, joined, set_weights, split_weights
 from pgm_places.solvers.max_margin_qp import QPSolver
 
 __all__ = ["AssociativeMarkovNetwork"]
@@ -86,24 +78,12 @@ class AssociativeMarkovNetwork(LinearModel):
         The price of the mean hinge against the size of the weights; it means the same for maps of
         any size. Several values, or ``auto`` for 1, 10, 100, 1000, are compared by balanced
         accuracy on held-out blocks of the training maps.
-    n_validation_blocks : int
-        Into how many contiguous blocks each training map is cut for that.
-    loss : {"class-weighted", "hamming"}
-        What a wrong label costs: plain Hamming counts nodes, so rare labels are given up where
-        they are in doubt; class-weighted costs more for rare labels.
-    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
-        A node of a label with share f of the nodes costs ``f**-p`` with p = 2/3, 1/2, 1/3, 1 or
-        0, scaled to mean 1. Ignored with Hamming loss.
     node_features : str
-        Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
-        ``raw`` (the problem's node features); or ``auto``, ``logz`` and ``raw`` as far as the
-        problem has them. Repeated columns are dropped, the rest is standardised, and a constant is
-        added.
+        Parts joined by ``+``, of which ``auto`` is ``logz`` and ``raw`` as far as the problem has
+        them.
     edge_features : tuple of str
-        ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
-        ``given``; or ``auto``: ``constant``, ``raw-difference`` where the problem has node
-        features, and ``given`` where it has edge features. See
-        :func:`pgm_places.models.linear_features.edge_features`.
+        Names, of which ``auto`` is ``constant``, ``raw-difference`` where the problem has node
+        features, and ``given`` where it has edge features.
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of
         edge weights counts against that of node weights.
@@ -112,26 +92,10 @@ class AssociativeMarkovNetwork(LinearModel):
         in turn with learning; or they are left out with their edges. ``auto`` completes them where
         most links of the labelled nodes lead to them: links learned without those would be far too
         strong. ``completion_objectives`` then holds the objective of each round.
-    clique_dissent : float
-        The share of its nodes, up to a half, that may differ before a set of the problem's
-        ``cliques`` earns nothing. What it earns by label is learned from a constant and the
-        problem's ``clique_features``, with ``cutting-plane``; see
-        :mod:`pgm_places.solvers.set_terms`.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
-    learning_tolerance : float
-        Relative gap at which learning ends.
     max_cuts : int
         Limit of the cuts in learning.
-    time_limit_s : float, optional
-        Learning ends after this many seconds with the best weights so far.
-    warm_start : bool
-        Whether :meth:`fit` of a network that has learned begins at its weights, with its scaling of
-        the features: with a few more maps it takes fewer cuts to the same minimum.
-    max_iterations : int, optional
-        Limit of the decoder's iterations instead of its own.
-    certify : bool
-        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
     certify_learning : bool
         Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
         The cutting plane then also learns from what its graph cut missed.
@@ -156,21 +120,10 @@ class AssociativeMarkovNetwork(LinearModel):
     learner: Learner = "cutting-plane"
     inference: Decoder = "graph-cut"
     C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 100.0
-    n_validation_blocks: Annotated[int, Ge(2)] = 4
-    loss: Literal["class-weighted", "hamming"] = "class-weighted"
-    class_weight: ClassWeight = "cube-root"
-    node_features: str = "auto"
-    edge_features: str | tuple[str, ...] = ("auto",)
     edge_scale: Positive = 2.0
     unlabelled: Literal["auto", "hidden", "dropped"] = "auto"
-    clique_dissent: Annotated[float, Gt(0), Le(0.5)] = 0.5
     solver: QPSolver = "clarabel"
-    learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_cuts: Whole = 500
-    time_limit_s: Positive | None = None
-    warm_start: bool = False
-    max_iterations: Whole | None = None
-    certify: bool = False
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
     edge_weights: NDArray[np.float64] | None = learned()
@@ -198,8 +151,8 @@ class AssociativeMarkovNetwork(LinearModel):
             For each map what it counts, or each of its nodes: a wrong label costs as much more, and
             a connected part of a graph counts as the mean of its nodes.
         on_iteration : callable, optional
-            Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` (cuts, gap, seconds)
-            as learning goes on; when it returns True, the best weights so far are taken.
+            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` (cuts, gap,
+            seconds) as learning goes on; when it returns True, the best weights so far are taken.
 
         Raises
         ------
@@ -232,7 +185,9 @@ class AssociativeMarkovNetwork(LinearModel):
                 tasks, graphs, penalties, self.n_validation_blocks, options
             )
             tasks = [replace(task, penalty=chosen) for task in tasks]
-        begin = self._weights_to_begin_with(joined(tasks), sizes)
+        begin = self._weights_to_begin_with(
+            "edge_weights", _of_weights(sizes, joined(tasks)), tasks[0].n_labels
+        )
         start = time.perf_counter()
         solution = learn(tasks, options, start=begin, on_iteration=on_iteration)
         seconds = time.perf_counter() - start
@@ -258,18 +213,21 @@ class AssociativeMarkovNetwork(LinearModel):
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         penalty, search = penalties[0], None
         options = self._learner_options()
-        class_weight = "none" if self.loss == "hamming" else self.class_weight
         whole = joined(tasks)
         if len(penalties) > 1:
             parts = np.concatenate(
                 [hidden_parts(p.graph, labels, self.n_validation_blocks) for p, labels in examples]
             )
             penalty, search = choose_completed(
-                whole, truth, parts, penalties, class_weight, options
+                whole, truth, parts, penalties, self._class_weight, options
             )
         start = time.perf_counter()
         completed = learn_hidden(
-            replace(whole, penalty=penalty), truth, class_weight, options, on_iteration=on_iteration
+            replace(whole, penalty=penalty),
+            truth,
+            self._class_weight,
+            options,
+            on_iteration=on_iteration,
         )
         seconds = time.perf_counter() - start
         solution = completed.solution
@@ -287,7 +245,7 @@ class AssociativeMarkovNetwork(LinearModel):
         search: NDArray[np.float64] | None,
     ) -> Self:
         warn_if_stalled(record, self.scale)
-        weights = solution.weights / sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        weights = solution.weights / _of_weights(sizes, task)
         node_weights, edge_weights = split_weights(task, weights)
         of_cliques = None if task.sets is None else set_weights(task, weights).copy()
         return replace(
@@ -319,10 +277,7 @@ class AssociativeMarkovNetwork(LinearModel):
         scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
         sizes = self._term_sizes(problems, self.edge_features)
         names = known[0][0].label_names
-        class_weight = "none" if self.loss == "hamming" else self.class_weight
-        labels = np.concatenate([truth for _, truth in known])
-        losses = np.zeros(len(labels))
-        losses[labels >= 0] = node_losses(labels[labels >= 0], names, class_weight)
+        losses = self._node_losses(np.concatenate([truth for _, truth in known]), names)
         ends = np.cumsum([len(truth) for _, truth in known])[:-1]
         tasks = [
             MaxMarginProblem(
@@ -340,15 +295,6 @@ class AssociativeMarkovNetwork(LinearModel):
             )
         ]
         return scaling, sizes, tasks
-
-    def _weights_to_begin_with(
-        self, task: MaxMarginProblem, sizes: TermSizes
-    ) -> NDArray[np.float64] | None:
-        if not self._goes_on:
-            return None
-        parts = self._learned("node_weights", "edge_weights")
-        flat_sizes = sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
-        return self._flat_weights(parts, flat_sizes, task.n_labels)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         found = edge_features(problem, self.edge_features)
@@ -435,3 +381,8 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
+
+
+def _of_weights(sizes: TermSizes, task: MaxMarginProblem) -> NDArray[np.float64]:
+    """(n_weights,) by what the features of a task's weights are divided."""
+    return sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)

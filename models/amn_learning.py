@@ -1,4 +1,4 @@
-"""How an associative Markov network is trained: losses, learners by name, the choice of C."""
+"""How an associative Markov network is trained: learners by name, the choice of C."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,59 +11,33 @@ from pgm_places._checks import times_rows
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.completion import (
     Completed,
     best_of_hidden,
     learn_completed,
     smooth_completion,
 )
-from pgm_places.models.held_out import best_value
+from pgm_places.models.labelled_examples import ClassWeight, best_value, node_losses
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.certificate import certify_weights
-from pgm_places.solvers.max_margin import (
-    Cut,
-    MaxMarginProblem,
-    MaxMarginSolution,
-    OnStep,
-    joined,
-    potentials_of,
-)
+from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
+from pgm_places.solvers.max_margin import MaxMarginProblem, joined, potentials_of
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import problem_oracle
 
 __all__ = [
-    "CLASS_WEIGHTS",
     "LEARNERS",
-    "ClassWeight",
     "Learner",
     "LearnerOptions",
     "choose_completed",
     "choose_penalty",
-    "labelled_parts",
-    "labelled_weights",
     "learn",
     "learn_hidden",
-    "node_losses",
-    "penalties_of",
     "weighted",
 ]
 
 Learner = Literal["cutting-plane", "qp"]
-ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 LEARNERS: tuple[Learner, ...] = get_args(Learner)
-
-Example = tuple[LabelingProblem, NDArray[np.int64]]
-"""A problem and the true label (N,) of every node."""
-
-CLASS_WEIGHTS: dict[ClassWeight, float] = {
-    "none": 0.0,
-    "cube-root": 1 / 3,
-    "sqrt": 1 / 2,
-    "two-thirds": 2 / 3,
-    "inverse": 1.0,
-}
-"""Exponent p: a node of a label that is a share f of the nodes costs f^-p when it is wrong."""
 
 SEARCH_TOLERANCE = 1e-2
 """Learning is only this exact while C is being chosen: C changes by factors of several."""
@@ -79,75 +53,6 @@ class LearnerOptions:
     max_cuts: int
     time_limit_s: float | None
     certified_tolerance: float | None
-
-
-def node_losses(
-    labels: NDArray[np.int64], label_names: Sequence[str], class_weight: ClassWeight
-) -> NDArray[np.float64]:
-    """(N,) what a wrong label costs at each node, with mean 1.
-
-    Raises
-    ------
-    LabelError
-        A label has no example, so that nothing can be learned about it.
-    """
-    counts = np.bincount(labels, minlength=len(label_names))
-    missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
-    if missing:
-        raise LabelError(
-            f"no training map has a node labelled {', '.join(map(repr, missing))}; "
-            "add a map that has one or take the label out of label_names"
-        )
-    weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
-    losses: NDArray[np.float64] = weights[labels]
-    return losses / losses.mean()
-
-
-def penalties_of(
-    C: float | Literal["auto"] | tuple[float, ...], auto: tuple[float, ...]
-) -> tuple[float, ...]:
-    """The values of C to choose from; one where it is given."""
-    if C == "auto":
-        return auto
-    return C if isinstance(C, tuple) else (float(C),)
-
-
-def labelled_parts(
-    problems: Sequence[LabelingProblem],
-    labelings: Sequence[NDArray[np.int64]],
-    *,
-    with_unlabelled: bool = False,
-) -> list[Example]:
-    """Each problem that has labels, without its unlabelled nodes unless these are wanted.
-
-    Raises
-    ------
-    InputError
-        Problems and labellings that do not belong together, or no label at all.
-    """
-    known: list[Example] = []
-    for problem, truth in labelled_problems(problems, labelings):
-        labelled = truth >= 0
-        if not labelled.any():
-            continue
-        if with_unlabelled or labelled.all():
-            known.append((problem, truth))
-        else:
-            known.append((problem.subproblem(labelled), truth[labelled]))
-    if not known:
-        raise InputError("no node of any training problem has a label")
-    return known
-
-
-def labelled_weights(
-    weights: Sequence[NDArray[np.float64]],
-    labelings: Sequence[NDArray[np.int64]],
-    *,
-    with_unlabelled: bool = False,
-) -> list[NDArray[np.float64]]:
-    """The weights of the nodes that :func:`labelled_parts` keeps."""
-    pairs = [(w, np.asarray(t) >= 0) for w, t in zip(weights, labelings, strict=True)]
-    return [w if with_unlabelled else w[known] for w, known in pairs if known.any()]
 
 
 def learn(

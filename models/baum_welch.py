@@ -22,8 +22,8 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
-from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import normalised
+from pgm_places.models.evidence_weight import Observation, log_likelihood, possible
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.relaxation import starting_beliefs

@@ -13,8 +13,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.models.boosting_options import BoostingOptions
 from pgm_places.models.boosting_rounds import boost
+from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import StrongClassifier
 

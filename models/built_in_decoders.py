@@ -121,8 +121,7 @@ def _exact(problem: DecodingTask) -> DecodingAnswer:
 
 
 def _exact_on_cycles(problem: DecodingTask, around: "Adjacency") -> DecodingAnswer:
-    from pgm_places.solvers.bucket_order import MOST_ENTRIES
-    from pgm_places.solvers.bucket_tree import BucketTree
+    from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree
     from pgm_places.solvers.pairwise import pairwise_model
 
     unary, _, *tables = problem.arrays

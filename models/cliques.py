@@ -2,7 +2,7 @@
 
 A set of n nodes of which at most d differ from label k earns ``weight (n - d / dissent)``, the most
 over all k, or nothing where that is negative: the more nodes differ the less, until a share
-``dissent`` of them does. :mod:`pgm_places.solvers.set_nodes` makes that pairwise.
+``dissent`` of them does. :mod:`pgm_places.solvers.set_terms` makes that pairwise.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,8 +24,7 @@ from pgm_places.models.decoders import Decoder, named_decoder
 from pgm_places.models.decoding import DecodingOptions, decode_as, decode_by
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged
 from pgm_places.models.feature_scaling import column_sizes
-from pgm_places.solvers.set_nodes import SetNodes
-from pgm_places.solvers.set_terms import SetTerms
+from pgm_places.solvers.set_terms import SetNodes, SetTerms
 
 __all__ = [
     "check_clique_weights",

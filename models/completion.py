@@ -16,12 +16,13 @@ from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.held_out import best_value
+from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.hidden_labels import Solve, concave_convex
 from pgm_places.solvers.likelihood import maximize_likelihood
-from pgm_places.solvers.max_margin import REACHED, MaxMarginSolution, Oracle
+from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution
+from pgm_places.solvers.max_margin import Oracle
 from pgm_places.solvers.table_field import TableField
 
 __all__ = [

@@ -10,21 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
+from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError, LearningWarning
-from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, weights_of
-from pgm_places.models.amn_learning import (
-    ClassWeight,
-    Example,
-    labelled_parts,
-    labelled_weights,
-    node_losses,
-    penalties_of,
-)
 from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
@@ -41,6 +32,14 @@ from pgm_places.models.crf_learning import (
 )
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.labelled_examples import (
+    Example,
+    held_out_parts,
+    labelled_parts,
+    labelled_weights,
+    node_losses,
+    penalties_of,
+)
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
     edge_features,
@@ -56,7 +55,7 @@ from pgm_places.models.linear_model import (
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest_order import is_forest
-from pgm_places.solvers.max_margin import OnStep
+from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField, beside
 
 __all__ = ["ConditionalRandomField"]
@@ -92,8 +91,6 @@ class ConditionalRandomField(LinearModel):
         The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
         size of the weights. Several values, or ``auto`` for 1, 10, ..., 10000, are compared by
         balanced accuracy on held-out problems, or on held-out blocks of a single problem.
-    n_validation_blocks : int
-        How many parts are held out in turn for that.
     unlabelled : {"hidden", "dropped"}
         What becomes of nodes without a label: they are summed over (likelihoods) or completed by
         what has been learned (max margin), so that they inform learning, which then ends at a local
@@ -102,39 +99,18 @@ class ConditionalRandomField(LinearModel):
         Whether a table tells the first node of an edge (the one of lower number) from the second,
         or knows the pair of labels only, in either order. ``auto`` is ``order`` where all training
         graphs are chains, else ``pair``.
-    clique_dissent : float
-        The share of its nodes, up to a half, that may differ before a set of the problem's
-        ``cliques`` earns nothing. What it earns by label is learned from a constant and the
-        problem's ``clique_features``, by max margin only; see
-        :mod:`pgm_places.solvers.set_terms`.
-    loss : {"class-weighted", "hamming"}
-        What a wrong label costs in max-margin learning; see the network.
-    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
-        How much more a rare label costs there; see the network.
     node_features : str
-        ``logz``, ``z`` and ``raw``, joined by ``+``, see the network; or ``auto``, ``logz`` where
-        the problem has a unary, else ``raw``: behind a classifier its features say little more,
-        and their weights fit noise.
+        Parts joined by ``+``, of which ``auto`` is ``logz`` where the problem has a unary, else
+        ``raw``: behind a classifier its features say little more, and their weights fit noise.
     edge_features : tuple of str
-        As of the network; ``auto`` is ``constant``, and ``given`` where the problem has edge
+        Names, of which ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
     edge_scale : float or "auto"
         Edge features are multiplied by this while learning: the larger, the less the size of
         tables counts against that of node weights. ``tables`` are those of the features as given.
         ``auto`` is 2 for likelihoods where all training graphs are chains, else 1.
-    learning_tolerance : float
-        Relative gap at which learning ends.
     max_steps : int
         Limit of the steps (or cuts) of learning.
-    time_limit_s : float, optional
-        Learning ends after this many seconds with the best weights so far.
-    warm_start : bool
-        Whether :meth:`fit` of a field that has learned goes on from its weights, with its scaling
-        of the features: with a few more problems it takes fewer steps.
-    max_iterations : int, optional
-        Limit of the decoder's iterations instead of its own.
-    certify : bool
-        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
     certified_tolerance : float, optional
         The relative gap, of an objective bounded by TRW-S to the lower bound, that max-margin
         learning tries to reach on graphs with cycles; None for no such certificate.
@@ -156,21 +132,10 @@ class ConditionalRandomField(LinearModel):
     learner: Literal["auto"] | FieldLearner = "auto"
     inference: Literal["auto"] | Decoder = "auto"
     C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 1000.0
-    n_validation_blocks: Annotated[int, Ge(2)] = 4
     unlabelled: Literal["hidden", "dropped"] = "hidden"
     tables_tell: Literal["auto", "order", "pair"] = "auto"
-    clique_dissent: Annotated[float, Gt(0), Le(0.5)] = 0.5
-    loss: Literal["class-weighted", "hamming"] = "class-weighted"
-    class_weight: ClassWeight = "cube-root"
-    node_features: str = "auto"
-    edge_features: str | tuple[str, ...] = ("auto",)
     edge_scale: Positive | Literal["auto"] = "auto"
-    learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_steps: Whole = 500
-    time_limit_s: Positive | None = None
-    warm_start: bool = False
-    max_iterations: Whole | None = None
-    certify: bool = False
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
     tables: NDArray[np.float64] | None = learned()
     by_margin: NDArray[np.bool_] | None = learned()
@@ -197,8 +162,8 @@ class ConditionalRandomField(LinearModel):
             What each problem counts, or each of its nodes. The likelihood, which sees a graph as a
             whole, takes one weight for each connected part of it; see the network for max margin.
         on_iteration : callable, optional
-            Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` as learning goes on;
-            when it returns True, the best weights so far are taken.
+            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` as learning goes
+            on; when it returns True, the best weights so far are taken.
 
         Raises
         ------
@@ -227,7 +192,7 @@ class ConditionalRandomField(LinearModel):
         flat_sizes = sizes.of_weights(
             task.field.n_weights, task.field.n_labels, task.field.n_labels**2
         )
-        begin = self._weights_to_begin_with(task.field, flat_sizes)
+        begin = self._weights_to_begin_with("tables", flat_sizes, task.field.n_labels)
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if needs_damping(task, options.learner):
@@ -269,14 +234,6 @@ class ConditionalRandomField(LinearModel):
         chains = all(p.graph.is_chain and p.cliques is None for p, _ in examples)
         return CHAIN_SCALE if chains and self.learner != "max-margin" else 1.0
 
-    def _weights_to_begin_with(
-        self, field: TableField, sizes: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
-        if not self._goes_on:
-            return None
-        parts = self._learned("node_weights", "tables")
-        return self._flat_weights(parts, sizes, field.n_labels)
-
     def _choose_penalty(
         self,
         examples: Sequence[Example],
@@ -305,15 +262,12 @@ class ConditionalRandomField(LinearModel):
         sizes = self._term_sizes(problems, self._edge_names(problems[0]))
         sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples))
         truth = np.concatenate([labels for _, labels in examples])
-        known = truth >= 0
         names = examples[0][0].label_names
-        class_weight: ClassWeight = "none" if self.loss == "hamming" else self.class_weight
 
         def loss_of(labels: NDArray[np.int64]) -> NDArray[np.float64]:
-            return node_losses(labels, names, class_weight)
+            return node_losses(labels, names, self._class_weight)
 
-        loss = np.zeros(len(truth))
-        loss[known] = loss_of(truth[known])
+        loss = self._node_losses(truth, names)
         chains = all(problem.graph.is_chain for problem, _ in examples)
         symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
         fields = [
@@ -412,13 +366,3 @@ def _warn_of_links(learner: str) -> None:
         LearningWarning,
         stacklevel=3,
     )
-
-
-def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
-    """(N,) which part each node is held out with: whole problems where there are several."""
-    if len(examples) == 1:
-        problem, truth = examples[0]
-        return contiguous_parts(problem.graph, n_parts, truth)
-    n = min(n_parts, len(examples))
-    number = [m * n // len(examples) for m in range(len(examples))]
-    return np.repeat(number, [len(truth) for _, truth in examples])

@@ -18,11 +18,11 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
-from pgm_places.models.held_out import best_value
+from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
-from pgm_places.solvers.max_margin import Cut, MaxMarginSolution, OnStep
+from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
 from pgm_places.solvers.table_field import TableField
 from pgm_places.solvers.table_margin import (
     TableMarginProblem,

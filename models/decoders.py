@@ -19,6 +19,7 @@ __all__ = [
     "register_decoder",
 ]
 
+
 GROUP = "pgm_places.decoders"
 """The entry points by which other packages add decoders: ``name = "package.module:function"``."""
 

@@ -101,8 +101,7 @@ def decode_factors(
 
 
 def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
-    from pgm_places.solvers.bucket_order import MOST_ENTRIES
-    from pgm_places.solvers.bucket_tree import BucketTree
+    from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree
 
     sizes = graph.n_labels.tolist()
     tree = BucketTree.of_factors(sizes, _factors(graph))

@@ -18,17 +18,22 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
 from pgm_places.inference.traits import Traits
-from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
     count_chains,
     counted_tables,
     moved_steps,
     normalised,
     require_chain,
+    transition_at,
     usual_step_m,
 )
-from pgm_places.models.evidence_weight import fitted_by_mode, weights_at
-from pgm_places.models.transition_power import transition_at
+from pgm_places.models.evidence_weight import (
+    Observation,
+    fitted_by_mode,
+    log_likelihood,
+    possible,
+    weights_at,
+)
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
@@ -264,7 +269,7 @@ class HiddenMarkovModel:
         from_m, to_m : float
             Distance between updates until now, and from now on.
 
-        See :func:`pgm_places.models.transition_power.transition_at` and
+        See :func:`pgm_places.models.chain_statistics.transition_at` and
         :func:`pgm_places.models.evidence_weight.weights_at`.
         """
         if self.transition is None:
@@ -357,39 +362,23 @@ class HiddenMarkovModel:
     ) -> tuple[NDArray[np.float64], Any, bool]:
         """The belief (K,) after one more observation, the state to go on from, and if possible.
 
-        Arguments as of :meth:`step`, but for the state, which is None at the first step: what the
-        model has to know of all before. Here that is the belief.
+        Parameters
+        ----------
+        unary : (K,) float
+            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
+            them it says that nothing was seen.
+        state : optional
+            What the model has to know of all before, None at the first step; here the belief (K,).
+        moved_m : float, optional
+            Distance from the step before, for ``stay_below_m``; None counts as moved.
+        further : (K,) float, optional
+            Log-likelihoods of what else was observed.
         """
         row, observed = self._observed(unary, further)
         belief, after, was_possible = self._next(observed, state, moved_m)
         if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
             belief, after, _ = self._next(observed, state, moved_m, everything_possible=True)
         return belief, after, was_possible
-
-    def step(
-        self,
-        unary: ArrayLike,
-        belief: ArrayLike | None = None,
-        *,
-        moved_m: float | None = None,
-        further: ArrayLike | None = None,
-    ) -> tuple[NDArray[np.float64], bool]:
-        """The belief (K,) after one more observation, and whether that was possible: online use.
-
-        Parameters
-        ----------
-        unary : (K,) float
-            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
-            them it says that nothing was seen.
-        belief : (K,) float, optional
-            The belief so far; None at the first step.
-        moved_m : float, optional
-            Distance from the step before, for ``stay_below_m``; None counts as moved.
-        further : (K,) float, optional
-            Log-likelihoods of what else was observed.
-        """
-        after, _, was_possible = self.advance(unary, belief, moved_m=moved_m, further=further)
-        return after, was_possible
 
     def _next(
         self,

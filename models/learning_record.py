@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LearningWarning
-from pgm_places.solvers.max_margin import LearningStep, reached, relative_gap
+from pgm_places.solvers.margin_solution import LearningStep, reached, relative_gap
 
 __all__ = ["LEARNING_STATUSES", "LearningRecord", "history_array", "warn_if_stalled"]
 
@@ -24,7 +24,7 @@ LEARNING_STATUSES = (
     "oracle_limit",
     "local_optimum",
 )
-"""Words of :class:`~pgm_places.solvers.max_margin.MaxMarginSolution` and of
+"""Words of :class:`~pgm_places.solvers.margin_solution.MaxMarginSolution` and of
 :class:`~pgm_places.solvers.likelihood.LikelihoodSolution`; records hold their places here, so new
 ones come last."""
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, integer_array, require_type
+from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
@@ -15,14 +16,15 @@ from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.inference.traits import Traits
 from pgm_places.models.cliques import check_clique_weights, clique_sizes, learned_rewards
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
+from pgm_places.models.labelled_examples import ClassWeight, node_losses
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.linear_features import (
     edge_sizes,
     parse_edge_features,
     parse_node_features,
 )
-from pgm_places.options import check_options
-from pgm_places.solvers.max_margin import LearningStep
+from pgm_places.options import Positive, Whole, check_options
+from pgm_places.solvers.margin_solution import LearningStep
 
 __all__ = ["LinearModel", "TermSizes", "learned_arrays", "require_edge_features"]
 
@@ -47,10 +49,40 @@ class TermSizes(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearModel:
-    """The learned arrays that networks and fields share; a model adds its options and its own.
+    """The options and learned arrays that networks and fields share; a model adds its own.
 
     Parameters
     ----------
+    n_validation_blocks : int
+        How many parts are held out in turn to compare several C.
+    loss : {"class-weighted", "hamming"}
+        What a wrong label costs in max-margin learning: plain Hamming counts nodes, so rare labels
+        are given up where they are in doubt; class-weighted costs more for rare labels.
+    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
+        A node of a label with share f of the nodes costs ``f**-p`` with p = 2/3, 1/2, 1/3, 1 or
+        0, scaled to mean 1. Ignored with Hamming loss.
+    node_features : str
+        Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
+        ``raw`` (the problem's node features); or ``auto``. Repeated columns are dropped, the rest
+        is standardised, and a constant is added.
+    edge_features : tuple of str
+        ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
+        ``given``; or ``auto``. See :func:`pgm_places.models.linear_features.edge_features`.
+    clique_dissent : float
+        The share of its nodes, up to a half, that may differ before a set of the problem's
+        ``cliques`` earns nothing. What it earns by label is learned by max margin from a constant
+        and the problem's ``clique_features``; see :mod:`pgm_places.solvers.set_terms`.
+    learning_tolerance : float
+        Relative gap at which learning ends.
+    time_limit_s : float, optional
+        Learning ends after this many seconds with the best weights so far.
+    warm_start : bool
+        Whether ``fit`` of a model that has learned begins at its weights, with its scaling of the
+        features: with a few more problems it takes fewer steps to the same minimum.
+    max_iterations : int, optional
+        Limit of the decoder's iterations instead of its own.
+    certify : bool
+        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
     scale : {"auto", "deviation", "none"}
         How features are scaled before learning, so that their units do not matter. ``auto``
         standardises node features and clips them to +-5, but leaves columns of zeros and ones as
@@ -61,6 +93,17 @@ class LinearModel:
 
     traits: ClassVar[Traits] = Traits(labelling_options=("inference", "max_iterations", "certify"))
 
+    n_validation_blocks: Annotated[int, Ge(2)] = 4
+    loss: Literal["class-weighted", "hamming"] = "class-weighted"
+    class_weight: ClassWeight = "cube-root"
+    node_features: str = "auto"
+    edge_features: str | tuple[str, ...] = ("auto",)
+    clique_dissent: Annotated[float, Gt(0), Le(0.5)] = 0.5
+    learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
+    time_limit_s: Positive | None = None
+    warm_start: bool = False
+    max_iterations: Whole | None = None
+    certify: bool = False
     scale: Scale = "auto"
     node_weights: NDArray[np.float64] | None = learned()
     clique_weights: NDArray[np.float64] | None = learned()
@@ -75,9 +118,8 @@ class LinearModel:
 
     def __post_init__(self) -> None:
         check_options(self)
-        options: Any = self  # each model declares its own
-        parse_node_features(options.node_features)
-        object.__setattr__(self, "edge_features", parse_edge_features(options.edge_features))
+        parse_node_features(self.node_features)
+        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
         if self.node_weights is not None:
             self._check_learned()
 
@@ -98,7 +140,7 @@ class LinearModel:
     @property
     def _goes_on(self) -> bool:
         """Whether learning begins with what was learned before."""
-        return bool(getattr(self, "warm_start", False)) and self.node_weights is not None
+        return self.warm_start and self.node_weights is not None
 
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
         """(C, K) what a clique in which all nodes agree on a label earns for each of them.
@@ -119,18 +161,33 @@ class LinearModel:
             )
         return arrays
 
-    def _flat_weights(
-        self, parts: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], n_labels: int
-    ) -> NDArray[np.float64]:
-        """Learned weights, (D, K) of nodes first, as the vector that learning goes on from.
+    @property
+    def _class_weight(self) -> ClassWeight:
+        return "none" if self.loss == "hamming" else self.class_weight
 
-        They are multiplied by the sizes (n_weights,) that features are divided by now.
+    def _node_losses(self, labels: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.float64]:
+        """(N,) what a wrong label costs at each node, 0 where none is known."""
+        losses = np.zeros(len(labels))
+        known = labels >= 0
+        losses[known] = node_losses(labels[known], names, self._class_weight)
+        return losses
+
+    def _weights_to_begin_with(
+        self, of_edges: str, sizes: NDArray[np.float64], n_labels: int
+    ) -> NDArray[np.float64] | None:
+        """The learned weights, those of nodes first, as the vector that learning goes on from.
+
+        They are multiplied by the sizes (n_weights,) that features are divided by now; None where
+        learning begins anew.
 
         Raises
         ------
         InputError
             The problems to learn from have other labels or features.
         """
+        if not self._goes_on:
+            return None
+        parts = self._learned("node_weights", of_edges)
         of_cliques = [] if self.clique_weights is None else [self.clique_weights]
         weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
         if len(weights) != len(sizes) or parts[0].shape[1] != n_labels:

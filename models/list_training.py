@@ -13,9 +13,9 @@ from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
 from pgm_places.models.boosted_trees import BoostedTrees
-from pgm_places.models.boosting_options import BoostingOptions
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
 

@@ -54,7 +54,7 @@ class PottsField:
         What a set of nodes in the problem's ``cliques`` earns for each node while all agree.
     clique_dissent : float
         The share of its nodes that may differ before a set earns nothing; see
-        :mod:`pgm_places.solvers.set_nodes`.
+        :mod:`pgm_places.solvers.set_terms`.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     temperature : float or "auto"

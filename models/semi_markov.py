@@ -3,23 +3,179 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.errors import ConfigError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.problem import LabelingProblem, weights_of
-from pgm_places.models.chain_evidence import possible
-from pgm_places.models.durations import EDGES_M, Durations, constant_durations, learn_durations
-from pgm_places.models.evidence_weight import weights_at
+from pgm_places.models.chain_statistics import normalised
+from pgm_places.models.evidence_weight import possible, weights_at
 from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 
-__all__ = ["SemiMarkovModel"]
+__all__ = ["EDGES_M", "Durations", "SemiMarkovModel", "constant_durations", "learn_durations"]
+
+
+EDGES_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+"""Ages between which a rate is constant: fine where doorways end, coarse where rooms do."""
+
+GAP = 5.0
+"""Steps longer than this many usual ones are gaps in the labels, across which nothing is known."""
+
+
+class Durations(NamedTuple):
+    """How soon labels are left, and for which.
+
+    Parameters
+    ----------
+    rates : (K, B) float
+        Rate per metre at which each label is left, from each of the edges on.
+    leaving : (K, K) float
+        Probability of each label (column) after each other one (row).
+    """
+
+    rates: NDArray[np.float64]
+    leaving: NDArray[np.float64]
+
+
+class _Stay(NamedTuple):
+    """A stretch with one label."""
+
+    label: int
+    entered: bool  # whether its beginning was seen, so that its age is known
+    length_m: float  # until the last step that has it
+    exit_m: float  # from there to the next step
+    following: int  # the label then, -1 where unknown
+    weight: float  # how often it counts
+
+
+def learn_durations(
+    positions_m: Sequence[NDArray[np.float64]],
+    labelings: Sequence[NDArray[np.int64]],
+    n_labels: int,
+    *,
+    smoothing: float,
+    weights: Sequence[NDArray[np.float64]] | None = None,
+) -> Durations:
+    """Rates by occurrence and exposure: how often a label was left at an age, per metre of it.
+
+    Stretches cut by the end of the drive, or by steps without a known label, count as far as they
+    go. To each rate, ``smoothing`` occurrences at the label's overall rate are added, and to that
+    as many at the overall rate of all labels.
+
+    Parameters
+    ----------
+    positions_m : sequence of (T, 2) float
+        Where the steps of each drive are.
+    labelings : sequence of (T,) int
+        Their labels, -1 where unknown.
+    n_labels : int
+    smoothing : float
+    weights : sequence of (T,) float, optional
+        What each step counts; a stretch counts as the mean of its steps.
+
+    Examples
+    --------
+    >>> line = np.stack([np.arange(0.0, 6.0, 0.5), np.zeros(12)], axis=1)
+    >>> labels = np.array([0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0])
+    >>> learn_durations([line], [labels], 2, smoothing=0.0).rates[1, :6].round(2).tolist()
+    [0.0, 0.0, 4.0, 1.33, 1.33, 1.33]
+    """
+    edges = np.array(EDGES_M)
+    occurrences, exposure = np.zeros((n_labels, len(edges))), np.zeros((n_labels, len(edges)))
+    left, metres = np.zeros(n_labels), np.zeros(n_labels)
+    following = np.zeros((n_labels, n_labels))
+    if weights is None:
+        weights = [np.ones(len(labels)) for labels in labelings]
+    for places, labels, weight in zip(positions_m, labelings, weights, strict=True):
+        for stay in _stays(places, labels, weight):
+            ends = stay.following >= 0
+            lasted = stay.length_m + (0.5 * stay.exit_m if ends else 0.0)
+            metres[stay.label] += stay.weight * lasted
+            if stay.entered:
+                exposure[stay.label] += stay.weight * _within(edges, lasted)
+            if ends:
+                left[stay.label] += stay.weight
+                following[stay.label, stay.following] += stay.weight
+                if stay.entered:
+                    occurrences[stay.label, _bin_of(edges, lasted)] += stay.weight
+    total_m, all_left = max(float(metres.sum()), EDGES_M[-1]), max(float(left.sum()), 1.0)
+    overall = _over(left, metres, smoothing, np.full(n_labels, all_left / total_m))
+    rates = _over(occurrences, exposure, smoothing, overall[:, None] + np.zeros_like(exposure))
+    return Durations(rates, _other_labels(following + smoothing))
+
+
+def constant_durations(transition: NDArray[np.float64], step_m: float) -> Durations:
+    """Those of a Markov chain with that transition (K, K) every ``step_m`` metres."""
+    stays = np.clip(transition.diagonal(), 1e-9, 1.0)
+    rates = np.repeat(-np.log(stays)[:, None] / step_m, len(EDGES_M), axis=1)
+    return Durations(rates, _other_labels(transition))
+
+
+def _over(
+    occurrences: NDArray[np.float64],
+    exposure: NDArray[np.float64],
+    smoothing: float,
+    prior: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Occurrences over exposure, with ``smoothing`` further ones at the prior rate."""
+    metres = exposure + smoothing / prior if smoothing > 0 else exposure
+    return np.divide(occurrences + smoothing, metres, out=prior.copy(), where=metres > 0)
+
+
+def _other_labels(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows of weights without their diagonal, as probabilities; equal where nothing is left."""
+    others = weights * (1.0 - np.eye(len(weights)))
+    if len(weights) > 1:
+        others[others.sum(axis=1) == 0] = 1.0
+        np.fill_diagonal(others, 0.0)
+    return normalised(others)
+
+
+def _bin_of(edges: NDArray[np.float64], age_m: float) -> int:
+    """The rate's number at the end of a stretch: the one that has held until then."""
+    return max(int(np.searchsorted(edges, age_m)) - 1, 0)
+
+
+def _within(edges: NDArray[np.float64], length_m: float) -> NDArray[np.float64]:
+    """(B,) the metres of a stretch of that length between each edge and the next."""
+    return np.diff(np.minimum(np.append(edges, np.inf), length_m))
+
+
+def _stays(
+    places: NDArray[np.float64], labels: NDArray[np.int64], weight: NDArray[np.float64]
+) -> list[_Stay]:
+    """The stretches with one known label, gaps being unknown."""
+    if len(labels) < 2:
+        return []
+    moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    usual = np.median(moved[moved > 0]) if (moved > 0).any() else 0.0
+    gap = moved > GAP * usual
+    at_m = np.concatenate([[0.0], np.cumsum(moved)])
+    changes = np.flatnonzero((np.diff(labels) != 0) | gap) + 1
+    starts, ends = np.append(0, changes), np.append(changes, len(labels))
+    found = []
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        if labels[start] < 0:
+            continue
+        entered = start > 0 and not gap[start - 1] and labels[start - 1] >= 0
+        goes_on = end < len(labels) and not gap[end - 1]
+        found.append(
+            _Stay(
+                label=int(labels[start]),
+                entered=entered,
+                length_m=float(at_m[end - 1] - at_m[start]),
+                exit_m=float(moved[end - 1]) if goes_on else 0.0,
+                following=int(labels[end]) if goes_on else -1,
+                weight=float(weight[start:end].mean()),
+            )
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +190,8 @@ class SemiMarkovModel(HiddenMarkovModel):
     are exact (:mod:`pgm_places.solvers.semi_markov`).
 
     Rates are counted on the labelled drives given to :meth:`fit`
-    (:func:`pgm_places.models.durations.learn_durations`). A model that learned from maps alone has
-    constant rates, and is a hidden Markov model whose steps may have any length.
+    (:func:`~pgm_places.models.semi_markov.learn_durations`). A model that learned from maps alone
+    has constant rates, and is a hidden Markov model whose steps may have any length.
 
     The first step's label is taken to begin there. Problems need positions; without them each step
     counts as a metre.
@@ -90,28 +246,6 @@ class SemiMarkovModel(HiddenMarkovModel):
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""
         return replace(self, fitted_weights=weights_at(self.fitted_weights, from_m, to_m)), 0.0
-
-    def step(
-        self,
-        unary: ArrayLike,
-        belief: ArrayLike | None = None,
-        *,
-        moved_m: float | None = None,
-        further: ArrayLike | None = None,
-    ) -> tuple[NDArray[np.float64], bool]:
-        """Not to be had: a belief does not say how long a place has lasted; see :meth:`advance`.
-
-        Raises
-        ------
-        InputError
-            Always, except at the first step.
-        """
-        if belief is not None:
-            raise InputError(
-                "a semi-Markov model cannot go on from a belief, which does not say how long the "
-                "place has lasted; use advance, which returns a state"
-            )
-        return super().step(unary, moved_m=moved_m, further=further)
 
     def _next(
         self,

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, SolverError
-from pgm_places.solvers.max_margin import Cut
+from pgm_places.solvers.margin_solution import Cut
 
 __all__ = ["MASTERS", "CutMaster", "MasterPoint"]
 

@@ -18,17 +18,15 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.solvers.certificate import Certificate
 from pgm_places.solvers.cut_master import CutMaster
-from pgm_places.solvers.max_margin import (
+from pgm_places.solvers.margin_solution import (
     Cut,
     LearningStep,
-    MarginProblem,
     MaxMarginSolution,
     OnStep,
-    Oracle,
-    objective,
     reached,
     relative_gap,
 )
+from pgm_places.solvers.max_margin import MarginProblem, Oracle, objective
 
 __all__ = ["cutting_plane"]
 
@@ -94,7 +92,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     master : {"active-set", "osqp"}
         How the small QP is solved, see :class:`pgm_places.solvers.cut_master.CutMaster`.
     on_iteration : callable, optional
-        Called with a :class:`~pgm_places.solvers.max_margin.LearningStep`; True stops.
+        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.max_margin import REACHED, Cut, MaxMarginSolution
+from pgm_places.solvers.margin_solution import REACHED, Cut, MaxMarginSolution
 
 __all__ = ["HiddenLabels", "concave_convex"]
 

@@ -28,20 +28,31 @@ then no longer convex.
 import time
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.forest_sums import forest_sums
-from pgm_places.solvers.max_margin import LearningStep, OnStep, reached, relative_gap
-from pgm_places.solvers.mean_field import normalised
-from pgm_places.solvers.pairwise import PairwiseModel
-from pgm_places.solvers.table_field import FieldTables, TableField
+from pgm_places.solvers.expected_features import (
+    clamped,
+    exact_sums,
+    expected_labels,
+    piecewise_sums,
+    pseudo_sums,
+    require_equal_ends,
+    soft_labels,
+)
+from pgm_places.solvers.margin_solution import LearningStep, OnStep, reached, relative_gap
+from pgm_places.solvers.table_field import TableField
 
-__all__ = ["Likelihood", "LikelihoodSolution", "maximize_likelihood", "negative_log_likelihood"]
+__all__ = [
+    "Likelihood",
+    "LikelihoodSolution",
+    "maximize_likelihood",
+    "negative_log_likelihood",
+]
+
 
 Likelihood = Literal["exact", "pseudo", "piecewise"]
 
@@ -53,17 +64,6 @@ HIDDEN_MOVED = 1e-3
 
 MEMORY = 20
 """Pairs of steps and gradients that L-BFGS keeps."""
-
-
-class _Expected(NamedTuple):
-    """The sum of exp(score) over labellings, and the marginals under it.
-
-    The last are those of edges, or their sum where all edges have the same features.
-    """
-
-    log_partition: float
-    beliefs: NDArray[np.float64]
-    pair_beliefs: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def maximize_likelihood(
     time_limit_s : float, optional
         Learning ends after this many seconds with the weights so far.
     on_iteration : callable, optional
-        Called with a :class:`~pgm_places.solvers.max_margin.LearningStep`; True stops.
+        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
 
     Raises
     ------
@@ -222,7 +222,7 @@ class _Loss:
                 "labellings of a set is out of reach; take that learner, or leave the cliques out"
             )
         if self.kind == "exact" and self.node_weight is not None:
-            _require_equal_ends(self.field, self.node_weight)
+            require_equal_ends(self.field, self.node_weight)
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64] | None:
@@ -237,17 +237,17 @@ class _Loss:
         field, labels, node_weight = self.field, self.labels, self.node_weight
         potentials = field.potentials(weights)
         if self.kind == "pseudo":
-            soft = _soft_labels(field, labels, expected)
-            return _pseudo(field, labels, potentials, soft, node_weight)
-        marginals = _exact if self.kind == "exact" else _piecewise
+            soft = soft_labels(field, labels, expected)
+            return pseudo_sums(field, labels, potentials, soft, node_weight)
+        marginals = exact_sums if self.kind == "exact" else piecewise_sums
         free = marginals(field, potentials, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])
         if self.truth_features is not None:
             score = float(weights @ self.truth_features)
             return value - score, gradient - self.truth_features
-        only = potentials._replace(unary=_clamped(potentials.unary, labels))
-        clamped = marginals(field, only, node_weight)
-        return value - clamped.log_partition, gradient - field.expected_features(*clamped[1:])
+        only = potentials._replace(unary=clamped(potentials.unary, labels))
+        known = marginals(field, only, node_weight)
+        return value - known.log_partition, gradient - field.expected_features(*known[1:])
 
 
 class _Descent:
@@ -335,121 +335,3 @@ class _Descent:
             len(self.history),
             tuple(self.history),
         )
-
-
-def expected_labels(
-    field: TableField,
-    labels: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    before: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
-    """(N, K) probabilities of the labels of all nodes, each given its neighbours' ``before``.
-
-    One pass only: where links are strong, passing on until nothing moves any more gives all nodes
-    that are not labelled the same label.
-    """
-    soft = _soft_labels(field, labels, before)
-    return _soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))
-
-
-def _clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N, K) the unary with all but the known label (N,) forbidden, -1 where it is unknown."""
-    others = (labels >= 0)[:, None] & (np.arange(unary.shape[1]) != labels[:, None])
-    return np.where(others, -np.inf, unary)
-
-
-def _require_equal_ends(field: TableField, node_weight: NDArray[np.float64]) -> None:
-    first, second = field.around.edges.T
-    if (node_weight[first] != node_weight[second]).any():
-        raise InputError(
-            "the likelihood takes one sample_weight per connected part of a graph, which it sees "
-            "as a whole; for weights of single nodes take learner='pseudo-likelihood' or another"
-        )
-
-
-def _lighter_ends(field: TableField, node_weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(E,) the smaller weight of each edge's two nodes."""
-    ends: NDArray[np.float64] = node_weight[field.around.edges].min(axis=1)
-    return ends
-
-
-def _exact(
-    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
-) -> _Expected:
-    tables = potentials.tables
-    stacked = np.ascontiguousarray(tables if tables.ndim == 3 else tables[None])
-    unary = np.ascontiguousarray(potentials.unary)
-    model = PairwiseModel(field.around, unary, None, stacked)
-    found = forest_sums(model, *field.rooting)
-    counts = found.pair_counts(node_weight)
-    if node_weight is None:
-        return _Expected(float(found.log_partition.sum()), found.beliefs, counts)
-    beliefs = found.beliefs * node_weight[:, None]
-    return _Expected(float(node_weight @ found.log_partition), beliefs, counts)
-
-
-def _piecewise(
-    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
-) -> _Expected:
-    """Each edge by itself; a node's unary is shared out among its edges."""
-    edges, k = field.around.edges, field.n_labels
-    degree = np.bincount(edges.ravel(), minlength=field.n_nodes)
-    share = 1.0 / np.maximum(degree, 1)
-    unary = potentials.unary * share[:, None]
-    first, second = edges.T
-    pairs = unary[first][:, :, None] + unary[second][:, None, :] + potentials.tables
-    flat = pairs.reshape(len(edges), k * k)
-    counts = np.ones(field.n_nodes) if node_weight is None else node_weight
-    of_pairs = _lighter_ends(field, counts)
-    joint = (normalised(flat) * of_pairs[:, None]).reshape(pairs.shape)
-    alone = degree == 0
-    beliefs = np.zeros((field.n_nodes, k))
-    beliefs[alone] = normalised(unary[alone]) * counts[alone, None]
-    np.add.at(beliefs, first, joint.sum(axis=2) * share[first, None])
-    np.add.at(beliefs, second, joint.sum(axis=1) * share[second, None])
-    total = float(of_pairs @ logsumexp(flat, axis=1))
-    total += float(counts[alone] @ logsumexp(unary[alone], axis=1))
-    return _Expected(total, beliefs, joint)
-
-
-def _soft_labels(
-    field: TableField, labels: NDArray[np.int64], expected: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
-    """(N, K) indicators of the known labels, and the probabilities of the others."""
-    k = field.n_labels
-    soft = np.full((field.n_nodes, k), 1.0 / k) if expected is None else expected.copy()
-    known = labels >= 0
-    soft[known] = np.eye(k)[labels[known]]
-    return soft
-
-
-def _pseudo(
-    field: TableField,
-    labels: NDArray[np.int64],
-    potentials: FieldTables,
-    soft: NDArray[np.float64],
-    node_weight: NDArray[np.float64] | None,
-) -> tuple[float, NDArray[np.float64]]:
-    first, second = field.around.edges.T
-    scores = _scores(field, potentials, soft)
-    known = np.flatnonzero(labels >= 0)
-    counts = np.ones(len(known)) if node_weight is None else node_weight[known]
-    value = float(counts @ (logsumexp(scores[known], axis=1) - scores[known, labels[known]]))
-    surplus = np.zeros_like(scores)
-    surplus[known] = normalised(scores[known])
-    surplus[known, labels[known]] -= 1.0
-    surplus[known] *= counts[:, None]
-    pairs = surplus[first][:, :, None] * soft[second][:, None, :]
-    pairs += soft[first][:, :, None] * surplus[second][:, None, :]
-    return value, field.expected_features(surplus, pairs)
-
-
-def _scores(
-    field: TableField, potentials: FieldTables, soft: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(N, K) what each label of a node scores beside its neighbours' labels (N, K)."""
-    first, second = field.around.edges.T
-    scores, tables = potentials.unary.copy(), potentials.tables
-    np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))
-    np.add.at(scores, second, np.einsum("...ab,...a->...b", tables, soft[first]))
-    return scores

@@ -19,16 +19,8 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import is_sparse
 from pgm_places.errors import InputError, SolverError
-from pgm_places.solvers.max_margin import (
-    PROVED,
-    LearningStep,
-    MaxMarginProblem,
-    MaxMarginSolution,
-    hinge,
-    objective,
-    reached,
-    relaxed_lower_bound,
-)
+from pgm_places.solvers.margin_solution import PROVED, LearningStep, MaxMarginSolution, reached
+from pgm_places.solvers.max_margin import MaxMarginProblem, hinge, objective, relaxed_lower_bound
 
 if TYPE_CHECKING:
     import cvxpy as cp

@@ -1,6 +1,6 @@
 """What sets of nodes say of their members' labels where beliefs are wanted, not one labelling.
 
-Nodes that stand for sets, as :mod:`pgm_places.solvers.set_nodes` makes them, are right for the best
+Nodes that stand for sets, as :mod:`pgm_places.solvers.set_terms` makes them, are right for the best
 labelling: there the best label of such a node counts. In a sum over labellings all of its labels
 would, which is another distribution. Beliefs therefore take the sets themselves, as functions of
 how many of their nodes have each label.
@@ -17,7 +17,7 @@ from pgm_places._checks import sealed
 from pgm_places._core import pass_from_sets, set_mean_field_pass
 from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel
-from pgm_places.solvers.set_nodes import SetNodes
+from pgm_places.solvers.set_terms import SetNodes
 
 __all__ = ["SetMessages", "SetTables", "set_tables", "set_unit", "set_updates"]
 

@@ -18,7 +18,8 @@ from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.certificate import Augmented, Certificate, certify
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
-from pgm_places.solvers.max_margin import Cut, Oracle
+from pgm_places.solvers.margin_solution import Cut
+from pgm_places.solvers.max_margin import Oracle
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws

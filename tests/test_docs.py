@@ -104,8 +104,9 @@ def test_the_diagram_of_the_layers_is_drawn_from_the_contract_that_is_checked() 
     assert (ROOT / "docs/_static/layers.svg").read_text(encoding="utf-8") == layers.drawn()
 
 
-def test_the_paths_on_the_architecture_page_exist() -> None:
-    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+def test_the_paths_on_the_architecture_pages_exist() -> None:
+    pages = ("docs/architecture.md", "docs/internals.md")
+    page = "\n".join((ROOT / name).read_text(encoding="utf-8") for name in pages)
     named = re.findall(r"`([\w./]+/[\w./]*|\w+\.py)`", page)
     tree = re.findall(r"^  ([a-z_/]+/|\w+\.py)", page, re.MULTILINE)
     paths = [path for path in named + tree if "NAME" not in path]

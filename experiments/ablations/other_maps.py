@@ -13,7 +13,7 @@ from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
-from pgm_places.reproduce.building79 import load_building79
+from pgm_places.reproduce.categories import load_building79
 from pgm_places.reproduce.comparison_pictures import label_sheet
 from pgm_places.reproduce.figures import method_findings, method_table
 from pgm_places.reproduce.section import Outcome, Picture

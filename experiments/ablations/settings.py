@@ -18,7 +18,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.figures import DOORWAY, method_findings, method_table, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting
-from pgm_places.unary.learning import with_explicit_order
+from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.training_cells import training_features
 
 __all__ = ["beams", "features", "noise", "resolution", "training_size"]

@@ -21,7 +21,7 @@ from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
-from pgm_places.unary.learning import with_explicit_order
+from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import MapSpaces, gate_probabilities

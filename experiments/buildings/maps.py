@@ -18,7 +18,7 @@ from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
-from pgm_places.reproduce.cold import PLACES, place_classes
+from pgm_places.reproduce.front_laser import PLACES, place_classes
 from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.halls import HallNames

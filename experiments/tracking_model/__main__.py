@@ -20,7 +20,7 @@ from experiments.tracking_model.learning import OPTIONS, Table, learned
 from experiments.tracking_model.options import options_table
 from experiments.tracking_model.unseen import floor_answers, floors_table, lasers_table, real_table
 from pgm_places.experiment.runs import versions
-from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import sha256_of
 from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
 

@@ -14,7 +14,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, learn_method
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.unary.learning import RAREST_FIRST
+from pgm_places.unary.list_learning import RAREST_FIRST
 from pgm_places.unary.scan_model import ScanModel
 
 __all__ = [

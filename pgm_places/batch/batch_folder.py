@@ -13,8 +13,8 @@ from pgm_places.batch.outcomes import Failure
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.input_file import is_address
-from pgm_places.io.json_file import read_json
 from pgm_places.io.staging import claimed, remove_leftovers
+from pgm_places.io.text_file import read_json
 
 __all__ = ["claim_of", "names_in_the_way", "recorded_root", "tidy_after_the_dead", "write_root"]
 

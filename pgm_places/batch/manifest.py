@@ -12,10 +12,10 @@ from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.ready_model import ReadyModel
 from pgm_places.errors import InputError
-from pgm_places.io.checks import sha256_of
-from pgm_places.io.json_file import read_json
+from pgm_places.io.input_file import sha256_of
 from pgm_places.io.output_set import has_all_files
 from pgm_places.io.places.topology_files import NAMES_FILE
+from pgm_places.io.text_file import read_json
 from pgm_places.options import option_values
 from pgm_places.report.outputs import Outputs
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pgm_places.batch.label_options import LabelOptions
-from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.options import from_mapping, option_values
 from pgm_places.persistence.model_folder import MANIFEST

@@ -66,7 +66,7 @@ def run(words: Sequence[str]) -> None:
 
         say(f"pgm-places {__version__}")
     elif first == "--show-completion":
-        from pgm_places.cli.completion import completion
+        from pgm_places.cli.help import completion
 
         say(completion(_OPTIONS, map(command, COMMANDS)))
     elif first.startswith("-"):

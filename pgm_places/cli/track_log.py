@@ -115,7 +115,7 @@ def _track(
 def write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
     """All files of a track, drawn on the map or on one of its scans."""
     from pgm_places.labelers.tracking import map_of_scans
-    from pgm_places.report.track_files import write_track
+    from pgm_places.report.track_page import write_track
 
     drawn_on = map_of_scans(track.trajectory) if grid is None else grid
     write_track(track, drawn_on, out)

@@ -13,7 +13,7 @@ from pgm_places.errors import LearningWarning
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
-from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import sha256_of
 from pgm_places.progress import Progress, Silent
 
 __all__ = ["DATA_VARIABLE", "Experiment"]

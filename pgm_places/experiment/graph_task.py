@@ -19,7 +19,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.spaces.door_truth import DoorScores
-from pgm_places.unary.learning import with_explicit_order
+from pgm_places.unary.list_learning import with_explicit_order
 
 __all__ = ["GRAPHS", "graph_splits"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pgm_places.experiment.config import NO_MODEL
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.model_folder import MANIFEST

@@ -1,14 +1,193 @@
-"""The edges of a graph as a list of node pairs."""
+"""The edges of label graphs: checked pairs, values beside them, kinds, and links between graphs."""
 
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array
-from pgm_places.graph._edges import empty_pairs, require_canonical
+from pgm_places._checks import frozen, integer_array, number_array
+from pgm_places.errors import InputError
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.raster_edges import RasterEdges
 
-__all__ = ["EdgeList"]
+__all__ = [
+    "EdgeList",
+    "Part",
+    "check_links",
+    "checked_pairs",
+    "empty_pairs",
+    "joined_edges",
+    "lattice_edges",
+    "mapped_edges",
+    "mapped_nodes",
+    "matrix_edges",
+    "nearest_pairs",
+    "require_canonical",
+    "require_same",
+    "require_sparse",
+    "sparse_pairs",
+]
+
+
+def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
+    """``edges`` as an array, of shape (0, 2) where there are none; (2, E) is refused by name."""
+    pairs = number_array(name, edges, None)
+    if pairs.ndim == 2 and pairs.shape[0] == 2 and pairs.shape[1] > 2:
+        raise InputError(
+            f"{name} must have shape (E, 2), got {pairs.shape}; transpose them: {name}.T"
+        )
+    return np.zeros((0, 2), np.int32) if pairs.size == 0 else pairs
+
+
+def require_canonical(edges: NDArray[np.int64]) -> None:
+    """Raise InputError unless (E, 2) pairs are ``i < j``, sorted, and each comes once."""
+    if not len(edges):
+        return
+    loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
+    if len(loops):
+        raise InputError(
+            f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself; leave such edges out"
+        )
+    turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
+    if len(turned):
+        i, j = edges[turned[0]]
+        raise InputError(
+            f"edge {int(turned[0])} is ({i}, {j}) but i < j is required; use from_edges"
+        )
+    key = edges[:, 0] * (edges.max() + 1) + edges[:, 1]
+    step = np.diff(key)
+    if (step == 0).any():
+        i, j = edges[int(np.flatnonzero(step == 0)[0])]
+        raise InputError(f"edge ({i}, {j}) appears twice; each pair of nodes may be joined once")
+    if (step < 0).any():
+        raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
+
+
+def require_same(pairs: NDArray[np.integer[Any]], edges: NDArray[np.int32]) -> None:
+    """Raise InputError unless sorted pairs (E, 2) are the edges of a graph."""
+    if pairs.shape == edges.shape and (pairs == edges).all():
+        return
+    given, there = set(map(tuple, pairs.tolist())), set(map(tuple, edges.tolist()))
+    odd, missing = sorted(given - there), sorted(there - given)
+    told = f"the pair {odd[0]} is no edge of it" if odd else f"its edge {missing[0]} is missing"
+    raise InputError(
+        f"pairs must be the {len(edges)} edges of the graph, each once, got {len(pairs)}; {told}"
+    )
+
+
+def lattice_edges(
+    mask: NDArray[np.bool_], *, diagonals: bool
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(E, 2) pairs of cells of a mask that differ by one step, and (E,) along how many axes."""
+    number = np.full(tuple(size + 2 for size in mask.shape), -1, np.int64)
+    inner = (slice(1, -1),) * mask.ndim
+    number[inner][mask] = np.arange(int(mask.sum()))
+    pairs, n_axes = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
+    for step in product((-1, 0, 1), repeat=mask.ndim):
+        moved = sum(map(abs, step))
+        if step <= (0,) * mask.ndim or (moved > 1 and not diagonals):
+            continue  # the other half of the steps are these, seen from the other end
+        shifted = tuple(
+            slice(1 + by, 1 + by + size) for by, size in zip(step, mask.shape, strict=True)
+        )
+        first, second = number[inner], number[shifted]
+        both = (first >= 0) & (second >= 0)
+        pairs.append(np.stack([first[both], second[both]], axis=1))
+        n_axes.append(np.full(int(both.sum()), moved))
+    return np.concatenate(pairs), np.concatenate(n_axes)
+
+
+def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.int64]:
+    """(E, 2) pairs, each once, of points of which one is among the other's nearest."""
+    from scipy.spatial import cKDTree
+
+    n = len(points)
+    wanted = min(n_neighbours, n - 1)
+    if wanted < 1:
+        return np.zeros((0, 2), np.int64)
+    near = np.asarray(cKDTree(points).query(points, k=wanted + 1)[1])
+    own = np.arange(n)[:, None]
+    # Among coincident points a point need not find itself first, or at all.
+    others = near != own
+    others[others.all(axis=1), -1] = False
+    pairs = np.stack([np.repeat(own[:, 0], wanted), near[others]], axis=1)
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def require_sparse(matrix: Any) -> None:
+    """Raise InputError unless it is a sparse matrix or array of SciPy."""
+    if not hasattr(matrix, "tocoo"):
+        raise InputError(
+            "matrix must be a sparse matrix or array of SciPy, got a "
+            f"{type(matrix).__name__}; write scipy.sparse.csr_array(matrix)"
+        )
+
+
+def sparse_pairs(matrix: Any) -> tuple[int, NDArray[np.int64]]:
+    """N and the (E, 2) pairs, each once, at which a square matrix is not 0 in either direction."""
+    require_sparse(matrix)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise InputError(f"matrix must have shape (N, N), got {matrix.shape}")
+    found = matrix.tocoo()
+    row, column = found.row[found.data != 0], found.col[found.data != 0]
+    loops = row[row == column]
+    if len(loops):
+        raise InputError(
+            f"matrix must be 0 on its diagonal, got {len(loops)} other values, the first in row "
+            f"{int(loops[0])}; clear it with matrix.setdiag(0)"
+        )
+    pairs = np.stack([np.minimum(row, column), np.maximum(row, column)], axis=1)
+    return int(matrix.shape[0]), np.unique(pairs.astype(np.int64), axis=0)
+
+
+def matrix_edges(n_nodes: int, edges: NDArray[np.int32], matrix: Any) -> NDArray[np.float64]:
+    """(E,) the stored entry of a matrix at each edge, the larger of two, 0 where there is none."""
+    require_sparse(matrix)
+    if matrix.shape != (n_nodes, n_nodes):
+        raise InputError(f"matrix must have shape ({n_nodes}, {n_nodes}), got {matrix.shape}")
+    entries = matrix.tocsr().tocoo()  # entries that come twice are added up
+    row, column = entries.row.astype(np.int64), entries.col.astype(np.int64)
+    wanted = edges[:, 0].astype(np.int64) * n_nodes + edges[:, 1]
+    key = np.minimum(row, column) * n_nodes + np.maximum(row, column)
+    at = np.minimum(np.searchsorted(wanted, key), max(len(wanted) - 1, 0))
+    there = wanted[at] == key if len(wanted) else np.zeros(len(key), np.bool_)
+    values = np.full(len(edges), -np.inf)
+    np.maximum.at(values, at[there], number_array("matrix", entries.data)[there])
+    met = np.zeros(len(edges), np.bool_)
+    met[at[there]] = True
+    return np.where(met, values, 0.0)
+
+
+def mapped_edges(
+    names: tuple[Hashable, ...] | range,
+    edges: NDArray[np.int32],
+    values: Mapping[tuple[Hashable, Hashable], Any],
+    default: Any,
+) -> NDArray[np.float64]:
+    """(E,) the value of each edge by its two names in either order, the larger of two."""
+    found = []
+    for i, j in edges.tolist():
+        pair = (names[i], names[j])
+        both = [values[key] for key in (pair, pair[::-1]) if key in values]
+        if not both and default is None:
+            raise InputError(f"values has none for the edge {pair!r}; give a default")
+        found.append(max(both) if both else default)
+    return number_array("values", found)
+
+
+def mapped_nodes(
+    names: tuple[Hashable, ...] | range, values: Mapping[Hashable, Any], default: Any
+) -> NDArray[Any]:
+    """(N, ...) the value of each node by its name."""
+    missing = [name for name in names if name not in values]
+    if missing and default is None:
+        raise InputError(
+            f"values has none for {len(missing)} nodes, the first {missing[0]!r}; give a default"
+        )
+    return np.array([values.get(name, default) for name in names])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +235,51 @@ class EdgeList:
         inside = keep[self.pairs].all(axis=1)
         kinds = None if self.kinds is None else self.kinds[inside]
         return EdgeList(number[self.pairs[inside]], kinds)
+
+
+Part = tuple[int, EdgeList | RasterEdges]
+"""The number of nodes of a graph, and its edges."""
+
+
+def checked_pairs(pairs: ArrayLike, n_nodes: int, name: str = "edges") -> NDArray[Any]:
+    """Pairs (E, 2) of nodes that are there."""
+    return integer_array(name, empty_pairs(pairs, name), ("E", 2), low=0, high=max(n_nodes, 1))
+
+
+def check_links(n_nodes: int, links: EdgeList | RasterEdges) -> None:
+    """Raise InputError unless the edges join nodes that are there."""
+    if isinstance(links, EdgeList):
+        if links.pairs.max(initial=-1) >= n_nodes:
+            checked_pairs(links.pairs, n_nodes)
+    elif not isinstance(links, RasterEdges):
+        raise InputError(
+            f"links must be an EdgeList or RasterEdges, got {type(links).__name__}; "
+            "LabelGraph.from_edges takes node pairs"
+        )
+    elif links.layout.n_nodes != n_nodes:
+        raise InputError(
+            f"the raster's edges join {links.layout.n_nodes} cells "
+            f"but the graph has {n_nodes} nodes"
+        )
+
+
+def joined_edges(
+    first: Part, second: Part, links: ArrayLike
+) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+    """(E, 2) the edges of both graphs and the links (L, 2) between them, and (E,) their kinds."""
+    pairs = integer_array("links", empty_pairs(links, "links"), ("L", 2), low=0, high=2**31)
+    integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first[0], 1))
+    integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second[0], 1))
+    edges = np.concatenate(
+        [first[1].pairs, second[1].pairs + first[0], np.add(pairs, (0, first[0]))]
+    )
+    kinds = [
+        _kinds_or(first[1], EdgeKind.AXIS),
+        _kinds_or(second[1], EdgeKind.TIME),
+        np.full(len(pairs), EdgeKind.LINK, np.int8),
+    ]
+    return edges.astype(np.int64), np.concatenate(kinds)
+
+
+def _kinds_or(links: EdgeList | RasterEdges, default: EdgeKind) -> NDArray[np.int8]:
+    return np.full(links.n_edges, default, np.int8) if links.kinds is None else links.kinds

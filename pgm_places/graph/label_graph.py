@@ -17,23 +17,26 @@ from pgm_places._checks import (
     require_type,
 )
 from pgm_places.errors import InputError
-from pgm_places.graph._edges import (
+from pgm_places.graph._masks import grid_layout, lattice_mask
+from pgm_places.graph._networkx import networkx_parts, to_networkx
+from pgm_places.graph.cliques import Cliques
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.edge_list import (
+    EdgeList,
+    check_links,
+    checked_pairs,
     empty_pairs,
+    joined_edges,
     lattice_edges,
+    mapped_edges,
+    mapped_nodes,
+    matrix_edges,
     nearest_pairs,
     require_same,
     sparse_pairs,
 )
-from pgm_places.graph._links import check_links, checked_pairs, joined_edges
-from pgm_places.graph._masks import grid_layout, lattice_mask
-from pgm_places.graph._networkx import networkx_parts, to_networkx
-from pgm_places.graph._values import mapped_edges, mapped_nodes, matrix_edges
-from pgm_places.graph.cliques import Cliques
-from pgm_places.graph.edge_kind import EdgeKind
-from pgm_places.graph.edge_list import EdgeList
-from pgm_places.graph.edge_order import EdgeOrder
+from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
-from pgm_places.graph.neighbours import Neighbours, neighbours_of
 from pgm_places.graph.raster_edges import RasterEdges
 
 if TYPE_CHECKING:
@@ -245,7 +248,7 @@ class LabelGraph:
             Position of each step in metres, and its heading, which is not used.
         loops : (L, 2) int, optional
             Pairs of steps at one spot on different passes, as
-            :func:`pgm_places.trajectories.loops.loop_links` finds them.
+            :func:`pgm_places.trajectories.segments.loop_links` finds them.
 
         Edges have the kinds TIME and LOOP.
         """

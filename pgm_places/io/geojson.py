@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError, is_printable, shown
 from pgm_places.io.input_file import user_path
-from pgm_places.io.json_file import read_json
+from pgm_places.io.text_file import read_json
 
 __all__ = ["Region", "read_regions"]
 

@@ -1,6 +1,7 @@
 """Input files: what may be opened and how large it may be, with one-line errors."""
 
 import errno
+import hashlib
 import re
 import stat
 from io import BufferedReader
@@ -9,7 +10,7 @@ from typing import Literal
 
 from pgm_places.errors import InputError, shown
 
-__all__ = ["file_kind", "is_address", "open_input", "user_path"]
+__all__ = ["file_kind", "is_address", "open_input", "sha256_of", "user_path"]
 
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
@@ -95,3 +96,18 @@ def open_input(
     if not regular:
         raise error(f"{path}: is a device or a pipe, not a file; expected {what}")
     raise error(f"{path}: larger than {max_bytes} bytes; expected {what}")
+
+
+def sha256_of(path: Path | str) -> str:
+    """The SHA-256 of a file's bytes as 64 hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
+    with open_input(Path(path), InputError, "an input of the run, to take its fingerprint") as file:
+        try:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None

@@ -1,7 +1,7 @@
 """The cells of a map and the steps of a drive as one graph, and labellings of it taken apart."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,14 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.map_model import CellScores
 
-__all__ = ["JointGraph", "JointLabeling"]
+__all__ = [
+    "JointExample",
+    "JointGraph",
+    "JointLabeling",
+    "JointScores",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +166,33 @@ class JointGraph:
         if self.segments is not None:
             steps = whole.part(n + self.segments.of_step)
         return JointLabeling(whole, cells, steps)
+
+
+class JointScores(NamedTuple):
+    """What the lists say of each node by itself, and the graph that joins them.
+
+    Parameters
+    ----------
+    graph : JointGraph
+    cells : CellScores or None
+    steps : (T, K) float or None
+    """
+
+    graph: JointGraph
+    cells: CellScores | None
+    steps: NDArray[np.float64] | None
+
+
+class JointExample(NamedTuple):
+    """A map with or without a drive, its held-out scores and its true labels."""
+
+    graph: JointGraph
+    cell_scores: NDArray[np.float64]
+    step_scores: NDArray[np.float64] | None
+    truth: NDArray[np.int64]
+
+    def problem(self, names: tuple[str, ...], link_weight: float | None) -> LabelingProblem:
+        """The problem to learn from, with its links weighed if there is a weight."""
+        return self.graph.problem(
+            names, self.cell_scores, self.step_scores, link_weight=link_weight
+        )

@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
-from pgm_places.labelers.joint_graph import JointGraph, JointLabeling
+from pgm_places.labelers.joint_graph import JointExample, JointGraph, JointLabeling, JointScores
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
@@ -31,34 +31,14 @@ from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
 
-__all__ = ["LINK_WEIGHTS", "JointLabeler", "JointScores"]
+__all__ = [
+    "LINK_WEIGHTS",
+    "JointLabeler",
+]
+
 
 LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Weights of the links that are tried, relative to that of all other edges."""
-
-
-class JointScores(NamedTuple):
-    """What the lists say of each node by itself, and the graph that joins them.
-
-    Parameters
-    ----------
-    graph : JointGraph
-    cells : CellScores or None
-    steps : (T, K) float or None
-    """
-
-    graph: JointGraph
-    cells: CellScores | None
-    steps: NDArray[np.float64] | None
-
-
-class _Example(NamedTuple):
-    """A map with or without a drive, its held-out scores and its true labels."""
-
-    graph: JointGraph
-    cell_scores: NDArray[np.float64]
-    step_scores: NDArray[np.float64] | None
-    truth: NDArray[np.int64]
 
 
 class JointLabeler(Labeler):
@@ -184,7 +164,7 @@ class JointLabeler(Labeler):
         LabelError
             A label has no example.
         """
-        self._fit({"": as_backend(self.method)}, drives, maps, n_threads, progress)
+        self.fit_methods({"": self.method}, drives, maps, n_threads=n_threads, progress=progress)
         return self
 
     def fit_methods(
@@ -212,19 +192,8 @@ class JointLabeler(Labeler):
         ConfigError, InputError, LabelError
             As :meth:`fit`.
         """
-        chosen = {name: as_backend(method) for name, method in methods.items()}
-        return self._fit(chosen, drives, maps, n_threads, progress)
-
-    def _fit(
-        self,
-        methods: Mapping[str, Any],
-        drives: Sequence[MappedDrive],
-        maps: Sequence[LabelledMap],
-        n_threads: int | None,
-        progress: Progress | None,
-    ) -> dict[str, Self]:
-        """A labeler per method; the last of them is this one."""
         self.check_options()
+        methods = {name: as_backend(method) for name, method in methods.items()}
         for name, method in methods.items():
             check_labels_maps(f"method {name!r}" if name else "the method", method)
         progress = progress or Silent()
@@ -233,7 +202,8 @@ class JointLabeler(Labeler):
         names = tuple(self.label_names)
         known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()
-        of_cells = places.fit_with_scores(known, n_threads=n_threads, progress=progress)
+        unary = places.learn(known, with_scores=True, n_threads=n_threads, progress=progress)
+        assert unary.scores is not None  # asked for
         of_steps = steps.fit_with_scores(
             known,
             [replace(item.drive, building=item.building) for item in drives],
@@ -241,7 +211,7 @@ class JointLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        examples = self._examples(places, steps, drives, known, of_cells, of_steps)
+        examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
         shared = {"places_": places, "steps_": steps, "label_names_": names}
 
         def learn(method: Any) -> dict[str, Any]:
@@ -251,11 +221,11 @@ class JointLabeler(Labeler):
         return self.set_learned_with(methods, learn, progress)
 
     def _learned(
-        self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]
+        self, method: Any, examples: Sequence[JointExample], names: tuple[str, ...]
     ) -> tuple[Any, float | None]:
         """The fitted method, and the weight of links for methods that are told edge weights."""
         if isinstance(method, Learnable):
-            problems = [_problem(item, names, None) for item in examples]
+            problems = [item.problem(names, None) for item in examples]
             return with_edge_kinds(method).fit(problems, [item.truth for item in examples]), None
         if hasattr(method, "edge_weights"):
             method = replace(method, edge_weights="given")
@@ -281,21 +251,21 @@ class JointLabeler(Labeler):
         known: Sequence[LabelledMap],
         of_cells: Sequence[CellScores],
         of_steps: Sequence[NDArray[np.float64]],
-    ) -> list[_Example]:
+    ) -> list[JointExample]:
         """A problem per drive with its map, and per map without one."""
         unary = next(iter(places.resolved_methods().values())).unary
         number = {id(item): index for index, item in enumerate(known)}
 
         def example(
             item: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
-        ) -> _Example:
+        ) -> JointExample:
             cells = item.graph(connectivity=places.connectivity, labelled_only=True)
             graph = JointGraph.of(
                 cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m
             )
             of_drive = None if drive is None else drive.labels
             truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
-            return _Example(graph, getattr(of_cells[number[id(item)]], unary), scores, truth)
+            return JointExample(graph, getattr(of_cells[number[id(item)]], unary), scores, truth)
 
         found = []
         for driven, scores in zip(drives, of_steps, strict=True):
@@ -307,7 +277,7 @@ class JointLabeler(Labeler):
         return found
 
     def _link_weight(
-        self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]
+        self, method: Any, examples: Sequence[JointExample], names: tuple[str, ...]
     ) -> float:
         """The weight given, or the one with the best balanced accuracy on held-out scores."""
         if self.link_weight != "fitted":
@@ -315,7 +285,7 @@ class JointLabeler(Labeler):
         truth = np.concatenate([item.truth for item in examples])
         figures = []
         for weight in LINK_WEIGHTS:
-            labels = [method.infer(_problem(item, names, weight)).labels for item in examples]
+            labels = [method.infer(item.problem(names, weight)).labels for item in examples]
             found = evaluate(truth, np.concatenate(labels), names)
             figures.append(found.balanced_accuracy)
         return LINK_WEIGHTS[int(np.argmax(figures))]
@@ -427,7 +397,3 @@ class JointLabeler(Labeler):
 
     def _part(self, name: str) -> Any:
         return as_backend(self.method) if name == "method" else super()._part(name)
-
-
-def _problem(item: _Example, names: tuple[str, ...], weight: float | None) -> Any:
-    return item.graph.problem(names, item.cell_scores, item.step_scores, link_weight=weight)

@@ -2,8 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
@@ -76,13 +74,13 @@ def label_map_and_drive(
     cells = scores.graph.cells
     assert cells is not None and isinstance(cells.layout, GridLayout)
     assert found.cells is not None and found.steps is not None  # there are a map and a drive
-    places = LabelledPlaces(
+    places = on_own_raster(
         grid,
-        np.empty(0, np.int16),
+        used,
         cells.layout,
         found.cells,
-        labeler.label_names_,
-        METHODS.name_of(type(labeler.method_)),
-        tuple(warnings),
+        label_names=labeler.label_names_,
+        method=METHODS.name_of(type(labeler.method_)),
+        warnings=warnings,
     )
-    return LabelledDrive(on_own_raster(places, used), found.steps)
+    return LabelledDrive(places, found.steps)

@@ -1,6 +1,6 @@
 """Labelling a map with a stored model, whatever the resolutions of the two are."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,6 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.map_model import CellScores
 
 __all__ = ["LabelledPlaces", "label_map", "on_own_raster"]
 
@@ -66,11 +65,9 @@ class LabelledPlaces:
 
     def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
         """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
-        raster = self.layout.to_raster(values, fill=fill)
-        if self.layout.source is not self.grid:  # else nothing to paint: all nodes are free cells
-            raster = Coarsening.behind(self.layout, self.grid).paint(raster, fill)
-            if self.unentered is not None:
-                raster[self.unentered.cells] = fill
+        raster = _painted(self.grid, self.layout, values, fill)
+        if self.layout.source is not self.grid and self.unentered is not None:
+            raster[self.unentered.cells] = fill
         return raster
 
     def shares(self) -> dict[str, float]:
@@ -151,18 +148,15 @@ def label_map(
         labeler, used, name, pinned, features_of, n_threads, progress
     )
     found = on_own_raster(
-        LabelledPlaces(
-            grid,
-            np.empty(0, np.int16),
-            layout,
-            labeling,
-            labeler.label_names_,
-            name,
-            tuple(warnings),
-            doorways,
-        ),
+        grid,
         used,
-        pinned,
+        layout,
+        labeling,
+        label_names=labeler.label_names_,
+        method=name,
+        warnings=warnings,
+        doorways=doorways,
+        known=pinned,
     )
     if entered.unentered:
         return found
@@ -173,21 +167,38 @@ def label_map(
 
 
 def on_own_raster(
-    found: LabelledPlaces, used: OccupancyGrid, known: KnownCells | None = None
+    grid: OccupancyGrid,
+    used: OccupancyGrid,
+    layout: GridLayout,
+    labeling: Labeling,
+    *,
+    label_names: tuple[str, ...],
+    method: str,
+    warnings: Sequence[str] = (),
+    doorways: Doorways | None = None,
+    known: KnownCells | None = None,
 ) -> LabelledPlaces:
-    """What was found on the cells of ``used``, with labels on the raster of the map itself.
+    """A map with labels on its own raster, from those of the cells ``layout`` of ``used``.
 
-    ``used`` is the map at the model's resolution, its cells those of ``found.layout``.
+    ``used`` is the map at the model's resolution; known labels are painted over those found.
     """
-    grid, layout, labeling = found.grid, found.layout, found.labeling
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_map(grid)
         labeling = _brought_back(labeling, used, cells, layout)
-    found = replace(found, layout=layout, labeling=labeling)
-    painted = found.on_map(labeling.labels.astype(np.int16), -1)
+    labels = _painted(grid, layout, labeling.labels.astype(np.int16), -1)
     if known is not None:
-        np.copyto(painted, known.on_map, where=known.on_map >= 0)
-    return replace(found, labels=painted)
+        np.copyto(labels, known.on_map, where=known.on_map >= 0)
+    return LabelledPlaces(
+        grid, labels, layout, labeling, label_names, method, tuple(warnings), doorways
+    )
+
+
+def _painted(grid: OccupancyGrid, layout: GridLayout, values: ArrayLike, fill: Any) -> NDArray[Any]:
+    """Values of the nodes (N, ...) on the raster (H, W, ...) of the map itself."""
+    raster = layout.to_raster(values, fill=fill)
+    if layout.source is grid:  # nothing to paint: all nodes are free cells
+        return raster
+    return Coarsening.behind(layout, grid).paint(raster, fill)
 
 
 def _without(found: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
@@ -239,10 +250,11 @@ def _labelled(
     problem = labeler.problem_of(
         graph, scores, method, known=None if known is None else known.of_nodes(graph.layout)
     )
-    scores = CellScores(None, None, None, None, hall=scores.hall)
+    hall = scores.hall
+    del scores
     return_freed()  # what scoring took: a huge map needs it for its labels
     with progress.stage(f"labelling with {name}"):
-        labeling = labeler.with_halls(infer(method.backend, problem), scores)
+        labeling = labeler.with_halls(infer(method.backend, problem), hall)
     if known is not None:
         labeling = known.kept(labeling, graph.layout)
     return graph.layout, labeling, doorways

@@ -4,9 +4,8 @@ import numpy as np
 
 from pgm_places.errors import MapError
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.coarsening import coarsen, refine, refined_shape
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.maps.refinement import refine, refined_shape
 
 __all__ = ["SAME_RESOLUTION", "at_model_resolution"]
 

@@ -1,7 +1,6 @@
 """PlaceLabeler: labels the places of a map; the class that most users need."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -9,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import nearest_name, sealed
 from pgm_places.errors import ConfigError
-from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
@@ -26,7 +24,7 @@ from pgm_places.labelers.method import (
 )
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.labelers.whole_spaces import with_whole_spaces
-from pgm_places.maps.labelled_map import LabelledMap, require_examples
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
 from pgm_places.progress import Progress, Silent
@@ -35,9 +33,8 @@ from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.map_model import CellScores, UnaryModel, sees_spaces
+from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
-    ClassifierOptions,
     HallsAs,
     LearnOn,
     NumberOfExamples,
@@ -57,12 +54,6 @@ __all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 Connectivity = Literal[4, 8]
 SENSOR = Sensor()
 SPACE = SpaceOptions()
-
-
-def _folded(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The labels that methods know: halls are corridors to them."""
-    halls = HallNames.among(names)
-    return names if halls is None else halls.folded
 
 
 class PlaceLabeler(Labeler):
@@ -88,7 +79,7 @@ class PlaceLabeler(Labeler):
     learn_on : {"out-of-fold", "in-sample"}
         Which scores the methods are trained on.
     n_folds, n_node_features, max_examples_per_map : int
-        See :func:`pgm_places.unary.learning.fit_unary`.
+        See :class:`pgm_places.unary.learning.UnaryLearner`.
     features : sequence of features or names
         Custom columns that the lists use in addition to the laser's: see
         :mod:`pgm_places.features.own`.
@@ -196,7 +187,9 @@ class PlaceLabeler(Labeler):
             check_labels_maps(f"method {name!r}", method.backend)
             # Classes that were taught later have scores of the list alone.
             if method.unary == "floor" and self.floor is not None and -1 not in self.floor.columns:
-                columns_of(_folded(tuple(self.label_names)))
+                names = tuple(self.label_names)
+                halls = HallNames.among(names)
+                columns_of(names if halls is None else halls.folded)
 
     def fit(
         self,
@@ -208,8 +201,8 @@ class PlaceLabeler(Labeler):
     ) -> Self:
         """The labeler itself, fitted: the lists, then every method that learns, on the same maps.
 
-        With a ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`), the
-        laser features of the maps are kept on disk and not computed again in a second training.
+        A ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`) keeps the
+        laser features of the maps on disk.
 
         Raises
         ------
@@ -220,31 +213,10 @@ class PlaceLabeler(Labeler):
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
-        self._fit(maps, feature_cache=feature_cache, n_threads=n_threads, progress=progress)
+        self.learn(maps, feature_cache=feature_cache, n_threads=n_threads, progress=progress)
         return self
 
-    def fit_with_scores(
-        self,
-        maps: Sequence[LabelledMap],
-        *,
-        n_threads: int | None = None,
-        progress: Progress | None = None,
-    ) -> list[CellScores]:
-        """Fit, and return what lists that have not seen them say of each map's labelled cells.
-
-        That is what a further method is to learn from; cells are in the order of
-        ``map.graph(labelled_only=True)``.
-
-        Raises
-        ------
-        ConfigError, LabelError, InputError
-            As :meth:`fit`.
-        """
-        unary = self._fit(maps, with_scores=True, n_threads=n_threads, progress=progress)
-        assert unary.scores is not None  # asked for
-        return unary.scores
-
-    def _fit(
+    def learn(
         self,
         maps: Sequence[LabelledMap],
         *,
@@ -253,48 +225,23 @@ class PlaceLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> "LearnedUnary":
-        from pgm_places.labelers import place_learning as learning  # which labelling does without
-        from pgm_places.unary.learning import fit_unary
+        """What :meth:`fit` learns of cells on their own, for what learns from it in turn.
 
-        progress = progress or Silent()
-        maps, names = list(maps), tuple(self.label_names)
+        ``with_scores``, that holds what lists that have not seen them say of each map's labelled
+        cells, in the order of ``map.graph(labelled_only=True)``.
+        """
+        from pgm_places.labelers.place_learning import learn_places  # labelling does without it
+
         self.check_options()
-        require_examples(maps, names)
-        maps, names, halls = learning.without_halls(maps, names)
-        resolution_m = learning.common_resolution(maps)
-        methods = self.resolved_methods()
-        wanted = {method.unary for method in methods.values()}
-        unary = fit_unary(
-            maps,
-            len(names),
-            sensor=self.sensor,
-            classifier=self.classifier or ClassifierOptions().classifier(names),
-            n_node_features=self.n_node_features,
-            max_examples_per_map=self.max_examples_per_map,
-            context_m=tuple(self.context_m) if "context" in wanted else (),
-            space=self.space if sees_spaces(wanted) else None,
-            floor=self._floor_of(names) if "floor" in wanted else None,
-            doorway=None if self.space is None else self.space.doorway(names),
-            halls=halls,
-            learn_on=self.learn_on,
-            n_folds=self.n_folds,
-            features=as_features(self.features),
-            with_scores=with_scores or learning.learn_from_scores(methods),
+        unary, learned = learn_places(
+            self,
+            list(maps),
+            with_scores=with_scores,
             feature_cache=feature_cache,
             n_threads=n_threads,
-            progress=progress,
+            progress=progress or Silent(),
         )
-        nodes = learning.LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
-        held_out = unary.scores is not None and self.learn_on == "out-of-fold"
-        fitted, seconds = learning.learn_methods(methods, nodes, held_out, progress)
-        self.set_learned(
-            unary_model_=unary.model,
-            methods_=fitted,
-            learn_seconds_=seconds,
-            resolution_m_=resolution_m,
-            movement_=learning.movement_of(maps, unary, len(names), progress),
-            label_names_=shown_names(names, unary.model, self.halls),
-        )
+        self.set_learned(**learned)
         return unary
 
     def with_options(self, **params: Any) -> Self:
@@ -359,15 +306,11 @@ class PlaceLabeler(Labeler):
         progress: Progress | None = None,
     ) -> LabelingProblem:
         """The labelling problem that a method is given for a map."""
-        chosen = self.method(method)
+        name = method or self.default_method
         graph, scores = self.scores(
-            grid,
-            mask=mask,
-            methods=[method or self.default_method],
-            n_threads=n_threads,
-            progress=progress,
+            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
         )
-        return self.problem_of(graph, scores, chosen)
+        return self.problem_of(graph, scores, self.method(name))
 
     def label(
         self,
@@ -394,20 +337,19 @@ class PlaceLabeler(Labeler):
         method: str | None = None,
         truth: ArrayLike | None = None,
     ) -> Labeling:
-        """A method's labelling of given scores.
-
-        With ``truth`` (N,), true labels or -1, methods that follow their accuracy add it to their
-        history; the labels are the same.
-        """
+        """A method's labelling of given scores; ``truth`` (N,) only adds to its history."""
         chosen = self.method(method)
         problem = self.problem_of(graph, scores, chosen)
-        return self.with_halls(infer(chosen.backend, problem, truth), scores)
+        return self.with_halls(infer(chosen.backend, problem, truth), scores.hall)
 
-    def with_halls(self, labeling: Labeling, scores: CellScores) -> Labeling:
-        """A method's labelling with halls labelled as ``halls`` says."""
-        if scores.hall is None:
+    def with_halls(self, labeling: Labeling, hall: NDArray[np.float32] | None) -> Labeling:
+        """A method's labelling with halls labelled as ``halls`` says.
+
+        ``hall`` (N,) is the probability that a node's circulation is a hall, where it is known.
+        """
+        if hall is None:
             return labeling
-        return HallNames((*self.learned_names, "hall")).split(labeling, scores.hall, self.halls)
+        return HallNames((*self.learned_names, "hall")).split(labeling, hall, self.halls)
 
     def problem_of(
         self,
@@ -417,10 +359,7 @@ class PlaceLabeler(Labeler):
         *,
         known: NDArray[np.int64] | None = None,
     ) -> LabelingProblem:
-        """The labelling problem of given scores.
-
-        ``known`` (N,) holds the learned labels of cells that are known, -1 elsewhere.
-        """
+        """The labelling problem of given scores; ``known`` (N,) holds known labels, or -1."""
         names, layout = self.learned_names, graph.layout
         problem = cells_problem(graph, names, scores, method.unary, known)
         if method.unary in ("laser", "context"):
@@ -448,7 +387,8 @@ class PlaceLabeler(Labeler):
             )
             found.append(self.infer(graph, scores, method=method).labels)
             truths.append(item.truth(graph))
-        return evaluate(np.concatenate(truths), np.concatenate(found), self.label_names_).accuracy
+        labels, truth = np.concatenate(found), np.concatenate(truths)
+        return float(np.mean((labels == truth)[truth >= 0]))
 
     def method(self, name: str | None = None) -> PlaceMethod:
         """The fitted method of that name, the default one for None.
@@ -460,9 +400,8 @@ class PlaceLabeler(Labeler):
         """
         name = name or self.default_method
         if name not in self.methods_:
-            raise ConfigError(
-                f"this model has no method {name!r}. {nearest_name(name, list(self.methods_))}"
-            )
+            hint = nearest_name(name, list(self.methods_))
+            raise ConfigError(f"this model has no method {name!r}. {hint}")
         return self.methods_[name]
 
     @property
@@ -476,10 +415,6 @@ class PlaceLabeler(Labeler):
         return place_methods(
             self.methods, bool(self.context_m), self.space is not None, self.floor is not None
         )
-
-    def _floor_of(self, names: tuple[str, ...]) -> FloorModel:
-        assert self.floor is not None  # methods have been checked
-        return replace(self.floor, columns=columns_of(names))
 
     def _part(self, name: str) -> Any:
         return self.resolved_methods() if name == "methods" else super()._part(name)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
@@ -18,13 +19,16 @@ from pgm_places.inference.temperature import calibrated
 from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
-from pgm_places.labelers.place_problem import cells_problem
+from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.labelers.shared_learning import as_fitted, learned_with
-from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.progress import Progress, Stage
+from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.floor_model import columns_of
 from pgm_places.unary.halls import HallNames
-from pgm_places.unary.learning import Halls, LearnedUnary
-from pgm_places.unary.map_model import CellScores
+from pgm_places.unary.learning import Halls, LearnedUnary, UnaryLearner
+from pgm_places.unary.map_model import CellScores, sees_spaces
+from pgm_places.unary.options import ClassifierOptions
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.hmm import HiddenMarkovModel
@@ -34,6 +38,7 @@ __all__ = [
     "common_resolution",
     "learn_from_scores",
     "learn_methods",
+    "learn_places",
     "movement_of",
     "without_halls",
 ]
@@ -50,13 +55,14 @@ class LabelledNodes:
         One per map.
     truths : tuple of (N,) int
         Label index of each node.
-    scores : tuple of CellScores
+    scores : list of CellScores or None
+        None for methods that learn from labels alone.
     """
 
     label_names: tuple[str, ...]
     graphs: tuple[LabelGraph, ...]
     truths: tuple[NDArray[np.int64], ...]
-    scores: tuple[CellScores, ...]
+    scores: list[CellScores] | None
 
     @classmethod
     def of_maps(
@@ -64,22 +70,77 @@ class LabelledNodes:
         maps: Sequence[LabelledMap],
         connectivity: int,
         label_names: tuple[str, ...],
-        scores: Sequence[CellScores] | None,
+        scores: list[CellScores] | None,
     ) -> Self:
-        """Those of maps, with scores in the order of their nodes; without, no values."""
+        """Those of maps, with scores in the order of their nodes, if there are any."""
         graphs = tuple(item.graph(connectivity=connectivity, labelled_only=True) for item in maps)
         truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
-        if scores is None:
-            nothing = [np.broadcast_to(0.0, (len(part), len(label_names))) for part in truths]
-            scores = [CellScores(part, part, part, None, floor=part) for part in nothing]
-        return cls(label_names, graphs, truths, tuple(scores))
+        return cls(label_names, graphs, truths, scores)
 
     def problems(self, unary: str) -> list[LabelingProblem]:
-        """One per map, with that unary."""
+        """One per map, with that unary; without scores, all labels are equally likely."""
+        if self.scores is None:
+            return [
+                LabelingProblem(
+                    graph,
+                    self.label_names,
+                    np.broadcast_to(0.0, (graph.n_nodes, len(self.label_names))),
+                )
+                for graph in self.graphs
+            ]
         return [
             cells_problem(graph, self.label_names, part, unary)
             for graph, part in zip(self.graphs, self.scores, strict=True)
         ]
+
+
+def learn_places(
+    labeler: Any,
+    maps: list[LabelledMap],
+    *,
+    with_scores: bool,
+    feature_cache: FeatureTables | None,
+    n_threads: int | None,
+    progress: Progress,
+) -> tuple[LearnedUnary, dict[str, Any]]:
+    """What a PlaceLabeler, which imports this module, learns from maps; its attributes by name."""
+    names, space = tuple(labeler.label_names), labeler.space
+    require_examples(maps, names)
+    maps, names, halls = without_halls(maps, names)
+    resolution_m = common_resolution(maps)
+    methods = labeler.resolved_methods()
+    wanted = {method.unary for method in methods.values()}
+    floor = labeler.floor if "floor" in wanted else None
+    unary = UnaryLearner(
+        labeler.sensor,
+        labeler.classifier or ClassifierOptions().classifier(names),
+        len(names),
+        n_node_features=labeler.n_node_features,
+        max_examples_per_map=labeler.max_examples_per_map,
+        context_m=tuple(labeler.context_m) if "context" in wanted else (),
+        space=space if sees_spaces(wanted) else None,
+        floor=None if floor is None else replace(floor, columns=columns_of(names)),
+        doorway=None if space is None else space.doorway(names),
+        halls=halls,
+        learn_on=labeler.learn_on,
+        n_folds=labeler.n_folds,
+        features=as_features(labeler.features),
+        with_scores=with_scores or learn_from_scores(methods),
+        feature_cache=feature_cache,
+        n_threads=n_threads,
+        progress=progress,
+    ).fit(maps)
+    nodes = LabelledNodes.of_maps(maps, labeler.connectivity, names, unary.scores)
+    held_out = unary.scores is not None and labeler.learn_on == "out-of-fold"
+    fitted, seconds = learn_methods(methods, nodes, held_out, progress)
+    return unary, {
+        "unary_model_": unary.model,
+        "methods_": fitted,
+        "learn_seconds_": seconds,
+        "resolution_m_": resolution_m,
+        "movement_": movement_of(maps, unary, len(names), progress),
+        "label_names_": shown_names(names, unary.model, labeler.halls),
+    }
 
 
 def movement_of(

@@ -1,23 +1,18 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
-import inspect
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import stacked_rows
 from pgm_places._option_marks import Gt, Lt
-from pgm_places.errors import ConfigError, InputError, LabelError, LearningWarning
+from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import (
     LabelingProblem,
-    labelled_problems,
     listed_problems,
     weights_of,
 )
@@ -25,13 +20,22 @@ from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.label_names import named, numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
+from pgm_places.labelers.structured_learning import (
+    Truth,
+    checked,
+    counted,
+    features_of,
+    held_out_problems,
+    log_probabilities,
+    require_weighing,
+    trained,
+)
 from pgm_places.progress import Progress
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
-__all__ = ["StructuredLabeler"]
-
-Truth = NDArray[np.int64]
-Weights = list[NDArray[np.float64]] | None
+__all__ = [
+    "StructuredLabeler",
+]
 
 
 class StructuredLabeler(Labeler):
@@ -156,7 +160,7 @@ class StructuredLabeler(Labeler):
         LabelError
             A label without an example.
         """
-        self._fit({"": as_backend(self.backend)}, X, y, sample_weight, None)
+        self.fit_methods({"": self.backend}, X, y, sample_weight=sample_weight)
         return self
 
     def fit_methods(
@@ -186,21 +190,10 @@ class StructuredLabeler(Labeler):
         ConfigError, InputError, LabelError
             As :meth:`fit`.
         """
-        chosen = {name: as_backend(method) for name, method in methods.items()}
-        return self._fit(chosen, X, y, sample_weight, progress)
-
-    def _fit(
-        self,
-        methods: Mapping[str, Any],
-        X: Sequence[LabelingProblem],
-        y: Sequence[Truth],
-        sample_weight: Sequence[ArrayLike] | None,
-        progress: Progress | None,
-    ) -> dict[str, Self]:
-        """A labeler per backend; the last of them is this one."""
         self.check_options()
+        methods = {name: as_backend(method) for name, method in methods.items()}
         y, by_name = numbered(X, y)
-        problems, truths = _checked(X, y)
+        problems, truths = checked(X, y)
         if not all(problem.graph.is_chain for problem in problems):
             for backend in methods.values():
                 check_labels_any_graph("the backend", backend, "a problem's graph")
@@ -217,68 +210,31 @@ class StructuredLabeler(Labeler):
             weights = weights_of(sample_weight, problems)
             learners = [item for item in methods.values() if isinstance(item, Learnable)]
             for part in (self.classifier, *learners):
-                _require_weighing(part)
+                require_weighing(part)
         if self.classifier is not None:
-            classifier = self._trained(problems, truths, weights)
+            classifier = trained(self.classifier, problems, truths, weights)
             if self.learn_on == "out-of-fold":
-                seen = self._out_of_fold(problems, truths, weights)
+                seen = held_out_problems(
+                    self.classifier,
+                    problems,
+                    truths,
+                    weights,
+                    n_folds=self.n_folds,
+                    least=self.min_probability,
+                )
             else:
-                seen = [self._scored(problem, classifier) for problem in problems]
+                seen = [p.with_unary(self._unary(classifier, p)) for p in problems]
 
         def learn(backend: Any) -> dict[str, Any]:
             if isinstance(backend, Learnable):
                 extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
                 backend = backend.fit(seen, truths, **extra)
             if self.learn_on == "out-of-fold":
-                backend = calibrated(backend, seen, _counted(truths, weights))
+                backend = calibrated(backend, seen, counted(truths, weights))
             fitted = {"classifier_": classifier, "backend_": backend}
             return {**fitted, "label_names_": names, "named_": by_name}
 
         return self.set_learned_with(methods, learn, progress)
-
-    def _trained(
-        self, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
-    ) -> Any:
-        from sklearn.base import clone  # takes a second; a stored decision list does without
-
-        features = stacked_rows([_features(problem) for problem in problems])
-        truth = np.concatenate(truths)
-        known = truth >= 0
-        extra = {} if weights is None else {"sample_weight": np.concatenate(weights)[known]}
-        return clone(self.classifier).fit(features[known], truth[known], **extra)
-
-    def _out_of_fold(
-        self, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
-    ) -> list[LabelingProblem]:
-        """The problems with unaries from classifiers that were fitted without those nodes."""
-        folds = _folds(problems, truths, self.n_folds)
-        unaries = [np.zeros((p.graph.n_nodes, p.n_labels)) for p in problems]
-        for fold in np.unique(np.concatenate(folds)):
-            others = [
-                np.where(part == fold, -1, truth) for part, truth in zip(folds, truths, strict=True)
-            ]
-            if (np.concatenate(others) < 0).all():
-                raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
-            _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
-            classifier = self._trained(problems, others, weights)
-            for problem, part, unary in zip(problems, folds, unaries, strict=True):
-                held_out = part == fold
-                if held_out.any():
-                    unary[held_out] = self._unary(classifier, _features(problem)[held_out], problem)
-        return [problem.with_unary(unary) for problem, unary in zip(problems, unaries, strict=True)]
-
-    def _unary(
-        self, classifier: Any, features: NDArray[np.float64], problem: LabelingProblem
-    ) -> NDArray[np.float64]:
-        """(N, K) log-probabilities; a label that the classifier has not met gets the least."""
-        table = np.zeros((features.shape[0], problem.n_labels))
-        if len(table):
-            table[:, np.asarray(classifier.classes_, np.int64)] = classifier.predict_proba(features)
-        table = np.maximum(table, self.min_probability)
-        return np.log(table / table.sum(axis=1, keepdims=True))
-
-    def _scored(self, problem: LabelingProblem, classifier: Any) -> LabelingProblem:
-        return problem.with_unary(self._unary(classifier, _features(problem), problem))
 
     # ------------------------------------------------------------------ use
 
@@ -289,7 +245,7 @@ class StructuredLabeler(Labeler):
         """
         self._check_labels(problem)
         if self.classifier_ is not None:
-            return self._unary(self.classifier_, _features(problem), problem)
+            return self._unary(self.classifier_, problem)
         if problem.unary is None:
             raise InputError("without a classifier the problem needs a unary; it has none")
         return problem.unary
@@ -323,6 +279,11 @@ class StructuredLabeler(Labeler):
         seen = self.problem(problem)
         return infer(self.backend_, seen, truth)
 
+    def _unary(self, classifier: Any, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(N, K) log-probabilities of a problem's nodes."""
+        features = features_of(problem)
+        return log_probabilities(classifier, features, problem.n_labels, self.min_probability)
+
     @property
     def classes_(self) -> NDArray[Any]:
         """(K,) what :meth:`predict` answers with: label indices, or names where ``y`` had names."""
@@ -347,7 +308,7 @@ class StructuredLabeler(Labeler):
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
-        problems, truths = _checked(X, numbered(X, y)[0])
+        problems, truths = checked(X, numbered(X, y)[0])
         found = [self.label(problem).labels for problem in problems]
         result = evaluate(np.concatenate(truths), np.concatenate(found), problems[0].label_names)
         return float(getattr(result, self.metric))
@@ -394,14 +355,6 @@ class StructuredLabeler(Labeler):
             )
 
 
-def _require_weighing(part: Any) -> None:
-    """Refuse a classifier or method whose ``fit`` takes no weights; None takes none."""
-    if part is not None and "sample_weight" not in inspect.signature(part.fit).parameters:
-        raise ConfigError(
-            f"{type(part).__name__} takes no sample_weight; leave it out, or take another one"
-        )
-
-
 def _beliefs(found: Labeling) -> NDArray[np.float64]:
     if found.beliefs is None:
         how = found.info.get("decoder", "this method")
@@ -410,50 +363,3 @@ def _beliefs(found: Labeling) -> NDArray[np.float64]:
             "'mean-field', or method 'relaxation'"
         )
     return np.asarray(found.beliefs, np.float64)
-
-
-def _checked(
-    problems: Sequence[LabelingProblem], labelings: Sequence[Truth]
-) -> tuple[list[LabelingProblem], list[Truth]]:
-    """Both as lists that belong together."""
-    pairs = labelled_problems(problems, labelings)
-    return [problem for problem, _ in pairs], [truth for _, truth in pairs]
-
-
-def _counted(truths: list[Truth], weights: Weights) -> list[Truth]:
-    """The labellings without nodes of weight 0."""
-    if weights is None:
-        return truths
-    return [np.where(weight > 0, truth, -1) for truth, weight in zip(truths, weights, strict=True)]
-
-
-def _features(problem: LabelingProblem) -> NDArray[np.float64]:
-    if problem.node_features is None:
-        raise InputError(
-            "a classifier needs the problem's node_features; it has none. Give them, or "
-            "classifier=None to use its unary"
-        )
-    return problem.node_features
-
-
-def _folds(
-    problems: Sequence[LabelingProblem], truths: Sequence[Truth], n_folds: int
-) -> list[NDArray[np.int64]]:
-    """For each problem the fold of every node: whole problems, or stripes of a single one."""
-    if len(problems) == 1:
-        return [contiguous_parts(problems[0].graph, n_folds, truths[0])]
-    n = min(n_folds, len(problems))
-    return [np.full(p.graph.n_nodes, m * n // len(problems)) for m, p in enumerate(problems)]
-
-
-def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
-    """Warn of labels without an example outside a fold: its scores say that they never occur."""
-    missing = [name for k, name in enumerate(names) if k not in truth]
-    if missing:
-        warnings.warn(
-            f"all nodes labelled {', '.join(map(repr, missing))} lie in fold {fold + 1}: the "
-            "scores that the backend learns from never expect them there. Give more problems, "
-            "other n_folds, or learn_on='in-sample'",
-            LearningWarning,
-            stacklevel=4,
-        )

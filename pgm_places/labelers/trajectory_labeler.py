@@ -263,8 +263,8 @@ class TrajectoryLabeler(StepLabelling):
         InputError
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
-        method = as_backend(self.method)
-        self._fit({"": method}, maps, trajectories, extra, known_map, n_threads, progress)
+        methods = {"": self.method}
+        self._fit(methods, maps, trajectories, extra, known_map, n_threads, progress)
         return self
 
     def fit_with_scores(
@@ -286,11 +286,8 @@ class TrajectoryLabeler(StepLabelling):
         LabelError, InputError
             As :meth:`fit`.
         """
-        method = as_backend(self.method)
-        _, of_steps = self._fit(
-            {"": method}, maps, trajectories, None, known_map, n_threads, progress
-        )
-        return of_steps
+        methods = {"": self.method}
+        return self._fit(methods, maps, trajectories, None, known_map, n_threads, progress)[1]
 
     def fit_methods(
         self,
@@ -318,9 +315,7 @@ class TrajectoryLabeler(StepLabelling):
         LabelError, InputError
             As :meth:`fit`.
         """
-        chosen = {name: as_backend(method) for name, method in methods.items()}
-        found, _ = self._fit(chosen, maps, trajectories, None, known_map, n_threads, progress)
-        return found
+        return self._fit(methods, maps, trajectories, None, known_map, n_threads, progress)[0]
 
     def _fit(
         self,
@@ -334,6 +329,7 @@ class TrajectoryLabeler(StepLabelling):
     ) -> tuple[dict[str, Self], list[NDArray[np.float64]]]:
         """A labeler per method, the last of them this one, and the held-out scores of steps."""
         self.check_options()
+        methods = {name: as_backend(method) for name, method in methods.items()}
         names, extra_names = tuple(self.label_names), tuple(self.extra_names)
         features = as_features(self.features)
         if maps or trajectories:

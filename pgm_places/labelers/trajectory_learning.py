@@ -21,7 +21,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.learning import (
+from pgm_places.unary.list_learning import (
     RAREST_FIRST,
     fitted_list,
     held_out_scores,

@@ -18,8 +18,7 @@ from pgm_places._version import __version__
 from pgm_places.errors import ModelFileError, PgmPlacesError, shown
 from pgm_places.io.atomic import atomic_folder, check_folder_target
 from pgm_places.io.input_file import file_kind, user_path
-from pgm_places.io.json_file import read_json
-from pgm_places.io.text_file import read_bytes
+from pgm_places.io.text_file import read_bytes, read_json
 
 __all__ = ["Arrays", "check_target", "is_model", "load_folder", "readable", "save_folder"]
 

@@ -1,23 +1,87 @@
-"""The route graph drawn over the places that it leads through."""
+"""The route graph of a topological map: its files, its picture, and a summary."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.io.atomic import write_bytes
+from pgm_places.io.places.exports import ROUTE_FILE
+from pgm_places.io.places.nav2_folder import write_nav2
+from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swatches
 from pgm_places.report.canvas import view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK
 from pgm_places.report.name_spots import name_spots
 from pgm_places.report.sheet import Panel, sheet
-from pgm_places.report.topology_pictures import paled_canvas
-from pgm_places.topology.route_graph import RouteGraph
+from pgm_places.report.topology_pictures import (
+    paled_canvas,
+)
+from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["route_drawing"]
+__all__ = [
+    "ROUTE_PICTURE",
+    "route_drawing",
+    "routes_summary",
+    "write_routes",
+]
+
+
+ROUTE_PICTURE = "nav2_route.png"
+
+
+def write_routes(
+    folder: Path,
+    topology: TopologicalMap,
+    *,
+    robot_radius_m: float = ROBOT_RADIUS_M,
+    keep_out: Iterable[str] = (),
+    for_nav2: Mapping[str, Any] | None = None,
+) -> RouteGraph:
+    """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
+
+    No way leads into the places of ``keep_out``, which are classes or names.
+    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
+    other files for Nav2 as well.
+
+    Raises
+    ------
+    InputError
+        Such a robot can go nowhere, or a name is neither a place nor a class.
+    OutputError
+        Where a file cannot be written.
+    """
+    closed = topology.ids_of(keep_out)
+    found = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
+    if for_nav2 is None:
+        write_nav2_route(folder / ROUTE_FILE, topology, found)
+    else:
+        write_nav2(folder, topology, found, **for_nav2)
+    write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, found).png())
+    return found
+
+
+def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:
+    """How large a graph is and how narrow its ways are; the places that cannot be reached."""
+    least_m = min(edge.clearance_m for edge in routes.edges)
+    line = (
+        f"routes: {len(routes.nodes)} nodes, {len(routes.edges)} edges, all at least "
+        f"{least_m:.2f} m from obstacles"
+    )
+    if routes.closed:
+        line += " and places to keep out of"
+    if not routes.unreachable:
+        return f"{line}; every {'other ' if routes.closed else ''}place can be reached"
+    names = ", ".join(topology.place(number).name for number in routes.unreachable)
+    return f"{line}\nnot reachable with a radius of {routes.robot_radius_m:g} m: {names}"
+
 
 _MOST_PIXELS = 1_000_000
+
 _LINE, _DISC, _DOOR, _DOT, _NAME = 2.0, 13.0, 9.0, 4.0, 13
 
 

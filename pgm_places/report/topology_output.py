@@ -1,15 +1,10 @@
 """The output of commands about places: the topological map's files and its picture."""
 
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pgm_places.io.atomic import write_bytes
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
-from pgm_places.io.places.exports import ROUTE_FILE
-from pgm_places.io.places.nav2_folder import write_nav2
-from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import (
     TOPOLOGY_FILE,
@@ -19,24 +14,18 @@ from pgm_places.io.places.topology_files import (
 )
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.packing import Packing
-from pgm_places.report.route_picture import route_drawing
 from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = [
     "doubt_summary",
     "places_summary",
-    "routes_summary",
     "write_places",
-    "write_routes",
     "write_topology",
 ]
-
-ROUTE_PICTURE = "nav2_route.png"
 
 
 def write_places(
@@ -98,52 +87,6 @@ def write_topology(
     if places_to_check(topology):
         written.append(write_checks(folder / CHECK_FILE, topology))
     return written
-
-
-def write_routes(
-    folder: Path,
-    topology: TopologicalMap,
-    *,
-    robot_radius_m: float = ROBOT_RADIUS_M,
-    keep_out: Iterable[str] = (),
-    for_nav2: Mapping[str, Any] | None = None,
-) -> RouteGraph:
-    """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
-
-    No way leads into the places of ``keep_out``, which are classes or names.
-    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
-    other files for Nav2 as well.
-
-    Raises
-    ------
-    InputError
-        Such a robot can go nowhere, or a name is neither a place nor a class.
-    OutputError
-        Where a file cannot be written.
-    """
-    closed = topology.ids_of(keep_out)
-    found = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
-    if for_nav2 is None:
-        write_nav2_route(folder / ROUTE_FILE, topology, found)
-    else:
-        write_nav2(folder, topology, found, **for_nav2)
-    write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, found).png())
-    return found
-
-
-def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:
-    """How large a graph is and how narrow its ways are; the places that cannot be reached."""
-    least_m = min(edge.clearance_m for edge in routes.edges)
-    line = (
-        f"routes: {len(routes.nodes)} nodes, {len(routes.edges)} edges, all at least "
-        f"{least_m:.2f} m from obstacles"
-    )
-    if routes.closed:
-        line += " and places to keep out of"
-    if not routes.unreachable:
-        return f"{line}; every {'other ' if routes.closed else ''}place can be reached"
-    names = ", ".join(topology.place(number).name for number in routes.unreachable)
-    return f"{line}\nnot reachable with a radius of {routes.robot_radius_m:g} m: {names}"
 
 
 def places_summary(topology: TopologicalMap) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.report.page import data_uri, render
-from pgm_places.reproduce.overview import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING, overview_table
+from pgm_places.reproduce.markdown import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING, overview_table
 from pgm_places.reproduce.section import Section, Table
 
 __all__ = ["html_page"]

@@ -1,8 +1,13 @@
 """Rectangles of a map's cells."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import ceil
 
-__all__ = ["Box"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Box", "NodeNumbers", "tiles"]
 
 
 @dataclass(frozen=True)
@@ -37,3 +42,74 @@ class Box:
             max(self.left - margin, 0),
             min(self.right + margin, shape[1]),
         )
+
+
+def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator[Box]:
+    """Boxes that together hold every wanted cell once.
+
+    A box is cut in two, across its longer side, until it holds at most ``capacity(box)`` wanted
+    cells or is a single cell.
+    """
+    waiting = [Box(0, wanted.shape[0], 0, wanted.shape[1])]
+    while waiting:
+        box = _trimmed(waiting.pop(), wanted)
+        if box is None:
+            continue
+        cells = wanted[box.slices]
+        n_cells, fit = int(np.count_nonzero(cells)), capacity(box)
+        if n_cells <= fit or cells.size == 1:
+            yield box
+        else:
+            # Near the end, three thirds that are just full take less time than four quarters.
+            parts = ceil(n_cells / fit) if 4 * fit >= n_cells else 2
+            waiting += reversed(_cut(box, cells, (parts // 2) / parts))
+
+
+def _trimmed(box: Box, wanted: NDArray[np.bool_]) -> Box | None:
+    cells = wanted[box.slices]
+    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    if len(rows) == 0:
+        return None
+    bottom, left = box.bottom, box.left
+    return Box(
+        bottom + int(rows[0]),
+        bottom + int(rows[-1]) + 1,
+        left + int(columns[0]),
+        left + int(columns[-1]) + 1,
+    )
+
+
+def _cut(box: Box, cells: NDArray[np.bool_], share: float) -> tuple[Box, Box]:
+    """Two boxes, the first with about ``share`` of the cells."""
+    across = 0 if box.height >= box.width else 1
+    below = np.cumsum(cells.sum(axis=1 - across))
+    cut = int(np.searchsorted(below, below[-1] * share))
+    cut = min(max(cut, 1), cells.shape[across] - 1)
+    if across == 0:
+        middle = box.bottom + cut
+        return (
+            Box(box.bottom, middle, box.left, box.right),
+            Box(middle, box.top, box.left, box.right),
+        )
+    middle = box.left + cut
+    return Box(box.bottom, box.top, box.left, middle), Box(box.bottom, box.top, middle, box.right)
+
+
+class NodeNumbers:
+    """Numbers of the wanted cells of a map in row-major order."""
+
+    def __init__(self, wanted: NDArray[np.bool_]) -> None:
+        self._wanted = wanted
+        in_row = wanted.sum(axis=1)
+        self._row_starts = np.cumsum(in_row) - in_row
+        self.total = int(in_row.sum())
+
+    def of(self, box: Box) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """(n,) node numbers, rows and columns of a box's wanted cells."""
+        cells = self._wanted[box.slices]
+        rows, columns = np.nonzero(cells)
+        before = self._wanted[box.slices[0], : box.left].sum(axis=1)
+        in_row = cells.sum(axis=1)
+        first = self._row_starts[box.slices[0]] + before - (np.cumsum(in_row) - in_row)
+        nodes = np.repeat(first, in_row) + np.arange(len(rows))
+        return nodes, rows + box.bottom, columns + box.left

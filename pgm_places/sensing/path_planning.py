@@ -34,7 +34,7 @@ class _Drivable:
 
     cells_rc: NDArray[np.int64]
     positions_m: NDArray[np.float64]
-    room_m: NDArray[np.float64]
+    clearance_m: NDArray[np.float64]
     lengths: Any
     costs: Any
 
@@ -71,10 +71,12 @@ class PathPlanner:
         from scipy.ndimage import distance_transform_edt
 
         self.grid, self.radius_m = grid, float(radius_m)
-        padded = np.pad(grid.free, 1)  # outside the map there is no room for a robot either
-        room: NDArray[np.float64] = distance_transform_edt(padded)[1:-1, 1:-1] * grid.resolution_m
-        self._room_m = room
-        self._nodes = _drivable(grid, room, self.radius_m)
+        padded = np.pad(grid.free, 1)  # outside the map there is no space for a robot either
+        clearance_m: NDArray[np.float64] = (
+            distance_transform_edt(padded)[1:-1, 1:-1] * grid.resolution_m
+        )
+        self._clearance_m = clearance_m
+        self._nodes = _drivable(grid, self._clearance_m, self.radius_m)
 
     @property
     def positions_m(self) -> NDArray[np.float64]:
@@ -160,7 +162,7 @@ class PathPlanner:
             # it can reach the corner from: the roomiest cell around may be behind a wall.
             around = self._lengths_from(corner, limit_m=spacing_m / 2)
             near = np.flatnonzero(np.isfinite(around) & (nearest_stop_m > spacing_m / 2))
-            stop = int(near[self._nodes.room_m[near].argmax()])
+            stop = int(near[self._nodes.clearance_m[near].argmax()])
             stops.append(stop)
             lengths = self._lengths_from(stop, limit_m=float(nearest_stop_m.max()))
             nearest_stop_m = np.minimum(nearest_stop_m, lengths)
@@ -236,26 +238,26 @@ class PathPlanner:
         """Distance from the nearest cell that is not free, of positions on the map."""
         cells = self.grid.cells_at_m(positions_m)
         cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
-        room: NDArray[np.float64] = self._room_m[cells[:, 0], cells[:, 1]]
-        return room
+        clearance_m: NDArray[np.float64] = self._clearance_m[cells[:, 0], cells[:, 1]]
+        return clearance_m
 
 
-def _drivable(grid: OccupancyGrid, room_m: NDArray[np.float64], radius_m: float) -> _Drivable:
+def _drivable(grid: OccupancyGrid, clearance_m: NDArray[np.float64], radius_m: float) -> _Drivable:
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
     stride = max(1, int(PLANNING_CELL_M / grid.resolution_m + 0.5))
     if stride * grid.resolution_m > radius_m:
         stride = 1  # between two cells a small robot must not meet a wall
-    room = room_m[::stride, ::stride]
-    fits = room >= radius_m
+    clearance = clearance_m[::stride, ::stride]
+    fits = clearance >= radius_m
     node = np.full(fits.shape, -1, np.int64)
     node[fits] = np.arange(np.count_nonzero(fits))
     cells = np.argwhere(fits)
     if len(cells) == 0:
         raise InputError(
             f"a robot of radius {radius_m:g} m fits nowhere on this map; the widest place has "
-            f"{room_m.max():.2f} m to the walls"
+            f"{clearance_m.max():.2f} m to the walls"
         )
     padded = np.pad(node, 1, constant_values=-1)
     starts, ends = [], []
@@ -272,13 +274,13 @@ def _drivable(grid: OccupancyGrid, room_m: NDArray[np.float64], radius_m: float)
     _, part = connected_components(lengths, directed=False)
     kept = np.flatnonzero(part == np.bincount(part).argmax())
     lengths = lengths[kept][:, kept]
-    room_of = room[fits][kept]
-    dear = 1 + WALL_COST * radius_m / room_of
+    clearance_of = clearance[fits][kept]
+    dear = 1 + WALL_COST * radius_m / clearance_of
     steps = lengths.tocoo()
     weights = steps.data * (dear[steps.row] + dear[steps.col]) / 2
     costs = sparse.csr_array((weights, (steps.row, steps.col)), shape=steps.shape)
     chosen = cells[kept] * stride
-    return _Drivable(chosen, grid.cell_centres_m(chosen), room_of, lengths, costs)
+    return _Drivable(chosen, grid.cell_centres_m(chosen), clearance_of, lengths, costs)
 
 
 def _averaged(points: NDArray[np.float64], half: int) -> NDArray[np.float64]:

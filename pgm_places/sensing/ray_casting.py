@@ -14,9 +14,8 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing._box import Box
+from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
-from pgm_places.sensing._tiling import NodeNumbers, tiles
 from pgm_places.sensing.sensor import Sensor
 
 __all__ = ["PoseCaster", "ScanBlock", "cast_cells", "cast_poses", "iter_cast"]

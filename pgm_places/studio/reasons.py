@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.teaching.explanation import FeatureVote, explain_cell
+from pgm_places.teaching.explanation import explain_cell
+from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.teaching.taught import Taught
 
 __all__ = ["reasons_record"]

@@ -4,8 +4,6 @@ import time
 from collections.abc import Sequence
 from functools import cache, cached_property, partial
 
-import numpy as np
-
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError
 from pgm_places.graph.layout import GridLayout
@@ -227,12 +225,17 @@ class Teacher:
         problem = labeler.problem_of(graph, scores, chosen, known=pinned)
 
         def placed(labeling: Labeling, name: str) -> LabelledPlaces:
-            labeling = known.kept(labeler.with_halls(labeling, scores), layout)
-            nothing = np.empty(0, np.int16)
-            found = LabelledPlaces(
-                self.grid, nothing, layout, labeling, names, name, tuple(warnings), doorways
+            return on_own_raster(
+                self.grid,
+                used,
+                layout,
+                known.kept(labeler.with_halls(labeling, scores.hall), layout),
+                label_names=names,
+                method=name,
+                warnings=warnings,
+                doorways=doorways,
+                known=known,
             )
-            return on_own_raster(found, used, known)
 
         unary = placed(infer(Independent(), problem), "independent")
         with progress.stage(f"labelling with {method}"):

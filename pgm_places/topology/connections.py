@@ -1,16 +1,85 @@
 """Which regions of a map are connected, and through what."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.passages import find_passages
+from pgm_places.topology.borders import STEPS, contacts_at, meetings
 from pgm_places.topology.topological_map import Connection
 
-__all__ = ["connections_of"]
+__all__ = ["Passages", "connections_of", "find_passages"]
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """The passage between each pair of adjacent pieces.
+
+    Parameters
+    ----------
+    pairs : (C, 2) int32
+        Piece numbers, the smaller first, sorted.
+    sides : (C,) int64
+        Number of cell sides along their border; 0 if they touch only at corners.
+    middle_rc : (C, 2) float64
+        The point of the border with the most clearance: row and column; integers are cell centres.
+    width : (C,) float64
+        Diameter in cells of the largest disc that fits there: twice the distance to the wall.
+    """
+
+    pairs: NDArray[np.int32]
+    sides: NDArray[np.int64]
+    middle_rc: NDArray[np.float64]
+    width: NDArray[np.float64]
+
+
+def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.int32]) -> Passages:
+    """The passage between every pair of adjacent pieces.
+
+    Parameters
+    ----------
+    piece : (H, W) int32
+        Number of each cell's piece, -1 for none.
+    count : int
+    clearance : (H, W) int32
+        Squared distance in cells to the nearest cell that is not free.
+
+    Examples
+    --------
+    >>> piece = np.array([[0, 0, 1, 1]] * 3, np.int32)
+    >>> free = np.array([[1, 1, 1, 1], [4, 4, 4, 4], [1, 1, 1, 1]], np.int32)
+    >>> found = find_passages(piece, 2, free)
+    >>> found.middle_rc.tolist(), found.width.tolist()
+    ([[1.0, 1.5]], [3.0])
+    """
+    met = meetings(piece, count)
+    touching = contacts_at(met, count)
+    keys, rooms, rows, columns = [], [], [], []
+    for (down, right), item in zip(STEPS, met, strict=True):
+        r, c = item.cells_rc
+        keys.append(item.keys)
+        rooms.append(np.minimum(clearance[r, c], clearance[r + down, c + right]))
+        rows.append(r + down / 2)
+        columns.append(c + right / 2)
+    key, room = np.concatenate(keys), np.concatenate(rooms)
+    place = np.stack([np.concatenate(rows), np.concatenate(columns)], axis=1)
+    # The most clearance first; ties go to the point nearest to the middle of the border.
+    off = _from_the_middle(key, place)
+    order = np.lexsort((off, -room, key))
+    _, best = np.unique(key[order], return_index=True)
+    chosen = order[best]
+    width = np.maximum(2 * np.sqrt(room[chosen].astype(np.float64)) - 1, 0.0)
+    return Passages(touching.pairs, touching.sides, place[chosen], width)
+
+
+def _from_the_middle(key: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared distance of each position from the mean position of its key."""
+    _, group, counts = np.unique(key, return_inverse=True, return_counts=True)
+    mean = np.stack([np.bincount(group, axis, len(counts)) / counts for axis in place.T], axis=1)
+    return np.asarray(((place - mean[group]) ** 2).sum(axis=1))
 
 
 def connections_of(

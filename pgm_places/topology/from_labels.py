@@ -5,15 +5,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import label_raster, sealed
+from pgm_places._checks import finite_array, label_raster, sealed
+from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.pages import leave_in_file
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.clearance import deepest_cells
-from pgm_places.topology.confidence import mean_probabilities
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import (
     Correction,
@@ -26,7 +29,55 @@ from pgm_places.topology.naming import EarlierPlaces, identify, name_places
 from pgm_places.topology.regions import describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["topological_map"]
+__all__ = ["mean_probabilities", "topological_map"]
+
+
+def mean_probabilities(
+    pieces: Components,
+    beliefs: ArrayLike,
+    layout: GridLayout | None,
+    n_labels: int,
+    grid: OccupancyGrid,
+) -> NDArray[np.float64]:
+    """(P, K) mean probability of each label in each piece, NaN for a piece without a known cell.
+
+    Parameters
+    ----------
+    pieces : Components
+    beliefs : (N, K) float
+        Probabilities of the labels at the nodes of ``layout``.
+    layout : GridLayout
+        The cells of ``beliefs``: those of the map or of a coarser version of it.
+    n_labels : int
+        K.
+    grid : OccupancyGrid
+        The map of the pieces.
+
+    Raises
+    ------
+    InputError
+        Beliefs without a layout.
+    MapError
+        The layout is of another map.
+    """
+    if layout is None:
+        raise InputError("beliefs need the layout of their nodes; pass layout as well")
+    array = finite_array("beliefs", beliefs, (layout.n_nodes, n_labels), dtype=np.float32)
+    coarsening = Coarsening.behind(layout, grid)
+    counts, sums = np.zeros(pieces.count, np.int64), np.zeros((pieces.count, n_labels))
+    for rows in bands_of_rows(grid.shape):
+        piece = pieces.piece[rows]
+        if coarsening.factor == 1:
+            node = layout.nodes_in(rows)
+        else:
+            node = coarsening.paint(layout.node_of_cell, -1, rows=rows)
+        known = (piece >= 0) & (node >= 0)
+        numbers, nodes = piece[known], node[known]
+        counts += np.bincount(numbers, minlength=pieces.count)
+        for k in range(n_labels):
+            sums[:, k] += np.bincount(numbers, array[nodes, k], pieces.count)
+        leave_in_file(array)
+    return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)
 
 
 def topological_map(

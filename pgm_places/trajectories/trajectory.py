@@ -197,9 +197,7 @@ class Trajectory:
         return self.with_labels(np.array([*numbers, -1])[self.labels], names)
 
     def labelled_by(self, labelled_map: "LabelledMap", label_names: Iterable[str]) -> Self:
-        """The same steps with the labels that a map of the same frame has at their positions.
-
-        Steps outside the map, or outside its window, become -1: unknown.
+        """The same steps with the labels of a map at their positions, -1 outside it or its window.
 
         Raises
         ------
@@ -258,8 +256,7 @@ class Trajectory:
     def resampled(self, every_m: float) -> Self:
         """The path with positions this far apart, on straight lines between the recorded ones.
 
-        For tables of positions that are farther apart than a robot drives between two updates. The
-        recorded positions stay, with their labels; what lies between them has none.
+        The recorded positions stay, with their labels; what lies between them has none.
 
         Raises
         ------
@@ -308,8 +305,7 @@ class Trajectory:
     def by_distance(self, step_m: float) -> NDArray[np.int64]:
         """Numbers of the steps that each lie at least ``step_m`` from the one chosen before.
 
-        The first step is chosen; standing or turning on the spot chooses none, however much the
-        poses tremble. With 0 every step is chosen.
+        The first step is chosen; standing or turning on the spot chooses none. 0 chooses all.
         """
         if not step_m >= 0:
             raise InputError(f"step_m must be at least 0 metres, got {step_m}")
@@ -328,10 +324,7 @@ class Trajectory:
         return LabelGraph.from_trajectory(self.poses)
 
     def transformed(self, similarity: Similarity) -> Self:
-        """The same trajectory in another frame; a scale also stretches the scans.
-
-        Odometry stays as the wheels told it, in its own frame.
-        """
+        """The same trajectory in another frame; a scale stretches the scans, not the odometry."""
         stretched, geometry = self.ranges_m, self.geometry
         if stretched is not None and geometry is not None and similarity.scale != 1:
             factor = similarity.scale

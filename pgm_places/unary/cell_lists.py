@@ -36,13 +36,13 @@ class CellList(Protocol):
         What its scores are called.
     columns : (n,) int64
         The laser and custom columns that it looks at, ascending.
-    found : (N, K) float64 or float32
+    scores : (N, K) float64 or float32
         The scores of the nodes.
     """
 
     unary: str
     columns: NDArray[np.int64]
-    found: NDArray[np.float64]
+    scores: NDArray[np.float64]
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have, its own among them."""
@@ -66,7 +66,7 @@ class LaserList:
     ) -> None:
         self.fitted, self.n_labels = fitted, n_labels
         self.columns = fitted.used_features
-        self.found = np.empty((n_nodes, n_labels), dtype)
+        self.scores = np.empty((n_nodes, n_labels), dtype)
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
@@ -76,7 +76,7 @@ class LaserList:
         self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
     ) -> None:
         """Score some nodes."""
-        self.found[nodes] = aligned_log_proba(self.part, values, self.n_labels, n_threads)
+        self.scores[nodes] = aligned_log_proba(self.part, values, self.n_labels, n_threads)
 
     def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
         """Score the nodes that are not known."""
@@ -86,7 +86,7 @@ class LaserList:
             return aligned_log_proba(self.part, values, self.n_labels, n_threads)
 
         table.prepare(self.unary, 0, self.n_labels)
-        self.found[nodes] = table.scores(self.unary, nodes, _nothing(len(nodes)), score)
+        self.scores[nodes] = table.scores(self.unary, nodes, _nothing(len(nodes)), score)
 
 
 class ContextPart:
@@ -102,7 +102,7 @@ class ContextPart:
         self.fitted = fitted
         used = fitted.used_features
         self.columns = np.asarray(used[used < n_own], np.int64)
-        self.found = np.empty((n_nodes, n_labels))
+        self.scores = np.empty((n_nodes, n_labels))
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
@@ -113,7 +113,7 @@ class ContextPart:
     ) -> None:
         """Let the stumps vote on some nodes."""
         votes = self.part.scores(values, n_threads=n_threads)
-        self.found[nodes, : len(votes)] = votes.T
+        self.scores[nodes, : len(votes)] = votes.T
 
     def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
         """Let the stumps vote on the nodes that are not known."""
@@ -125,7 +125,7 @@ class ContextPart:
         n_votes = len(self.fitted.classes) - 1
         table.prepare(self.unary, 0, n_votes)
         found = table.scores(self.unary, nodes, _nothing(len(nodes)), votes)
-        self.found[nodes, :n_votes] = found
+        self.scores[nodes, :n_votes] = found
 
 
 class SpaceList:
@@ -151,7 +151,7 @@ class SpaceList:
         self.columns = np.asarray(used[used < n_own], np.int64)
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)
-        self.found = np.empty((layout.n_nodes, n_labels), dtype)
+        self.scores = np.empty((layout.n_nodes, n_labels), dtype)
         self.corridor = model.corridor
         self.hall = np.empty(layout.n_nodes, np.float32) if with_halls else None
 
@@ -166,7 +166,7 @@ class SpaceList:
 
         def score(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
-            self.found[nodes[some]] = self._scores(nodes[some], values[some])
+            self.scores[nodes[some]] = self._scores(nodes[some], values[some])
 
         run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
 
@@ -175,7 +175,7 @@ class SpaceList:
 
         def score(task: int) -> None:
             some = nodes[task * _CELLS_PER_TASK : (task + 1) * _CELLS_PER_TASK]
-            self.found[some] = self._weighed(some, self._kept(table, some))
+            self.scores[some] = self._weighed(some, self._kept(table, some))
 
         table.prepare(self.unary, len(self.of_spaces), self._n_classes)
         run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)

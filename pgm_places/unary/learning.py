@@ -1,44 +1,40 @@
 """Training the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
 from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.list_average import list_average
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
+from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, with_floor
+from pgm_places.unary.list_learning import (
+    fitted_list,
+    held_out_lists,
+    in_the_order_of,
+    like,
+    scores_of,
+    with_explicit_order,
+    with_temperatures,
+)
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import SpaceOptions
-from pgm_places.unary.space_learning import learn_spaces
-from pgm_places.unary.temperatures import with_temperatures
+from pgm_places.unary.space_learning import LearnedSpaces, learn_spaces
+from pgm_places.unary.space_model import SpaceModel
 from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-RAREST_FIRST = "rarest-first"
-"""An order of the list that PlaceLabeler understands besides those of the list itself."""
-
-__all__ = [
-    "Halls",
-    "LearnedUnary",
-    "fit_unary",
-    "fitted_list",
-    "held_out_lists",
-    "held_out_scores",
-    "with_explicit_order",
-    "without_a_domain",
-]
+__all__ = ["Halls", "LearnedUnary", "UnaryLearner"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,37 +78,16 @@ class LearnedUnary:
     scores: list[CellScores] | None
 
 
-def fit_unary(
-    maps: Sequence[LabelledMap],
-    n_labels: int,
-    *,
-    sensor: Sensor,
-    classifier: "DecisionListClassifier",
-    n_node_features: int = 30,
-    context_m: tuple[float, ...] = (),
-    space: SpaceOptions | None = None,
-    doorway: int | None = None,
-    halls: Halls | None = None,
-    floor: FloorModel | None = None,
-    learn_on: str = "out-of-fold",
-    n_folds: int = 5,
-    max_examples_per_map: int | None = None,
-    features: tuple[Any, ...] = (),
-    with_scores: bool = True,
-    feature_cache: FeatureTables | None = None,
-    n_threads: int | None = None,
-    progress: Progress | None = None,
-) -> LearnedUnary:
-    """A unary model fitted on the labelled cells of maps, and scores to learn from.
+@dataclass(frozen=True, eq=False)
+class UnaryLearner:
+    """How a unary model is learned: the list on scans, then those in context and with spaces.
 
     Parameters
     ----------
-    maps : sequence of LabelledMap
-        Where to learn; only free, labelled cells inside the windows are used.
-    n_labels : int
-        K.
     sensor, classifier
         The sensor to simulate and an unfitted list with its options.
+    n_labels : int
+        K.
     n_node_features : int
         How many of the features that boosting chose first are handed to structured models.
     context_m : tuple of float
@@ -139,193 +114,240 @@ def fit_unary(
     feature_cache : FeatureTables, optional
         Where laser features of the maps are kept; not used with custom features, whose code may
         change.
+    n_threads, progress
+        Threads to use, and where stages are reported.
     """
-    progress = progress or Silent()
-    cells = TrainingCells.of(
-        maps,
-        sensor,
-        features,
-        n_folds=n_folds,
-        limit=max_examples_per_map,
-        wants_all=with_scores or bool(context_m),
-        feature_cache=feature_cache,
-        n_threads=n_threads,
-        progress=progress,
-    )
-    held_out = learn_on == "out-of-fold" or bool(context_m)
-    learner = _Learner(cells, n_labels, learn_on, held_out, n_threads, progress)
-    classifier = with_explicit_order(classifier, cells.truth)
 
-    laser = learner.learn(
-        "decision list", classifier, scored="all" if with_scores or context_m else "examples"
-    )
-    columns = np.asarray(laser.fitted.features_in_order_of_choice(n_node_features), np.int64)
-    context = None
-    if context_m:
-        means = _context_means(cells, np.exp(laser.held_out), context_m)
+    sensor: Sensor
+    classifier: "DecisionListClassifier"
+    n_labels: int
+    n_node_features: int = 30
+    context_m: tuple[float, ...] = ()
+    space: SpaceOptions | None = None
+    doorway: int | None = None
+    halls: Halls | None = None
+    floor: FloorModel | None = None
+    learn_on: str = "out-of-fold"
+    n_folds: int = 5
+    max_examples_per_map: int | None = None
+    features: tuple[Any, ...] = ()
+    with_scores: bool = True
+    feature_cache: FeatureTables | None = None
+    n_threads: int | None = None
+    progress: Progress = field(default_factory=Silent)
+
+    def fit(self, maps: Sequence[LabelledMap]) -> LearnedUnary:
+        """The unary model fitted on the free, labelled cells of maps, and scores to learn from."""
+        cells = TrainingCells.of(
+            maps,
+            self.sensor,
+            self.features,
+            n_folds=self.n_folds,
+            limit=self.max_examples_per_map,
+            wants_all=self.with_scores or bool(self.context_m),
+            feature_cache=self.feature_cache,
+            n_threads=self.n_threads,
+            progress=self.progress,
+        )
+        classifier = with_explicit_order(self.classifier, cells.truth)
+        laser = self._lists("decision list", classifier, cells, held_out=self._holds_out)
+        context = self._in_context(laser, classifier) if self.context_m else None
+        spaces = None if self.space is None else self._with_spaces(self.space, cells)
+        columns = laser.fitted.features_in_order_of_choice(self.n_node_features)
+        model = UnaryModel(
+            self.sensor,
+            laser.fitted,
+            self.n_labels,
+            np.asarray(columns, np.int64),
+            self.context_m,
+            None if context is None else context.fitted,
+            self.features,
+            None if spaces is None else spaces.model,
+            self.floor,
+        )
+        ends = np.searchsorted(cells.examples, np.cumsum(cells.sizes))[:-1]
+        return LearnedUnary(
+            model,
+            np.split(cells.truth[cells.examples], ends),
+            np.split(laser.scores_of_examples(held_out=self._from_held_out), ends),
+            self._scores(cells, model, laser, context, spaces) if self.with_scores else None,
+        )
+
+    @property
+    def _from_held_out(self) -> bool:
+        """Whether scores come from lists that have not seen a cell."""
+        return self.learn_on == "out-of-fold"
+
+    @property
+    def _holds_out(self) -> bool:
+        """Whether lists on scans are held out: their scores are also what context is made of."""
+        return self._from_held_out or bool(self.context_m)
+
+    def _in_context(self, laser: "_Lists", classifier: "DecisionListClassifier") -> "_Lists":
+        """The stage of the list that also sees the scores in windows around each cell."""
+        cells, parts = laser.cells, []
+        for m, part in enumerate(cells.by_map(np.exp(laser.scores(held_out=True)))):
+            resolution_m = cells.maps[m].grid.resolution_m
+            parts.append(window_means(cells.layout(m), part, self.context_m, resolution_m))
+        means = np.concatenate(parts)
         # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
         order = laser.fitted.classes[laser.fitted.order].tolist()
-        stumps = _like(classifier, order=order, max_depth=1, shrinkage=1.0)
-        context = learner.learn(
-            "list with context", stumps, lambda some: means[some], "all" if with_scores else "none"
+        return self._lists(
+            "list with context",
+            like(classifier, order=order, max_depth=1, shrinkage=1.0),
+            cells,
+            held_out=self.with_scores and self._from_held_out,
+            extra=lambda some: means[some],
         )
-    spaces, of_spaces = None, None
-    if space is not None:
-        found = learn_spaces(cells, doorway, n_threads, progress)
-        if halls is not None:
-            truth = np.where(halls.are_halls, n_labels, cells.truth)
-            learner = replace(learner, cells=replace(cells, truth=truth), n_labels=n_labels + 1)
-        spaces = learner.learn(
+
+    def _with_spaces(self, options: SpaceOptions, cells: TrainingCells) -> "_SpaceLists":
+        """The stage of the list that also sees segments, gates and places."""
+        spaces = learn_spaces(cells, self.doorway, self.n_threads, self.progress)
+        if self.halls is not None:
+            truth = np.where(self.halls.are_halls, self.n_labels, cells.truth)
+            cells = replace(cells, truth=truth)
+        lists = self._lists(
             "list with spaces",
-            with_explicit_order(space.classifier(), learner.cells.truth),
-            found.columns,
-            "all" if with_scores else "none",
-            space.max_examples_per_map,
-            learner.cells.domain,
+            with_explicit_order(options.classifier(), cells.truth),
+            cells,
+            held_out=self.with_scores and self._from_held_out,
+            extra=spaces.columns,
+            limit=options.max_examples_per_map,
+            domain=cells.domain,
+            n_labels=self.n_labels + (self.halls is not None),
         )
-        of_spaces = spaces.of_all
-        if halls is not None:
-            of_spaces, _ = without_halls(of_spaces, halls.corridor)
-        of_spaces = found.scores(of_spaces) if with_scores else None
-    model = UnaryModel(
-        sensor,
-        laser.fitted,
-        n_labels,
-        columns,
-        context_m,
-        None if context is None else context.fitted,
-        features,
-        None
-        if spaces is None
-        else found.model(spaces.fitted, None if halls is None else halls.corridor),
-        floor,
-    )
-    starts = np.cumsum([0, *cells.sizes])
-    mine = np.searchsorted(cells.examples, starts)
-    return LearnedUnary(
-        model,
-        np.split(cells.truth[cells.examples], mine[1:-1]),
-        np.split(laser.of_examples, mine[1:-1]),
-        [
-            _with_floor(CellScores(*parts), cells, m, floor, n_threads)
-            for m, parts in enumerate(
-                zip(
-                    cells.by_map(laser.of_all),
-                    _by_map(cells, None if context is None else context.of_all),
-                    _by_map(cells, of_spaces),
-                    cells.by_map(learner.node_features(columns)),
-                    strict=True,
-                )
-            )
-        ]
-        if with_scores
-        else None,
-    )
+        return _SpaceLists(lists, spaces, None if self.halls is None else self.halls.corridor)
 
-
-def _with_floor(
-    scores: CellScores,
-    cells: TrainingCells,
-    m: int,
-    floor: FloorModel | None,
-    n_threads: int | None,
-) -> CellScores:
-    """The scores of a map's labelled cells, and those with what the networks see of it."""
-    if floor is None or scores.space is None:
-        return scores
-    seen = floor.scores(cells.maps[m].grid, n_threads)
-    return replace(scores, floor=with_floor(scores.space, seen, floor, cells.layout(m)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Learned:
-    """A fitted list and what it, or lists of its kind that were held out, say of cells."""
-
-    fitted: BoostedList
-    held_out: NDArray[np.float64]
-    of_all: NDArray[np.float64]
-    of_examples: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Learner:
-    """Lists of several kinds on the same cells."""
-
-    cells: TrainingCells
-    n_labels: int
-    learn_on: str
-    held_out: bool
-    n_threads: int | None
-    progress: Progress
-
-    def learn(
+    def _lists(
         self,
         name: str,
         unfitted: "DecisionListClassifier",
+        cells: TrainingCells,
+        *,
+        held_out: bool,
         extra: Extra | None = None,
-        scored: Literal["all", "examples", "none"] = "all",
         limit: int | None = None,
         domain: NDArray[np.int64] | None = None,
-    ) -> _Learned:
-        """A list fitted on the examples, and the scores of all cells, of the examples, or none.
+        n_labels: int | None = None,
+    ) -> "_Lists":
+        """A list fitted on the examples and, if wanted, one for each fold that has not seen it.
 
         With ``limit`` it is fitted on at most that many examples of each map; with the ``domain``
         (N,) of all cells it is the mean of lists that were fitted without one.
         """
-        cells, examples = self.cells, self.cells.examples
         some = slice(None) if limit is None else cells.some_examples(limit)
-        values = _beside(cells.features[some], examples[some], extra)
-        truth, groups = cells.truth[examples[some]], cells.groups[examples[some]]
-        domain = None if domain is None else domain[examples[some]]
+        examples = cells.examples[some]
+        values = _beside(cells.features[some], examples, extra)
+        truth, groups = cells.truth[examples], cells.groups[examples]
+        domain = None if domain is None else domain[examples]
         tempered = unfitted.calibration == "temperature"
         if tempered:
-            unfitted = _like(unfitted, calibration="none")
+            unfitted = like(unfitted, calibration="none")
         with self.progress.stage(name):
             fitted = fitted_list(unfitted, values, truth, groups, domain)
-        lists = {}
-        if tempered or (self.held_out and scored != "none"):
+        of_fold = {}
+        if tempered or held_out:
             stage = f"held-out scores: {name}"
-            ordered = _in_the_order_of(fitted, unfitted)
-            lists = held_out_lists(ordered, values, truth, groups, self.progress, stage, domain)
+            ordered = in_the_order_of(fitted, unfitted)
+            of_fold = held_out_lists(ordered, values, truth, groups, self.progress, stage, domain)
         if tempered:
-            fitted, lists = with_temperatures(fitted, lists, values, truth, groups)
-        empty = np.empty((0, self.n_labels))
-        if scored == "none":
-            return _Learned(fitted, empty, empty, empty)
-        everyone = dict.fromkeys(np.unique(cells.groups).tolist(), fitted)
-        if not self.held_out:
-            lists = everyone
-        chosen = everyone if self.learn_on == "in-sample" else lists
-        if scored == "examples":
-            part = _scores_of(chosen, values, groups, self.n_labels, self.n_threads)
-            return _Learned(fitted, part, empty, part)
-        held_out = self._all_scores(lists, extra)
-        of_all = held_out if chosen is lists else self._all_scores(chosen, extra)
-        return _Learned(fitted, held_out, of_all, of_all[examples])
+            fitted, of_fold = with_temperatures(fitted, of_fold, values, truth, groups)
+        return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra, self.n_threads)
 
-    def node_features(self, columns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(N, D) some columns of all cells."""
-        found = np.empty((len(self.cells.truth), len(columns)), np.float32)
-        for some, values in self.cells.blocks(self.n_threads):
-            found[some] = values[:, columns]
-        return found
+    def _scores(
+        self,
+        cells: TrainingCells,
+        model: UnaryModel,
+        laser: "_Lists",
+        context: "_Lists | None",
+        spaces: "_SpaceLists | None",
+    ) -> list[CellScores]:
+        """What is known of the labelled cells of each map."""
+        stages = {"laser": laser, "context": context, "space": spaces}
+        tables: dict[str, list[NDArray[Any]]] = {
+            name: cells.by_map(stage.scores(held_out=self._from_held_out))
+            for name, stage in stages.items()
+            if stage is not None
+        }
+        tables["node_features"] = cells.by_map(_columns(cells, model.node_columns, self.n_threads))
+        if self.floor is not None and spaces is not None:
+            tables["floor"] = []
+            for m, log_z in enumerate(tables["space"]):
+                seen = self.floor.scores(cells.maps[m].grid, self.n_threads)
+                tables["floor"].append(with_floor(log_z, seen, self.floor, cells.layout(m)))
+        of_maps: list[dict[str, Any]] = [
+            {name: table[m] for name, table in tables.items()} for m in range(len(cells.maps))
+        ]
+        return [CellScores(**item) for item in of_maps]
 
-    def _all_scores(
-        self, lists: dict[int, BoostedList], extra: Extra | None
-    ) -> NDArray[np.float64]:
+
+@dataclass(frozen=True, eq=False)
+class _Lists:
+    """A list fitted on all examples and, where there are any, lists that have not seen a fold."""
+
+    fitted: BoostedList
+    of_fold: dict[int, BoostedList]
+    cells: TrainingCells
+    n_labels: int
+    extra: Extra | None
+    n_threads: int | None
+
+    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(N, K) log z of all cells, from the fitted list or from those that have not seen them."""
+        return self._held_out_scores if held_out else self._all_scores(held_out=False)
+
+    @cached_property
+    def _held_out_scores(self) -> NDArray[np.float64]:
+        return self._all_scores(held_out=True)
+
+    def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
         found = np.empty((len(self.cells.truth), self.n_labels))
         for some, values in self.cells.blocks(self.n_threads):
-            part = _beside(values, some, extra)
-            groups = self.cells.groups[some]
-            found[some] = _scores_of(lists, part, groups, self.n_labels, self.n_threads)
+            found[some] = self._of(some, _beside(values, some, self.extra), held_out)
         return found
 
+    def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(n, K) the same of the examples."""
+        examples = self.cells.examples
+        return self._of(examples, _beside(self.cells.features, examples, self.extra), held_out)
 
-def _like(estimator: "DecisionListClassifier", **options: Any) -> "DecisionListClassifier":
-    """The same estimator, not fitted, with some options changed."""
-    from sklearn.base import clone
+    def _of(
+        self, some: NDArray[np.int64], values: NDArray[np.float32], held_out: bool
+    ) -> NDArray[np.float64]:
+        groups = self.cells.groups[some]
+        everyone = dict.fromkeys(np.unique(groups).tolist(), self.fitted)
+        lists = self.of_fold if held_out else everyone
+        return scores_of(lists, values, groups, self.n_labels, self.n_threads)
 
-    found: DecisionListClassifier = clone(estimator).set_params(**options)
+
+@dataclass(frozen=True, eq=False)
+class _SpaceLists:
+    """Lists that see spaces, with the gates that weigh what they say of doorways."""
+
+    lists: _Lists
+    spaces: LearnedSpaces
+    corridor: int | None
+
+    @property
+    def model(self) -> SpaceModel:
+        """The model of all that was learned."""
+        return self.spaces.model(self.lists.fitted, self.corridor)
+
+    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(N, K) log z of all cells, halls among corridors, doorways weighed by their gates."""
+        log_z = self.lists.scores(held_out=held_out)
+        if self.corridor is not None:
+            log_z, _ = without_halls(log_z, self.corridor)
+        return self.spaces.scores(log_z)
+
+
+def _columns(
+    cells: TrainingCells, columns: NDArray[np.int64], n_threads: int | None
+) -> NDArray[np.float32]:
+    """(N, D) some columns of all cells."""
+    found = np.empty((len(cells.truth), len(columns)), np.float32)
+    for some, values in cells.blocks(n_threads):
+        found[some] = values[:, columns]
     return found
 
 
@@ -333,146 +355,3 @@ def _beside(
     values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
 ) -> NDArray[np.float32]:
     return values if extra is None else np.concatenate([values, extra(cells)], axis=1)
-
-
-def _by_map(cells: TrainingCells, values: NDArray[np.float64] | None) -> Sequence[Any]:
-    return [None] * len(cells.maps) if values is None else cells.by_map(values)
-
-
-def _scores_of(
-    lists: dict[int, BoostedList],
-    values: NDArray[np.float32],
-    groups: NDArray[np.int64],
-    n_labels: int,
-    n_threads: int | None = None,
-) -> NDArray[np.float64]:
-    """(n, K) log z of rows, each from the list of its group."""
-    folds = np.unique(groups).tolist()
-    if len({id(lists[fold]) for fold in folds}) == 1:
-        return aligned_log_proba(lists[folds[0]], values, n_labels, n_threads)
-    found = np.empty((len(values), n_labels))
-    for fold in folds:
-        rows = groups == fold
-        found[rows] = aligned_log_proba(lists[fold], values[rows], n_labels, n_threads)
-    return found
-
-
-def with_explicit_order(
-    classifier: "DecisionListClassifier", truth: NDArray[np.int64]
-) -> "DecisionListClassifier":
-    """The list with ``"rarest-first"`` written out as the labels by increasing frequency.
-
-    Asked first, a rare label is separated from everything by one classifier; asked last, it gets
-    what the others leave. The paper's heuristic puts it last, since it is the hardest.
-    """
-    if not (isinstance(classifier.order, str) and classifier.order == RAREST_FIRST):
-        return classifier
-    labels, counts = np.unique(truth, return_counts=True)
-    order = labels[np.argsort(counts, kind="stable")].tolist()
-    return _like(classifier, order=order)
-
-
-def fitted_list(
-    unfitted: "DecisionListClassifier",
-    values: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64] | None,
-    domain: NDArray[np.int64] | None = None,
-) -> BoostedList:
-    """The list that learned from all rows, or the mean of those that leave one domain out.
-
-    Rows have a domain (n,), -1 for those that all lists learn from.
-    What one list believes because of where a map comes from, those that have not seen such maps
-    contradict: whole spaces flip between lists, and rarely in most of them at once.
-    """
-    remaining = without_a_domain(truth, domain)
-    if len(remaining) == 1:  # all rows: a mask would copy them
-        found: BoostedList = _like(unfitted).fit(values, truth, groups=groups).boosted_list_
-        return found
-    lists = []
-    for seen in remaining:
-        some = None if groups is None else groups[seen]
-        lists.append(_like(unfitted).fit(values[seen], truth[seen], groups=some).boosted_list_)
-    return list_average(lists)
-
-
-def without_a_domain(
-    truth: NDArray[np.int64], domain: NDArray[np.int64] | None
-) -> list[NDArray[np.bool_]]:
-    """The rows that remain without each domain, where all labels do; all rows if that is one."""
-    everything = np.ones(len(truth), np.bool_)
-    if domain is None:
-        return [everything]
-    remaining = [domain != number for number in np.unique(domain[domain >= 0])]
-    n_labels = len(np.unique(truth))
-    whole = [seen for seen in remaining if len(np.unique(truth[seen])) == n_labels]
-    return whole if len(whole) > 1 else [everything]
-
-
-def held_out_lists(
-    unfitted: "DecisionListClassifier",
-    features: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64],
-    progress: Progress,
-    name: str,
-    domain: NDArray[np.int64] | None = None,
-) -> dict[int, BoostedList]:
-    """For each group a list that has not seen it, in the order, of labels, of the one given.
-
-    With domains (n,), each is the mean of lists that leave one of them out.
-    """
-    lists = {}
-    folds = np.unique(groups).tolist()
-    with progress.stage(name) as stage:
-        for count, fold in enumerate(folds, start=1):
-            seen = groups != fold
-            order = [label for label in unfitted.order if (truth[seen] == label).any()]
-            if len(order) < 2:
-                raise InputError(
-                    "out-of-fold scores need at least two labels outside every group; "
-                    "use fewer folds or learn_on='in-sample'"
-                )
-            lists[fold] = fitted_list(
-                _like(unfitted, order=order),
-                features[seen],
-                truth[seen],
-                None,
-                None if domain is None else domain[seen],
-            )
-            stage.update(count / len(folds))
-    return lists
-
-
-def held_out_scores(
-    fitted: BoostedList,
-    unfitted: "DecisionListClassifier",
-    features: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64],
-    n_labels: int,
-    progress: Progress,
-    name: str,
-    domain: NDArray[np.int64] | None = None,
-) -> NDArray[np.float64]:
-    """(N, K) log z of every row from a list of the same order that has not seen its group."""
-    ordered = _in_the_order_of(fitted, unfitted)
-    lists = held_out_lists(ordered, features, truth, groups, progress, name, domain)
-    return _scores_of(lists, features, groups, n_labels)
-
-
-def _in_the_order_of(
-    fitted: BoostedList, unfitted: "DecisionListClassifier"
-) -> "DecisionListClassifier":
-    """An estimator that asks for labels in the order that another one has chosen."""
-    return _like(unfitted, order=fitted.classes[fitted.order].tolist())
-
-
-def _context_means(
-    cells: TrainingCells, scores: NDArray[np.float64], context_m: tuple[float, ...]
-) -> NDArray[np.float32]:
-    parts = []
-    for m, part in enumerate(cells.by_map(scores)):
-        resolution_m = cells.maps[m].grid.resolution_m
-        parts.append(window_means(cells.layout(m), part, context_m, resolution_m))
-    return np.concatenate(parts)

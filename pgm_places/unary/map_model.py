@@ -22,7 +22,7 @@ from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.node_segments import NodeSegments
+from pgm_places.spaces.node_features import NodeSegments
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
@@ -69,10 +69,10 @@ class CellScores:
         The segments of the finest scale that the nodes lie in, beside ``space``.
     """
 
-    laser: NDArray[np.float64] | None
-    context: NDArray[np.float64] | None
-    space: NDArray[np.float64] | None
-    node_features: NDArray[np.float32] | None
+    laser: NDArray[np.float64] | None = None
+    context: NDArray[np.float64] | None = None
+    space: NDArray[np.float64] | None = None
+    node_features: NDArray[np.float32] | None = None
     spaces: MapSpaces | None = None
     hall: NDArray[np.float32] | None = None
     doorways: Doorways | None = None
@@ -241,13 +241,13 @@ class UnaryModel:
                     features[:] = own.take(np.arange(n), handed)
             else:
                 _from_table(own, needed, take, stage)
-        found = {item.unary: item.found for item in lists}
+        found = {item.unary: item.scores for item in lists}
         if second is not None:
             with progress.stage("spatial context"):
                 self._add_context(second, grid, layout, found["laser"], found["context"])
         hall = None if around is None else around.hall
         if seen is not None and self.floor is not None and around is not None:
-            found["floor"] = with_floor(around.found, seen, self.floor, layout, hall)
+            found["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
         laser, context, space, floor = (
             sealed(found[name]) if name in found and name in unaries else None for name in UNARIES
         )

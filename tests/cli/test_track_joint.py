@@ -14,7 +14,7 @@ from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.maps.refinement import refine
+from pgm_places.maps.coarsening import refine
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
 from pgm_places.report.file_names import TRACK, label_names

@@ -13,8 +13,7 @@ from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
-from pgm_places.maps.coarsening import coarsen
-from pgm_places.maps.refinement import refine
+from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.persistence.stored import save
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trained import NAMES, TRACKING, model_folder, trained_labeler, trained_tracker

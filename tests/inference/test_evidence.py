@@ -113,9 +113,9 @@ def test_what_is_known_holds_against_transitions_that_never_happened(
     assert found.labels[[2, 5]].tolist() == [1, 0]
     assert found.info["impossible"]
     if mode == "filter":
-        belief = None
+        state = None
         for row in LabelingProblem(graph, ["a", "b"], z, known=known).with_evidence(z):
-            belief, _ = model.step(row, belief)
+            belief, state, _ = model.advance(row, state)
             assert belief[row == -np.inf].sum() == 0.0
 
 

@@ -47,7 +47,7 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "ragged edges": (lambda: LabelGraph.from_edges(3, [(0, 1), (1,)]), "edges must be an array"),
     "size of a lattice": (lambda: LabelGraph.from_lattice((2, -1)), "lattice's sizes must hold"),
     "no trajectory": (lambda: LabelGraph.from_trajectory("drive"), "positions_m must be an array"),
-    "one belief": (lambda: fitted("hmm").step([0.0, 0.0], "half"), "belief must be an array of"),
+    "one belief": (lambda: fitted("hmm").advance([0.0, 0.0], "half"), "belief must be an array of"),
 }
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import sha256_of
 
 
 def test_the_fingerprint_is_that_of_the_standard(tmp_path: Path) -> None:

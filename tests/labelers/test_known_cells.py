@@ -14,8 +14,7 @@ from pgm_places.inference.traits import traits_of
 from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces
-from pgm_places.maps.coarsening import coarsen
-from pgm_places.maps.refinement import refine
+from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.topological_map import TopologicalMap

@@ -6,7 +6,7 @@ import numpy as np
 
 from pgm_places import OccupancyGrid, PlaceLabeler
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
-from pgm_places.maps.refinement import refine
+from pgm_places.maps.coarsening import refine
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import find_unentered
 from pgm_places.topology.from_labels import topological_map

@@ -22,9 +22,8 @@ from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.label_map import LabelledPlaces, _brought_back
 from pgm_places.labelers.method import PlaceMethod
-from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.refinement import refine
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.progress import Silent, Stage
 from pgm_places.report.label_files import write_labels

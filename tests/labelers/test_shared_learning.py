@@ -76,8 +76,8 @@ def test_places_learn_once_for_all_decoders(fits: list[str]) -> None:
     problem, truth = noisy(0)
     unary = problem.unary
     assert unary is not None
-    scores = CellScores(unary, unary, unary, None)
-    nodes = LabelledNodes(NAMES, (problem.graph,), (truth,), (scores,))
+    scores = CellScores(laser=unary)
+    nodes = LabelledNodes(NAMES, (problem.graph,), (truth,), [scores])
     methods = {
         name: PlaceMethod(build("amn", {"inference": name, "certify": name == "lp"}), "laser")
         for name in ("graph-cut", "lp")

@@ -15,8 +15,8 @@ from pgm_places.maps.coarsening import (
     coarsen,
     coarsen_labels,
     coarsening_factor,
+    refine,
 )
-from pgm_places.maps.refinement import refine
 from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors, source_cell
 
 shapes = st.tuples(st.integers(1, 13), st.integers(1, 13))

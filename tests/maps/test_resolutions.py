@@ -6,8 +6,7 @@ import numpy as np
 
 from pgm_places import OccupancyGrid
 from pgm_places.graph.layout import GridLayout
-from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
-from pgm_places.maps.refinement import refine
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
 from pgm_places.spaces.doorways import Doorways
 
 MODEL_M = 0.05

@@ -12,9 +12,9 @@ from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn import AssociativeMarkovNetwork
-from pgm_places.models.amn_learning import node_losses
+from pgm_places.models.labelled_examples import node_losses
 from pgm_places.models.learning_record import LEARNING_STATUSES, LearningRecord
-from pgm_places.solvers.max_margin import REACHED, LearningStep
+from pgm_places.solvers.margin_solution import REACHED, LearningStep
 
 NAMES = ("corridor", "room", "doorway")
 Sample = tuple[LabelingProblem, NDArray[np.int64]]

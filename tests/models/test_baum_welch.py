@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.errors import ConfigError
 from pgm_places.models.baum_welch import ChainTables, ChainToLearn, baum_welch
-from pgm_places.models.chain_evidence import Observation, log_likelihood
 from pgm_places.models.chain_statistics import normalised
+from pgm_places.models.evidence_weight import Observation, log_likelihood
 
 Array = NDArray[np.float64]
 

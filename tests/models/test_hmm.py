@@ -125,7 +125,7 @@ def test_step_by_step_is_the_filter(observation: str, stay_below_m: float) -> No
     unary = np.asarray(problem.unary)
     for t in range(60):
         moved = None if t == 0 else float(np.linalg.norm(positions[t] - positions[t - 1]))
-        belief, possible = model.step(unary[t], belief, moved_m=moved)
+        belief, _, possible = model.advance(unary[t], belief, moved_m=moved)
         assert possible
         np.testing.assert_allclose(belief, whole[t], rtol=0, atol=1e-12)
 
@@ -170,7 +170,7 @@ def test_impossible_observations_are_reported(mode: Any, caplog: pytest.LogCaptu
 def test_an_online_step_at_which_nothing_was_seen_is_passed_over(observation: str) -> None:
     model = fitted(observation=observation)
     belief = np.array([0.2, 0.5, 0.3])
-    after, possible = model.step(np.full(3, -np.inf), belief)
+    after, _, possible = model.advance(np.full(3, -np.inf), belief)
     assert not possible
     np.testing.assert_allclose(after, belief @ known(model.transition), rtol=1e-12)
 
@@ -233,7 +233,7 @@ def test_bad_problems() -> None:
     with pytest.raises(InputError, match="different labels"):
         model.fit([problem, fewer], [truth, truth])
     with pytest.raises(InputError, match="unary must have shape"):
-        model.step(np.zeros((1, 3)))
+        model.advance(np.zeros((1, 3)))
 
 
 def test_counts_from_elsewhere_give_the_model_that_fitting_would() -> None:
@@ -262,7 +262,7 @@ def test_a_robot_that_stays_follows_the_transitions_learned_for_staying() -> Non
     model = HiddenMarkovModel(observation="hard", stay_below_m=0.1).with_counts(
         confusions=np.eye(2), moves=np.ones((2, 2)), stays=stays
     )
-    belief, possible = model.step(np.log([0.5, 0.5]), [1.0, 0.0], moved_m=0.0)
+    belief, _, possible = model.advance(np.log([0.5, 0.5]), [1.0, 0.0], moved_m=0.0)
     expected = np.array([0.75, 0.25]) * model.confusion[:, 0]  # type: ignore[index]
     assert possible
     np.testing.assert_allclose(belief, expected / expected.sum())
@@ -286,7 +286,7 @@ def test_counts_that_cannot_be_are_refused(counts: dict[str, object], message: s
 def test_a_model_without_transitions_says_so() -> None:
     model = HiddenMarkovModel().with_counts(confusions=np.eye(2))
     with pytest.raises(NotFittedError, match="transitions"):
-        model.step(np.log([0.5, 0.5]))
+        model.advance(np.log([0.5, 0.5]))
 
 
 def correlated_chain(seed: int, run: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
@@ -345,7 +345,7 @@ def test_without_sequences_the_weight_is_one() -> None:
     assert model.fitted_weights is None
     same = replace(model, evidence_weight=1.0)
     row = np.log([0.7, 0.3])
-    np.testing.assert_array_equal(model.step(row)[0], same.step(row)[0])
+    np.testing.assert_array_equal(model.advance(row)[0], same.advance(row)[0])
 
 
 def test_rare_labels_are_chosen_by_belief_over_share() -> None:

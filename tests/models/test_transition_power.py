@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from pgm_places.errors import InputError
+from pgm_places.models.chain_statistics import _logarithm, transition_power
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.models.transition_power import _logarithm, transition_power
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -11,7 +11,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import UNKNOWN
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid
 from pgm_places.reproduce.figures import away_from_borders, finding, method_table, percent
-from pgm_places.reproduce.overview import overview_table
+from pgm_places.reproduce.markdown import overview_table
 from pgm_places.reproduce.scored_steps import scored_steps
 from pgm_places.reproduce.section import Finding, Section
 from pgm_places.trajectories.trajectory import Trajectory

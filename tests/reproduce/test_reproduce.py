@@ -11,8 +11,7 @@ from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.reproduce.run import RECORD, data_for, finished_section, reproduce
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Section, Table
 from pgm_places.reproduce.sections import SECTIONS, PaperSection, chosen_sections
-from pgm_places.reproduce.setting import CONFIGS, Setting
-from pgm_places.reproduce.stand_ins import with_stand_ins
+from pgm_places.reproduce.setting import CONFIGS, Setting, with_stand_ins
 
 CALLS: list[bool] = []
 

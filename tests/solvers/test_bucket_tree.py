@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places import LabelGraph
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.bucket_order import MOST_ENTRIES, bucket_order
-from pgm_places.solvers.bucket_tree import BucketTree, Factor
+from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree, Factor, bucket_order
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 from tests.reference.energy import (

@@ -11,13 +11,8 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.certificate import Certificate, certify_weights
 from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.max_margin import (
-    Cut,
-    LearningStep,
-    MaxMarginProblem,
-    MaxMarginSolution,
-    joined,
-)
+from pgm_places.solvers.margin_solution import Cut, LearningStep, MaxMarginSolution
+from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 from tests.reference import max_margin as reference

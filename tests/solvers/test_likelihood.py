@@ -12,11 +12,7 @@ from scipy.optimize import check_grad, minimize
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.likelihood import (
-    Likelihood,
-    maximize_likelihood,
-    negative_log_likelihood,
-)
+from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood, negative_log_likelihood
 from pgm_places.solvers.table_field import TableField, beside
 from tests.reference.energy import Model, distribution, labelings, score
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.solvers.expansion import alpha_expansion
-from pgm_places.solvers.set_nodes import SetNodes
+from pgm_places.solvers.set_terms import SetNodes
 from tests.reference.cliques import set_score
 
 GRAPHS = [graph for graph in nx.graph_atlas_g() if 2 <= len(graph) <= 6]

@@ -10,9 +10,9 @@ from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.margin_solution import MaxMarginSolution
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
-    MaxMarginSolution,
     hinge,
     joined,
     joint_features,

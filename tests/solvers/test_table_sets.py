@@ -12,7 +12,7 @@ from pgm_places.graph.cliques import Cliques
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
-from pgm_places.solvers.max_margin import MaxMarginSolution
+from pgm_places.solvers.margin_solution import MaxMarginSolution
 from pgm_places.solvers.set_terms import SetTerms
 from pgm_places.solvers.table_field import TableField, beside
 from pgm_places.solvers.table_margin import (

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.maps.refinement import refine
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between

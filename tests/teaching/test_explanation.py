@@ -11,7 +11,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.teaching.explanation import CellExplanation, explain_cell, explain_region
+from pgm_places.teaching.explanation import explain_cell, explain_region
+from pgm_places.teaching.reasons import CellExplanation
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.trained import trained_labeler

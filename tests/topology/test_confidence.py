@@ -7,7 +7,7 @@ from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import Coarsening, coarsen
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.confidence import mean_probabilities
+from pgm_places.topology.from_labels import mean_probabilities
 
 
 def free_grid(height: int, width: int, resolution_m: float = 0.05) -> OccupancyGrid:

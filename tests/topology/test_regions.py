@@ -9,7 +9,7 @@ from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.borders import contacts
-from pgm_places.topology.passages import find_passages
+from pgm_places.topology.connections import find_passages
 from pgm_places.topology.regions import Region, describe_regions
 from tests.strategies import varied_arrays
 

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.trajectories.loops import WAY_RATIO, loop_links
-from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.segments import WAY_RATIO, Segments, loop_links
 
 
 def obvious_links(positions: np.ndarray, within_m: float) -> set[tuple[int, int]]:

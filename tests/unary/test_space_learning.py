@@ -12,7 +12,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.learning import fit_unary, without_a_domain
+from pgm_places.unary.learning import UnaryLearner
+from pgm_places.unary.list_learning import without_a_domain
 from pgm_places.unary.map_model import UNARIES, UnaryModel
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
@@ -131,17 +132,20 @@ def test_of_several_domains_the_list_is_the_mean_of_those_without_each(
     def learned(maps: list[LabelledMap]) -> UnaryModel:
         few = ClassifierOptions(n_rounds=5).classifier(NAMES)
         space = SpaceOptions(n_rounds=5, calibration="none")
-        return fit_unary(
-            maps,
-            len(NAMES),
-            sensor=Sensor(),
-            classifier=few,
-            space=space,
-            doorway=2,
-            learn_on="in-sample",
-            max_examples_per_map=500,
-            with_scores=False,
-        ).model
+        return (
+            UnaryLearner(
+                Sensor(),
+                few,
+                len(NAMES),
+                space=space,
+                doorway=2,
+                learn_on="in-sample",
+                max_examples_per_map=500,
+                with_scores=False,
+            )
+            .fit(maps)
+            .model
+        )
 
     names = ["drawn", "mapped", None]
     named = [replace(item, domain=name) for item, name in zip(known, names, strict=True)]

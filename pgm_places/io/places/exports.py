@@ -1,23 +1,76 @@
 """The export formats of a topological map, by name."""
 
+import io
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
 from pgm_places._checks import nearest_name
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, printable
+from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
-from pgm_places.io.places.graph_files import write_dot, write_graphml, write_node_link
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["EXPORTS", "ROUTE_FILE", "export"]
+__all__ = ["EXPORTS", "ROUTE_FILE", "export", "write_dot", "write_graphml", "write_node_link"]
+
+
+def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
+    """Write ``topology.graph`` as GraphML, for yEd, Gephi and networkx; the path."""
+    import networkx as nx
+
+    graph = topology.graph.copy()
+    for values in graph.nodes.values():  # XML cannot hold control characters, not even escaped
+        values.update({key: printable(values[key]) for key in ("name", "label")})
+    buffer = io.BytesIO()
+    nx.write_graphml_xml(graph, buffer, named_key_ids=True)
+    return write_bytes(path, buffer.getvalue())
+
+
+def write_node_link(path: Path | str, topology: TopologicalMap) -> Path:
+    """Write ``topology.graph`` as node-link JSON, for networkx and d3; the path.
+
+    The lists are named ``nodes`` and ``edges``.
+    """
+    graph = topology.graph
+    content = {
+        "directed": False,
+        "multigraph": False,
+        "graph": {},
+        "nodes": [{**values, "id": number} for number, values in graph.nodes.items()],
+        "edges": [{**v, "source": a, "target": b} for a, b, v in graph.edges(data=True)],
+    }
+    return write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def write_dot(path: Path | str, topology: TopologicalMap) -> Path:
+    """Write ``topology.graph`` for Graphviz; positions are metres, kept by ``neato -n2``."""
+    lines = ["graph places {"]
+    for region in topology.regions:
+        shape = "box" if region.label == topology.doorway_label else "ellipse"
+        x, y = region.anchor_m
+        lines.append(
+            f'  {region.id} [label="{_quoted(region.name)}", class="{_quoted(region.label)}", '
+            f'shape={shape}, pos="{72 * x:.2f},{72 * y:.2f}"];'
+        )
+    lines += [
+        f'  {item.first} -- {item.second} [label="{item.width_m:.2f} m"];'
+        for item in topology.connections
+    ]
+    return write_text(path, "\n".join([*lines, "}"]) + "\n")
+
+
+def _quoted(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
+
 
 Values: TypeAlias = Mapping[str, float] | None
+
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
 ROUTE_FILE = "nav2_route.geojson"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.io.maps.label_orientation import Orientation
+from pgm_places.io.maps.label_image import Orientation
 
 Mask = NDArray[np.bool_]
 WAYS: dict[str, Callable[[Mask], Mask]] = {

@@ -1,0 +1,154 @@
+"""Labelled problems as learners take them: labelled parts, what errors cost, what is held out."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
+
+__all__ = [
+    "CLASS_WEIGHTS",
+    "ClassWeight",
+    "Example",
+    "best_value",
+    "held_out_parts",
+    "labelled_parts",
+    "labelled_weights",
+    "node_losses",
+    "penalties_of",
+]
+
+
+def best_value(
+    values: Sequence[float],
+    truth: Sequence[NDArray[np.int64]],
+    found: Sequence[Sequence[NDArray[np.int64]]],
+) -> tuple[float, NDArray[np.float64]]:
+    """The best value, and (V, 2) every value with its balanced accuracy on all parts together.
+
+    Among equals the smallest wins. Where no part could be held back it is the first one, with
+    accuracies of NaN.
+
+    Parameters
+    ----------
+    values : sequence of V float
+    truth : sequence of (N_part,) int
+        The true labels of each part.
+    found : V sequences of (N_part,) int
+        The labels that each value gave these parts.
+
+    Examples
+    --------
+    >>> truth = [np.array([0, 1])]
+    >>> best, table = best_value([10.0, 1.0], truth, [[np.array([0, 0])], [np.array([0, 1])]])
+    >>> best, table.tolist()
+    (1.0, [[10.0, 0.5], [1.0, 1.0]])
+    """
+    if not truth:
+        return float(values[0]), np.column_stack([values, np.full(len(values), np.nan)])
+    everywhere = np.concatenate(truth)
+    scores = [
+        float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
+        for labels in found
+    ]
+    best = max(range(len(values)), key=lambda v: (scores[v], -values[v]))
+    return float(values[best]), np.column_stack([values, scores])
+
+
+ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
+
+Example = tuple[LabelingProblem, NDArray[np.int64]]
+"""A problem and the true label (N,) of every node."""
+
+CLASS_WEIGHTS: dict[ClassWeight, float] = {
+    "none": 0.0,
+    "cube-root": 1 / 3,
+    "sqrt": 1 / 2,
+    "two-thirds": 2 / 3,
+    "inverse": 1.0,
+}
+"""Exponent p: a node of a label that is a share f of the nodes costs f^-p when it is wrong."""
+
+
+def node_losses(
+    labels: NDArray[np.int64], label_names: Sequence[str], class_weight: ClassWeight
+) -> NDArray[np.float64]:
+    """(N,) what a wrong label costs at each node, with mean 1.
+
+    Raises
+    ------
+    LabelError
+        A label has no example, so that nothing can be learned about it.
+    """
+    counts = np.bincount(labels, minlength=len(label_names))
+    missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
+    if missing:
+        raise LabelError(
+            f"no training map has a node labelled {', '.join(map(repr, missing))}; "
+            "add a map that has one or take the label out of label_names"
+        )
+    weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
+    losses: NDArray[np.float64] = weights[labels]
+    return losses / losses.mean()
+
+
+def penalties_of(
+    C: float | Literal["auto"] | tuple[float, ...], auto: tuple[float, ...]
+) -> tuple[float, ...]:
+    """The values of C to choose from; one where it is given."""
+    if C == "auto":
+        return auto
+    return C if isinstance(C, tuple) else (float(C),)
+
+
+def labelled_parts(
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+    *,
+    with_unlabelled: bool = False,
+) -> list[Example]:
+    """Each problem that has labels, without its unlabelled nodes unless these are wanted.
+
+    Raises
+    ------
+    InputError
+        Problems and labellings that do not belong together, or no label at all.
+    """
+    known: list[Example] = []
+    for problem, truth in labelled_problems(problems, labelings):
+        labelled = truth >= 0
+        if not labelled.any():
+            continue
+        if with_unlabelled or labelled.all():
+            known.append((problem, truth))
+        else:
+            known.append((problem.subproblem(labelled), truth[labelled]))
+    if not known:
+        raise InputError("no node of any training problem has a label")
+    return known
+
+
+def labelled_weights(
+    weights: Sequence[NDArray[np.float64]],
+    labelings: Sequence[NDArray[np.int64]],
+    *,
+    with_unlabelled: bool = False,
+) -> list[NDArray[np.float64]]:
+    """The weights of the nodes that :func:`labelled_parts` keeps."""
+    pairs = [(w, np.asarray(t) >= 0) for w, t in zip(weights, labelings, strict=True)]
+    return [w if with_unlabelled else w[known] for w, known in pairs if known.any()]
+
+
+def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
+    """(N,) which part each node is held out with: whole problems where there are several."""
+    if len(examples) == 1:
+        problem, truth = examples[0]
+        return contiguous_parts(problem.graph, n_parts, truth)
+    n = min(n_parts, len(examples))
+    number = [m * n // len(examples) for m in range(len(examples))]
+    return np.repeat(number, [len(truth) for _, truth in examples])

@@ -1,0 +1,142 @@
+"""Training a StructuredLabeler: the classifier on all nodes, and on those outside each fold."""
+
+import inspect
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import stacked_rows
+from pgm_places.errors import ConfigError, InputError, LearningWarning
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.inference.problem import (
+    LabelingProblem,
+    labelled_problems,
+)
+
+__all__ = [
+    "Truth",
+    "Weights",
+    "checked",
+    "counted",
+    "features_of",
+    "held_out_problems",
+    "log_probabilities",
+    "require_weighing",
+    "trained",
+]
+
+
+Truth = NDArray[np.int64]
+
+Weights = list[NDArray[np.float64]] | None
+
+
+def require_weighing(part: Any) -> None:
+    """Refuse a classifier or method whose ``fit`` takes no weights; None takes none."""
+    if part is not None and "sample_weight" not in inspect.signature(part.fit).parameters:
+        raise ConfigError(
+            f"{type(part).__name__} takes no sample_weight; leave it out, or take another one"
+        )
+
+
+def checked(
+    problems: Sequence[LabelingProblem], labelings: Sequence[Truth]
+) -> tuple[list[LabelingProblem], list[Truth]]:
+    """Both as lists that belong together."""
+    pairs = labelled_problems(problems, labelings)
+    return [problem for problem, _ in pairs], [truth for _, truth in pairs]
+
+
+def counted(truths: list[Truth], weights: Weights) -> list[Truth]:
+    """The labellings without nodes of weight 0."""
+    if weights is None:
+        return truths
+    return [np.where(weight > 0, truth, -1) for truth, weight in zip(truths, weights, strict=True)]
+
+
+def features_of(problem: LabelingProblem) -> NDArray[np.float64]:
+    """(N, D) the features of a problem's nodes; refuses one that has none."""
+    if problem.node_features is None:
+        raise InputError(
+            "a classifier needs the problem's node_features; it has none. Give them, or "
+            "classifier=None to use its unary"
+        )
+    return problem.node_features
+
+
+def _folds(
+    problems: Sequence[LabelingProblem], truths: Sequence[Truth], n_folds: int
+) -> list[NDArray[np.int64]]:
+    """For each problem the fold of every node: whole problems, or stripes of a single one."""
+    if len(problems) == 1:
+        return [contiguous_parts(problems[0].graph, n_folds, truths[0])]
+    n = min(n_folds, len(problems))
+    return [np.full(p.graph.n_nodes, m * n // len(problems)) for m, p in enumerate(problems)]
+
+
+def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
+    """Warn of labels without an example outside a fold: its scores say that they never occur."""
+    missing = [name for k, name in enumerate(names) if k not in truth]
+    if missing:
+        warnings.warn(
+            f"all nodes labelled {', '.join(map(repr, missing))} lie in fold {fold + 1}: the "
+            "scores that the backend learns from never expect them there. Give more problems, "
+            "other n_folds, or learn_on='in-sample'",
+            LearningWarning,
+            stacklevel=5,
+        )
+
+
+def trained(
+    unfitted: Any, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
+) -> Any:
+    """A classifier fitted on the labelled nodes of all problems together."""
+    from sklearn.base import clone  # takes a second; a stored decision list does without
+
+    features = stacked_rows([features_of(problem) for problem in problems])
+    truth = np.concatenate(truths)
+    known = truth >= 0
+    extra = {} if weights is None else {"sample_weight": np.concatenate(weights)[known]}
+    return clone(unfitted).fit(features[known], truth[known], **extra)
+
+
+def log_probabilities(
+    classifier: Any, features: NDArray[np.float64], n_labels: int, least: float
+) -> NDArray[np.float64]:
+    """(N, K) what a classifier says; ``least`` for a label that it has not met, or denies."""
+    table = np.zeros((features.shape[0], n_labels))
+    if len(table):
+        table[:, np.asarray(classifier.classes_, np.int64)] = classifier.predict_proba(features)
+    table = np.maximum(table, least)
+    return np.log(table / table.sum(axis=1, keepdims=True))
+
+
+def held_out_problems(
+    unfitted: Any,
+    problems: Sequence[LabelingProblem],
+    truths: Sequence[Truth],
+    weights: Weights,
+    *,
+    n_folds: int,
+    least: float,
+) -> list[LabelingProblem]:
+    """The problems with unaries from classifiers that were fitted without those nodes."""
+    folds = _folds(problems, truths, n_folds)
+    unaries = [np.zeros((p.graph.n_nodes, p.n_labels)) for p in problems]
+    for fold in np.unique(np.concatenate(folds)):
+        others = [
+            np.where(part == fold, -1, truth) for part, truth in zip(folds, truths, strict=True)
+        ]
+        if (np.concatenate(others) < 0).all():
+            raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
+        _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
+        classifier = trained(unfitted, problems, others, weights)
+        for problem, part, unary in zip(problems, folds, unaries, strict=True):
+            held_out = part == fold
+            if held_out.any():
+                features = features_of(problem)[held_out]
+                unary[held_out] = log_probabilities(classifier, features, problem.n_labels, least)
+    return [problem.with_unary(unary) for problem, unary in zip(problems, unaries, strict=True)]

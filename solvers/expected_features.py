@@ -1,0 +1,156 @@
+"""What likelihoods expect of a table field's features: exactly, edge by edge, or node by node."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from pgm_places.errors import InputError
+from pgm_places.solvers.forest_sums import forest_sums
+from pgm_places.solvers.mean_field import normalised
+from pgm_places.solvers.pairwise import PairwiseModel
+from pgm_places.solvers.table_field import FieldTables, TableField
+
+__all__ = [
+    "Expected",
+    "clamped",
+    "exact_sums",
+    "expected_labels",
+    "piecewise_sums",
+    "pseudo_sums",
+    "require_equal_ends",
+    "soft_labels",
+]
+
+
+class Expected(NamedTuple):
+    """The sum of exp(score) over labellings, and the marginals under it.
+
+    The last are those of edges, or their sum where all edges have the same features.
+    """
+
+    log_partition: float
+    beliefs: NDArray[np.float64]
+    pair_beliefs: NDArray[np.float64]
+
+
+def expected_labels(
+    field: TableField,
+    labels: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    before: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """(N, K) probabilities of the labels of all nodes, each given its neighbours' ``before``.
+
+    One pass only: where links are strong, passing on until nothing moves any more gives all nodes
+    that are not labelled the same label.
+    """
+    soft = soft_labels(field, labels, before)
+    return soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))
+
+
+def clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N, K) the unary with all but the known label (N,) forbidden, -1 where it is unknown."""
+    others = (labels >= 0)[:, None] & (np.arange(unary.shape[1]) != labels[:, None])
+    return np.where(others, -np.inf, unary)
+
+
+def require_equal_ends(field: TableField, node_weight: NDArray[np.float64]) -> None:
+    """Refuse weights (N,) that differ within a connected part of the graph."""
+    first, second = field.around.edges.T
+    if (node_weight[first] != node_weight[second]).any():
+        raise InputError(
+            "the likelihood takes one sample_weight per connected part of a graph, which it sees "
+            "as a whole; for weights of single nodes take learner='pseudo-likelihood' or another"
+        )
+
+
+def _lighter_ends(field: TableField, node_weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E,) the smaller weight of each edge's two nodes."""
+    ends: NDArray[np.float64] = node_weight[field.around.edges].min(axis=1)
+    return ends
+
+
+def exact_sums(
+    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
+) -> Expected:
+    """All labellings of a graph without cycles, summed exactly, its trees by their weight."""
+    tables = potentials.tables
+    stacked = np.ascontiguousarray(tables if tables.ndim == 3 else tables[None])
+    unary = np.ascontiguousarray(potentials.unary)
+    model = PairwiseModel(field.around, unary, None, stacked)
+    found = forest_sums(model, *field.rooting)
+    counts = found.pair_counts(node_weight)
+    if node_weight is None:
+        return Expected(float(found.log_partition.sum()), found.beliefs, counts)
+    beliefs = found.beliefs * node_weight[:, None]
+    return Expected(float(node_weight @ found.log_partition), beliefs, counts)
+
+
+def piecewise_sums(
+    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
+) -> Expected:
+    """Each edge by itself; a node's unary is shared out among its edges."""
+    edges, k = field.around.edges, field.n_labels
+    degree = np.bincount(edges.ravel(), minlength=field.n_nodes)
+    share = 1.0 / np.maximum(degree, 1)
+    unary = potentials.unary * share[:, None]
+    first, second = edges.T
+    pairs = unary[first][:, :, None] + unary[second][:, None, :] + potentials.tables
+    flat = pairs.reshape(len(edges), k * k)
+    counts = np.ones(field.n_nodes) if node_weight is None else node_weight
+    of_pairs = _lighter_ends(field, counts)
+    joint = (normalised(flat) * of_pairs[:, None]).reshape(pairs.shape)
+    alone = degree == 0
+    beliefs = np.zeros((field.n_nodes, k))
+    beliefs[alone] = normalised(unary[alone]) * counts[alone, None]
+    np.add.at(beliefs, first, joint.sum(axis=2) * share[first, None])
+    np.add.at(beliefs, second, joint.sum(axis=1) * share[second, None])
+    total = float(of_pairs @ logsumexp(flat, axis=1))
+    total += float(counts[alone] @ logsumexp(unary[alone], axis=1))
+    return Expected(total, beliefs, joint)
+
+
+def soft_labels(
+    field: TableField, labels: NDArray[np.int64], expected: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """(N, K) indicators of the known labels, and the probabilities of the others."""
+    k = field.n_labels
+    soft = np.full((field.n_nodes, k), 1.0 / k) if expected is None else expected.copy()
+    known = labels >= 0
+    soft[known] = np.eye(k)[labels[known]]
+    return soft
+
+
+def pseudo_sums(
+    field: TableField,
+    labels: NDArray[np.int64],
+    potentials: FieldTables,
+    soft: NDArray[np.float64],
+    node_weight: NDArray[np.float64] | None,
+) -> tuple[float, NDArray[np.float64]]:
+    """Minus the log-likelihood of known nodes given their neighbours, and its gradient."""
+    first, second = field.around.edges.T
+    scores = _scores(field, potentials, soft)
+    known = np.flatnonzero(labels >= 0)
+    counts = np.ones(len(known)) if node_weight is None else node_weight[known]
+    value = float(counts @ (logsumexp(scores[known], axis=1) - scores[known, labels[known]]))
+    surplus = np.zeros_like(scores)
+    surplus[known] = normalised(scores[known])
+    surplus[known, labels[known]] -= 1.0
+    surplus[known] *= counts[:, None]
+    pairs = surplus[first][:, :, None] * soft[second][:, None, :]
+    pairs += soft[first][:, :, None] * surplus[second][:, None, :]
+    return value, field.expected_features(surplus, pairs)
+
+
+def _scores(
+    field: TableField, potentials: FieldTables, soft: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, K) what each label of a node scores beside its neighbours' labels (N, K)."""
+    first, second = field.around.edges.T
+    scores, tables = potentials.unary.copy(), potentials.tables
+    np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))
+    np.add.at(scores, second, np.einsum("...ab,...a->...b", tables, soft[first]))
+    return scores

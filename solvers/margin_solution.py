@@ -1,0 +1,118 @@
+"""How learning by max margin goes, and what it finds: cuts, steps, the solution with its bounds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "PROVED",
+    "REACHED",
+    "Cut",
+    "LearningStep",
+    "MaxMarginSolution",
+    "OnStep",
+    "reached",
+    "relative_gap",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A plane below the hinge: H(w) >= offset - gradient . w for every w."""
+
+    gradient: NDArray[np.float64]
+    offset: float
+
+    def value(self, weights: NDArray[np.float64]) -> float:
+        """The plane's height at ``weights``."""
+        return self.offset - float(self.gradient @ weights)
+
+
+@dataclass(frozen=True)
+class LearningStep:
+    """Where a learner stands, handed to ``on_iteration``; answering True stops it.
+
+    ``objective`` is that of the best weights so far as far as the learner knows it; ``gap`` is
+    relative: ``(objective - lower_bound) / objective``.
+    """
+
+    iteration: int
+    seconds: float
+    objective: float
+    lower_bound: float
+    n_cuts: int
+
+    @property
+    def gap(self) -> float:
+        """(objective - lower bound) / objective, 0 where both are 0."""
+        return relative_gap(self.objective, self.lower_bound)
+
+
+PROVED = 1e-6
+"""A relative gap up to this is what solvers of quadratic programs leave of nothing."""
+
+REACHED = ("optimal", "within_tolerance", "oracle_limit")
+"""How good weights are whose gap has closed: the rigorous gap to the lower bound is at most 1e-6;
+at most the tolerance that was asked for; or the oracle, which may miss labellings, finds the gap
+closed, and no rigorous bound confirms it."""
+
+
+def reached(rigorous: float | None, lower_bound: float, tolerance: float) -> str:
+    """The word of :data:`REACHED` for a rigorous value of the objective, None if there is none."""
+    gap = np.inf if rigorous is None else relative_gap(rigorous, lower_bound)
+    if gap <= PROVED:
+        return "optimal"
+    return "within_tolerance" if gap <= tolerance else "oracle_limit"
+
+
+OnStep = Callable[[LearningStep], bool | None]
+"""Called once per iteration; a learner stops with the best weights so far when it says True."""
+
+
+@dataclass(frozen=True, eq=False)
+class MaxMarginSolution:
+    """Learned weights and how good they are known to be.
+
+    Parameters
+    ----------
+    weights : (n_weights,) float
+        Flat: node weights (D, K), then edge weights (F, K), both row by row.
+    objective : float
+        f(weights). The QP's is the repaired, rigorously feasible value of the relaxation, an
+        upper bound of f; the other learners evaluate H with their oracle, which may miss a
+        better labelling: certify them. Never below ``lower_bound``, which f is not either.
+    lower_bound : float
+        No weights reach less than this (rigorous).
+    status : str
+        What was reached, as far as it is proved: a word of :data:`REACHED`, or why learning ended
+        before: ``iteration_limit``, ``time_limit``, ``stopped`` (``on_iteration`` said so),
+        ``stalled`` (the oracle finds nothing better, and the gap is open) or ``inaccurate`` (the
+        QP's solver ended with an open gap).
+    iterations : int
+    history : tuple of LearningStep
+    cuts : tuple of Cut
+        Planes that hold for the same nodes and losses at any penalty; a warm start.
+    certified : float or None
+        A rigorous upper bound of the objective at ``weights``, where the learner has one.
+    """
+
+    weights: NDArray[np.float64]
+    objective: float
+    lower_bound: float
+    status: str
+    iterations: int
+    history: tuple[LearningStep, ...] = ()
+    cuts: tuple[Cut, ...] = ()
+    certified: float | None = None
+
+    @property
+    def gap(self) -> float:
+        """(objective - lower bound) / objective, 0 where both are 0."""
+        return relative_gap(self.objective, self.lower_bound)
+
+
+def relative_gap(upper: float, lower: float) -> float:
+    """(upper - lower) / upper, and 0 where the bounds meet."""
+    return 0.0 if upper <= lower else (upper - lower) / max(abs(upper), np.finfo(float).tiny)
