@@ -17,19 +17,24 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.progress import Progress
 from pgm_places.reproduce.setting import Setting
-from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.door_truth import DoorScores, match_doors
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.floor_model import FloorModel, with_floor
+from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
 __all__ = ["STEPS", "measure_kinds", "measure_plans"]
 
 N_FOLDS_OF_LISTS = 6
+_SAME_M = 0.15
+"""A gate no farther from one of before is the same."""
+
 STEPS = ("lists alone", "networks alone", "lists and networks")
 
 
 def measure_plans(data: Path, kept: Path, n_threads: int | None, progress: Progress) -> None:
-    """Print accuracy / balanced accuracy / doorway F1, and the error of confidence, by kind."""
+    """Print accuracy / balanced accuracy / doorway F1, error of confidence and doors, by kind."""
     setting = Setting(data, progress, n_threads, kept)
     samples = sampled_maps(setting)
     scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS_OF_LISTS), _RECIPES)
@@ -46,34 +51,74 @@ def _measure(scored: Sequence[Scored], data: Path, kept: Path, progress: Progres
     fold = fold_of(list(all_floors(data)))
     models = [FloorModel((network,), views_per_network=8) for network in networks(kept)]
     found: dict[str, dict[str, list[Evaluation]]] = defaultdict(lambda: defaultdict(list))
+    doors: dict[str, dict[str, list[DoorScores]]] = defaultdict(lambda: defaultdict(list))
     with progress.stage("floors") as stage:
         for count, (item, log_z) in enumerate(zip(scored, rescaled(scored, SHIPPED), strict=True)):
             known = item.sample.known
             building = known.kind if known.kind in fold else held_out_with(known)
-            for step, log_p in _steps(item, log_z, models[fold[building]]):
+            for step, log_p, scores in _steps(item, log_z, models[fold[building]]):
                 found[known.group][step].append(
                     evaluate(item.truth, log_p.argmax(axis=1), NAMES, beliefs=np.exp(log_p))
                 )
+                if scores is not None:
+                    doors[known.group][step].append(scores)
             stage.update((count + 1) / len(scored), known.item.name)
-    print(_table(found))
+    print(f"{_table(found)}\n\n{_door_table(doors)}")
 
 
 def _steps(
     item: Scored, log_z: NDArray[np.float64], model: FloorModel
-) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """What the list alone, a network alone, and both say of the lattice's cells."""
+) -> Iterator[tuple[str, NDArray[np.float64], DoorScores | None]]:
+    """What the list alone, a network alone, and both say of the lattice's cells, and of doors."""
     grid, lattice = item.sample.known.item.grid, item.sample.lattice
     layout = GridLayout.of_mask(lattice, source=grid)
-    yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY)
+    narrow = gate_candidates(Segmentation.of(grid))
+    yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY), _doors(item, narrow, item.gate)
     seen = model.scores(grid)
     alone = FloorModel((), share=1.0, doorway_share=1.0)
-    yield STEPS[1], with_floor(log_z, seen, alone, layout)
-    candidates = gate_candidates(Segmentation.of(grid))
-    at_gate = item.at_gate
-    if len(candidates):
-        probability = model.judged(seen, candidates, item.gate)
-        at_gate = MapSpaces.of(candidates, probability).at_gates(layout)
-    yield STEPS[2], with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
+    yield STEPS[1], with_floor(log_z, seen, alone, layout), None
+    judge = FloorJudge(model, seen)
+    gates = judge.candidates(narrow)
+    at_gate, doors = item.at_gate, _doors(item, narrow, item.gate)
+    if len(gates):
+        probability = judge.judged(gates, _known_before(narrow, item.gate, gates))
+        at_gate = MapSpaces.of(gates, probability).at_gates(layout)
+        doors = _doors(item, gates, probability)
+    both = with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
+    yield STEPS[2], both, doors
+
+
+def _known_before(
+    narrow: Gates, probability: NDArray[np.float64], gates: Gates
+) -> NDArray[np.float64]:
+    """(G,) what the list held out said of each gate before there were cuts; 0 if it was none.
+
+    At cuts, where the list has no say, that is never asked.
+    """
+    found = np.zeros(len(gates))
+    for g, centre in enumerate(gates.centre_m):
+        away = np.hypot(*(narrow.centre_m - centre).T)
+        if len(away) and away.min() < _SAME_M:
+            found[g] = probability[away.argmin()]
+    return found
+
+
+def _doors(item: Scored, gates: Gates, probability: NDArray[np.float64]) -> DoorScores:
+    """The accepted gates, door by door."""
+    match = match_doors(gates, item.sample.known.item.labels, DOORWAY)
+    return match.scores(places_between(gates, probability).accepted)
+
+
+def _door_table(doors: Mapping[str, Mapping[str, Sequence[DoorScores]]]) -> str:
+    """Doors found, and gates that are none, by kind."""
+    steps = (STEPS[0], STEPS[2])
+    header = [f"{step}: found, share of gates that are doors" for step in steps]
+    lines = [f"| kind | doors | {' | '.join(header)} |", "|---" * 4 + "|"]
+    for kind, by_step in sorted(doors.items()):
+        totals = [DoorScores.total(by_step[step]) for step in steps]
+        entries = [f"{each.found}, {100 * each.precision:.0f} %" for each in totals]
+        lines.append(f"| {kind} | {totals[0].doors} | {' | '.join(entries)} |")
+    return "\n".join(lines)
 
 
 def _table(found: Mapping[str, Mapping[str, Sequence[Evaluation]]]) -> str:

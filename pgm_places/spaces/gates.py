@@ -16,6 +16,7 @@ __all__ = [
     "MOST_HALF_WIDTH_M",
     "OFFSETS_M",
     "Gates",
+    "chord_directions",
     "gate_candidates",
 ]
 
@@ -36,6 +37,9 @@ _LONGEST_M = 3.0
 
 _WIDER, _WIDER_M = 1.25, 0.1
 """A gate extends as far as the passage is at most this much wider than at its narrowest."""
+
+_MOST_DEPTH_AT_CUTS_M = 0.4
+"""Where nothing narrows, how far a passage is narrow says nothing; walls are rarely thicker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +83,19 @@ class Gates:
         """(G, 2) the two segments of the finest scale on either side of each."""
         return self.openings.segments
 
+    @property
+    def at_cuts(self) -> NDArray[np.bool_]:
+        """(G,) which lie at a cut of the segmentation: nothing need narrow there."""
+        return _at_cuts(self.segmentation, self.openings)
+
 
 def gate_candidates(segmentation: Segmentation) -> Gates:
     """The openings of the finest scale that are narrow enough to be doorways.
 
     These have a half width under 1.6 m at the saddle. The width of a gate is the shortest of 24
     chords of free cells through its middle, up to 3 m to either side, and at least 0.2 m; its depth
-    is the extent over which the passage is at most 1.25 times as wide plus 0.1 m.
+    is the extent over which the passage is at most 1.25 times as wide plus 0.1 m, at cuts of the
+    segmentation at most 0.4 m.
 
     Examples
     --------
@@ -99,7 +109,7 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
 
     grid, openings = segmentation.watershed.grid, _narrow_openings(segmentation)
     longest = _LONGEST_M / grid.resolution_m
-    directions = _directions()
+    directions = chord_directions()
     chord = np.zeros((len(openings), 4))
     middles = _on_free_cells(grid, openings.centre_rc)
     narrowest_chords(grid.cells, FREE, middles, directions, longest, chord)
@@ -109,7 +119,9 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
     profile = np.zeros((len(openings), len(OFFSETS_M)))
     offsets = OFFSETS_M / grid.resolution_m
     width_profiles(grid.cells, FREE, chord[:, :2].copy(), along, offsets, longest, profile)
-    before, behind = _depths(profile * grid.resolution_m, chord[:, 3] * grid.resolution_m)
+    depths = _depths(profile * grid.resolution_m, chord[:, 3] * grid.resolution_m)
+    most = np.where(_at_cuts(segmentation, openings), _MOST_DEPTH_AT_CUTS_M / 2, np.inf)
+    before, behind = np.minimum(depths, most)
     # The normal of a chord with direction (row, column) is (column, -row).
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     shift = (behind - before) / 2 / grid.resolution_m
@@ -133,7 +145,18 @@ def _narrow_openings(segmentation: Segmentation) -> Openings:
     return openings[openings.half_width_m < MOST_HALF_WIDTH_M]
 
 
-def _directions() -> NDArray[np.float64]:
+def _at_cuts(segmentation: Segmentation, openings: Openings) -> NDArray[np.bool_]:
+    """(O,) which openings have their centre beside a cut."""
+    cuts, width = segmentation.cuts, segmentation.watershed.grid.shape[1] + 2
+    if cuts is None:
+        return np.zeros(len(openings), np.bool_)
+    centre = np.rint(openings.centre_rc).astype(np.int64)
+    around = centre[:, np.newaxis] + np.indices((3, 3)).reshape(2, 9).T - 1
+    along = np.array([width, 1])
+    return np.asarray(np.isin((around + 1) @ along, (cuts + 1) @ along).any(axis=1))
+
+
+def chord_directions() -> NDArray[np.float64]:
     """(24, 2) row and column steps of length 1 over half a turn, exact along rows and columns."""
     angle = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
     found = np.stack([np.sin(angle), np.cos(angle)], axis=1)

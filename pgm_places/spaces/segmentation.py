@@ -1,5 +1,7 @@
 """Segments: the open space of a map divided at narrow passages, at several scales."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -173,6 +175,8 @@ class Segmentation:
         See ``RATIOS``; one scale each.
     scales : tuple of Segments
         The finest first.
+    cuts : (n, 2) int or None
+        Row and column of the cells at which segments end though nothing narrows there.
 
     Examples
     --------
@@ -188,9 +192,15 @@ class Segmentation:
     watershed: Watershed
     ratios: tuple[float, ...]
     scales: tuple[Segments, ...]
+    cuts: NDArray[np.integer] | None = None
 
     @classmethod
-    def of(cls, grid: OccupancyGrid, ratios: tuple[float, ...] = RATIOS) -> Self:
+    def of(
+        cls,
+        grid: OccupancyGrid,
+        ratios: tuple[float, ...] = RATIOS,
+        cuts: NDArray[np.integer] | None = None,
+    ) -> Self:
         """The segments of a map.
 
         Small obstacles are filled and free pieces under 1 m2 dropped (``open_space``); the
@@ -203,6 +213,9 @@ class Segmentation:
         grid : OccupancyGrid
         ratios : tuple of float
             Shares in (0, 1], from the finest scale to the coarsest.
+        cuts : (n, 2) int, optional
+            Row and column of cells at which segments end as well, though nothing narrows there:
+            lines from wall to wall whose cells share sides. Widths are as without them.
 
         Raises
         ------
@@ -213,11 +226,25 @@ class Segmentation:
         _require_ratios(ratios)
         _require_numbers(grid.shape)
         relief = relief_of(open_space(grid))
-        basins = find_basins(relief)
-        divisions, touching = _divisions(basins, relief, ratios, grid.resolution_m)
+        with _lowered(relief, cuts):
+            basins = find_basins(relief)
+            divisions, touching = _divisions(basins, relief, ratios, grid.resolution_m)
         borders = _borders(basins, relief, divisions, touching, grid)
         watershed = Watershed(grid, sealed(relief), basins, borders)
-        return cls(watershed, tuple(ratios), divided(watershed, divisions))
+        return cls(watershed, tuple(ratios), divided(watershed, divisions), cuts)
+
+
+@contextmanager
+def _lowered(relief: NDArray[np.int32], cuts: NDArray[np.integer] | None) -> Iterator[None]:
+    """The relief with its open cells at the cuts as low as can be: no segment crosses them."""
+    if cuts is None:
+        yield
+        return
+    r, c = np.asarray(cuts).reshape(-1, 2).T + 1
+    height = relief[r, c]
+    relief[r, c] = np.minimum(height, 1)
+    yield
+    relief[r, c] = height
 
 
 def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segments, ...]:

@@ -16,9 +16,11 @@ from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.view import FloorScores, floor_scores, views_of
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gates
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.door_lines import door_lines
 
-__all__ = ["FloorModel", "columns_of", "with_floor"]
+__all__ = ["FloorJudge", "FloorModel", "columns_of", "with_floor"]
 
 _LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
 _HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")
@@ -81,16 +83,45 @@ class FloorModel:
         """(G,) how likely gates are doorways, by their list and by the networks.
 
         The networks' word on a gate is the probability of a doorway that a fifth of the cells in
-        its rectangle exceed, at least 0.4 m deep.
+        its rectangle exceed, at least 0.4 m deep. At cuts it is the only one: the list knows gates
+        where passages narrow.
         """
-        odds = (1 - self.gate_share) * _log_odds(probability)
+        share = np.where(gates.at_cuts, 1.0, self.gate_share)
+        odds = (1 - share) * _log_odds(probability)
         grid = gates.segmentation.watershed.grid
         for g in range(len(gates)):
             deeper_m = max(_LEAST_DEPTH_M - gates[g].depth_m, 0.0) / 2
             cells = gates[g].cells(grid, deeper_m=deeper_m)
             log_p = seen.of(cells)[:, LABELS.index("doorway")] if len(cells) else np.zeros(1)
-            odds[g] += self.gate_share * _log_odds(np.exp(np.quantile(log_p, _AT_LEAST)))
+            odds[g] += share[g] * _log_odds(np.exp(np.quantile(log_p, _AT_LEAST)))
         return np.asarray(1 / (1 + np.exp(-odds)))
+
+
+@dataclass(frozen=True, eq=False)
+class FloorJudge:
+    """The networks' say in the gates of a map.
+
+    Parameters
+    ----------
+    model : FloorModel
+    seen : FloorScores
+        What the networks make of the map.
+    """
+
+    model: FloorModel
+    seen: FloorScores
+
+    def candidates(self, gates: Gates) -> Gates:
+        """The candidates, and those where networks see a doorway though nothing narrows."""
+        lines = door_lines(gates, self.seen)
+        if not len(lines):
+            return gates
+        found = gates.segmentation
+        return gate_candidates(Segmentation.of(found.watershed.grid, found.ratios, lines))
+
+    def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`FloorModel.judged`."""
+        return self.model.judged(self.seen, gates, probability)
 
 
 def _log_odds(probability: ArrayLike) -> NDArray[np.float64]:

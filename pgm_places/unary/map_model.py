@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.node_features import NodeSegments
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
-from pgm_places.unary.floor_model import FloorModel, with_floor
+from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import GateJudge, MapSpaces, SpaceModel
 
@@ -266,7 +265,7 @@ class UnaryModel:
     def gate_judge(self, seen: FloorScores) -> GateJudge:
         """How the networks judge gates, together with the list of gates."""
         assert self.floor is not None  # they have seen a map
-        return partial(self.floor.judged, seen)
+        return FloorJudge(self.floor, seen)
 
     def seen(
         self,

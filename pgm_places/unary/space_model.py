@@ -1,8 +1,7 @@
 """The spaces of a map as features of its cells: segments, gates, and the places between them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,8 +45,14 @@ _GAIN, _FLOOR = 1.2, 0.02
 probability of its gate; chosen on buildings held out (docs/results.md)."""
 
 
-GateJudge = Callable[[Gates, NDArray[np.float64]], NDArray[np.float64]]
-"""Probabilities (G,) of gates from those that their list gives them."""
+class GateJudge(Protocol):
+    """Who has a say in the gates of a map, beside their list."""
+
+    def candidates(self, gates: Gates) -> Gates:
+        """The candidates where passages narrow, and others."""
+
+    def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(G,) probabilities of candidates, from those that their list gives them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +186,7 @@ class SpaceModel:
     ) -> MapSpaces:
         """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover.
 
-        ``judge`` has a further say in the probabilities of the others.
+        ``judge`` adds candidates, and has a further say in the probabilities of the others.
         """
         candidates = gate_candidates(Segmentation.of(grid))
         return self.judged_candidates(candidates, known, n_threads, judge)
@@ -198,9 +203,12 @@ class SpaceModel:
         A gate that matches a known doorway is one, a gate at least half of whose cells have other
         known labels is none; a known doorway without any gate becomes one.
         """
+        heard = None if self.gates is None else judge
+        if heard is not None:
+            candidates = heard.candidates(candidates)
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
-        if judge is not None and self.gates is not None:
-            probability = judge(candidates, probability)
+        if heard is not None:
+            probability = heard.judged(candidates, probability)
         if known is None or self.doorway is None:
             return MapSpaces.of(candidates, probability)
         match = match_doors(candidates, known, self.doorway)
