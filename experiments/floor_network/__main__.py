@@ -5,11 +5,11 @@ generated buildings, and robot-like copies of all drawn ones. ``train --kept FOL
 network for each fold of buildings, which it never sees, in turn; it resumes where it stopped, and
 writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` labels every map of
 DATA/robots with the network that has not seen its building beside the shipped lists, and prints
-the figures by kind; ``plans --kept FOLDER`` does so for drawn floors, their robot-like copies, and
-the real maps that the lists learned from, with lists held out, too, and ``kinds --kept FOLDER``
-for generated kinds that neither has learned from. ``ship --kept FOLDER`` puts the networks into the
-model ``default``. Training needs the extra ``train``. PGM_PLACES_DATA names the folder of the real
-maps.
+the figures by kind; ``doors --kept FOLDER`` those of their doors. ``plans --kept FOLDER`` prints
+both for drawn floors, their robot-like copies, and the real maps that the lists learned from, with
+lists held out, too, and ``kinds --kept FOLDER`` for generated kinds that neither has learned from.
+``ship --kept FOLDER`` puts the networks into the model ``default``. Training needs the extra
+``train``. PGM_PLACES_DATA names the folder of the real maps.
 """
 
 import argparse
@@ -18,13 +18,15 @@ from pathlib import Path
 from pgm_places.cli.progress import LineProgress
 from pgm_places.reproduce.setting import data_folder
 
+STEPS = ("floors", "train", "measure", "doors", "plans", "kinds", "ship")
+
 
 def main(argv: list[str] | None = None) -> None:
     """Run one of the steps."""
     parser = argparse.ArgumentParser(
         prog="python -m experiments.floor_network", description=(__doc__ or "").partition("\n")[0]
     )
-    parser.add_argument("step", choices=("floors", "train", "measure", "plans", "kinds", "ship"))
+    parser.add_argument("step", choices=STEPS)
     parser.add_argument("--kept", type=Path, required=True, help="folder of floors and networks")
     parser.add_argument("--steps", type=int, default=4200, help="steps of training for each fold")
     parser.add_argument("--folds", type=int, nargs="*", default=[0, 1, 2, 3])
@@ -46,6 +48,13 @@ def main(argv: list[str] | None = None) -> None:
         from experiments.floor_network.held_out import measure
 
         measure(data, given.kept, progress)
+    elif given.step == "doors":
+        from experiments.floor_network.doors import door_table, measure_robots_doors
+        from experiments.floor_network.held_out import networks
+        from pgm_places.unary.floor_model import FloorModel
+
+        models = [FloorModel((item,), views_per_network=8) for item in networks(given.kept)]
+        print(door_table(measure_robots_doors(data, models, progress)))
     elif given.step in ("plans", "kinds"):
         from experiments.floor_network.plans import measure_kinds, measure_plans
 

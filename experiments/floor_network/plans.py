@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from experiments.buildings.lists import DOORWAY, Scored, scored_maps
 from experiments.buildings.maps import NAMES, building_numbers, sampled_maps
 from experiments.buildings.scores import SHIPPED, rescaled
+from experiments.floor_network.doors import MapDoors, door_table
 from experiments.floor_network.floors import all_floors, fold_of, held_out_with
 from experiments.floor_network.held_out import networks
 from experiments.unseen_kinds import _RECIPES, scored_unseen
@@ -17,19 +18,13 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.progress import Progress
 from pgm_places.reproduce.setting import Setting
-from pgm_places.spaces.door_truth import DoorScores, match_doors
-from pgm_places.spaces.gates import Gates, gate_candidates
-from pgm_places.spaces.places import places_between
-from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
+from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
 __all__ = ["STEPS", "measure_kinds", "measure_plans"]
 
 N_FOLDS_OF_LISTS = 6
-_SAME_M = 0.15
-"""A gate no farther from one of before is the same."""
-
 STEPS = ("lists alone", "networks alone", "lists and networks")
 
 
@@ -51,74 +46,35 @@ def _measure(scored: Sequence[Scored], data: Path, kept: Path, progress: Progres
     fold = fold_of(list(all_floors(data)))
     models = [FloorModel((network,), views_per_network=8) for network in networks(kept)]
     found: dict[str, dict[str, list[Evaluation]]] = defaultdict(lambda: defaultdict(list))
-    doors: dict[str, dict[str, list[DoorScores]]] = defaultdict(lambda: defaultdict(list))
+    doors: dict[str, list[tuple[DoorScores, ...]]] = defaultdict(list)
     with progress.stage("floors") as stage:
         for count, (item, log_z) in enumerate(zip(scored, rescaled(scored, SHIPPED), strict=True)):
             known = item.sample.known
             building = known.kind if known.kind in fold else held_out_with(known)
-            for step, log_p, scores in _steps(item, log_z, models[fold[building]]):
+            model = models[fold[building]]
+            at_doors = MapDoors.of(known, model, model.scores(known.item.grid), item.gate)
+            doors[known.group].append(at_doors.scores())
+            for step, log_p in _steps(item, log_z, model, at_doors):
                 found[known.group][step].append(
                     evaluate(item.truth, log_p.argmax(axis=1), NAMES, beliefs=np.exp(log_p))
                 )
-                if scores is not None:
-                    doors[known.group][step].append(scores)
             stage.update((count + 1) / len(scored), known.item.name)
-    print(f"{_table(found)}\n\n{_door_table(doors)}")
+    print(f"{_table(found)}\n\n{door_table(doors)}")
 
 
 def _steps(
-    item: Scored, log_z: NDArray[np.float64], model: FloorModel
-) -> Iterator[tuple[str, NDArray[np.float64], DoorScores | None]]:
-    """What the list alone, a network alone, and both say of the lattice's cells, and of doors."""
+    item: Scored, log_z: NDArray[np.float64], model: FloorModel, doors: MapDoors
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """What the list alone, a network alone, and both say of the lattice's cells."""
     grid, lattice = item.sample.known.item.grid, item.sample.lattice
-    layout = GridLayout.of_mask(lattice, source=grid)
-    narrow = gate_candidates(Segmentation.of(grid))
-    yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY), _doors(item, narrow, item.gate)
-    seen = model.scores(grid)
+    layout, seen = GridLayout.of_mask(lattice, source=grid), doors.judge.seen
+    yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY)
     alone = FloorModel((), share=1.0, doorway_share=1.0)
-    yield STEPS[1], with_floor(log_z, seen, alone, layout), None
-    judge = FloorJudge(model, seen)
-    gates = judge.candidates(narrow)
-    at_gate, doors = item.at_gate, _doors(item, narrow, item.gate)
-    if len(gates):
-        probability = judge.judged(gates, _known_before(narrow, item.gate, gates))
-        at_gate = MapSpaces.of(gates, probability).at_gates(layout)
-        doors = _doors(item, gates, probability)
-    both = with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
-    yield STEPS[2], both, doors
-
-
-def _known_before(
-    narrow: Gates, probability: NDArray[np.float64], gates: Gates
-) -> NDArray[np.float64]:
-    """(G,) what the list held out said of each gate before there were cuts; 0 if it was none.
-
-    At cuts, where the list has no say, that is never asked.
-    """
-    found = np.zeros(len(gates))
-    for g, centre in enumerate(gates.centre_m):
-        away = np.hypot(*(narrow.centre_m - centre).T)
-        if len(away) and away.min() < _SAME_M:
-            found[g] = probability[away.argmin()]
-    return found
-
-
-def _doors(item: Scored, gates: Gates, probability: NDArray[np.float64]) -> DoorScores:
-    """The accepted gates, door by door."""
-    match = match_doors(gates, item.sample.known.item.labels, DOORWAY)
-    return match.scores(places_between(gates, probability).accepted)
-
-
-def _door_table(doors: Mapping[str, Mapping[str, Sequence[DoorScores]]]) -> str:
-    """Doors found, and gates that are none, by kind."""
-    steps = (STEPS[0], STEPS[2])
-    header = [f"{step}: found, share of gates that are doors" for step in steps]
-    lines = [f"| kind | doors | {' | '.join(header)} |", "|---" * 4 + "|"]
-    for kind, by_step in sorted(doors.items()):
-        totals = [DoorScores.total(by_step[step]) for step in steps]
-        entries = [f"{each.found}, {100 * each.precision:.0f} %" for each in totals]
-        lines.append(f"| {kind} | {totals[0].doors} | {' | '.join(entries)} |")
-    return "\n".join(lines)
+    yield STEPS[1], with_floor(log_z, seen, alone, layout)
+    at_gate = item.at_gate
+    if len(doors.gates):
+        at_gate = MapSpaces.of(doors.gates, doors.probability).at_gates(layout)
+    yield STEPS[2], with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
 
 
 def _table(found: Mapping[str, Mapping[str, Sequence[Evaluation]]]) -> str:

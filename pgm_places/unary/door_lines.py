@@ -19,7 +19,7 @@ _DOORWAY = LABELS.index("doorway")
 _LIKELY = 0.5
 """Cells with a higher probability of a doorway are one blob where they touch."""
 
-_SURE = 0.8
+_SURE = 0.9
 """The least mean probability along a line; chosen on buildings held out (docs/floor.md)."""
 
 _LEAST_M2 = 0.06
