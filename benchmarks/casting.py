@@ -30,7 +30,7 @@ from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
-from pgm_places.sensing._dda_kernels import Cells
+from pgm_places.sensing._cells import Cells
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from pgm_places.sensing.sensor import Sensor
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.maps._distance_kernels import squared_distance
+from pgm_places._core import squared_distance
 
 __all__ = ["squared_clearance"]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
+from pgm_places._core import source_cells
 from pgm_places.errors import LabelError, MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
@@ -338,8 +339,6 @@ class Coarsening:
 
     def _sources(self, rows: slice) -> NDArray[np.int64]:
         """(n, W) flat index of the coarse cell behind each fine cell of a band, -1 for none."""
-        from pgm_places.maps._painting_kernels import source_cells
-
         free = self.fine.free[rows]
         out = np.full(free.shape, -1, np.int64)
         if not self.coarse.free.any():

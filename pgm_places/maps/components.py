@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._core import label_components
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 
@@ -94,8 +95,6 @@ def connected_components(
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
-    from pgm_places.maps._component_kernels import label_components
-
     kept = raster.dtype if raster.dtype in (np.int8, np.int32) else np.int16
     values: NDArray[Any] = np.ascontiguousarray(raster, kept)
     piece = np.empty(raster.shape, np.int32)

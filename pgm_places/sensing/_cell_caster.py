@@ -2,17 +2,18 @@
 
 from collections.abc import Callable
 from math import ceil, pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import add_noise, dda_from_centres
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing._beams import Beams
 from pgm_places.sensing._box import Box
-from pgm_places.sensing._dda_kernels import Cells, CentreBeams, dda_from_centres
-from pgm_places.sensing._noise_kernels import Noise, add_noise
+from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing._sweep import (
     LARGEST_REGION,
     Surroundings,
@@ -39,6 +40,22 @@ _LISTING_BYTES = 2
 """For each cell and each thread that lists faces."""
 _FACE_BYTES = 18
 """For each face in the lists, with a mirrored copy of some."""
+
+
+class CentreBeams(NamedTuple):
+    """How M beams go from cell to cell."""
+
+    step_x: NDArray[np.int64]
+    """(M,) -1, 0 or 1: the neighbouring column that a beam leads to,"""
+    step_y: NDArray[np.int64]
+    """and the neighbouring row."""
+    per_x: NDArray[np.float64]
+    """Length of ray for each column, in cells; infinite where no column is left,"""
+    per_y: NDArray[np.float64]
+    """and for each row."""
+    metres_x: NDArray[np.float32]
+    """The same in metres."""
+    metres_y: NDArray[np.float32]
 
 
 def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> NDArray[np.uint8]:

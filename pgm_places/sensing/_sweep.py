@@ -7,10 +7,9 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import list_runs, sweep
 from pgm_places.sensing._beams import Beams, Octant
 from pgm_places.sensing._box import Box
-from pgm_places.sensing._runs_kernels import list_runs
-from pgm_places.sensing._sweep_kernels import sweep
 from pgm_places.sensing._sweep_tables import (
     BLOCK,
     LAST_COLUMN,

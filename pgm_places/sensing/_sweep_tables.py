@@ -1,5 +1,7 @@
 """What a sweep reads and writes: the arrays of its kernels, and the columns of its table of beams.
 
+The kernels know them by ``_sweep_tables.hpp``.
+
 Columns and rows are those of the octant: mirrored and swapped so that its beams go right and up.
 """
 

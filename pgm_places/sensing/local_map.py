@@ -1,12 +1,13 @@
 """A rolling map around the robot: what its laser saw recently, including the space behind it."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._core import cast_rays, coarse_cells, write_disc, write_scan
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.options import (
@@ -15,9 +16,6 @@ from pgm_places.options import (
     Positive,
     check_options,
 )
-
-if TYPE_CHECKING:
-    from pgm_places.sensing._local_map_kernels import Window
 
 __all__ = ["LocalMap"]
 
@@ -33,6 +31,27 @@ SCAN_NUMBERS = 255
 
 MOST_CELLS = 20_000
 """Longest side of the window in cells; a larger one is a slip, such as a size in millimetres."""
+
+
+class Window(NamedTuple):
+    """A rolling map's cells, each at its row and column modulo ``n``."""
+
+    evidence: NDArray[np.int8]
+    """(n, n) log-odds in steps; above 0 occupied, below 0 free, 0 unknown."""
+    seen: NDArray[np.uint8]
+    """(n, n) number of the scan that changed a cell last."""
+    wrap_row: int
+    """Where the window's first row is kept,"""
+    wrap_column: int
+    """and its first column."""
+
+
+class Pose(NamedTuple):
+    """Where a scan is taken, in cells from the window's corner."""
+
+    x: float
+    y: float
+    heading_rad: float
 
 
 @dataclass(eq=False)
@@ -140,8 +159,6 @@ class LocalMap:
         Arguments are those of :meth:`update`, whose first call says where the window lies. What
         lies outside is left out, and so is a whole scan from outside.
         """
-        from pgm_places.sensing._local_map_kernels import Pose, Steps, write_disc, write_scan
-
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         ranges = np.asarray(ranges_m, np.float64)
@@ -153,7 +170,7 @@ class LocalMap:
             returned = (ranges > 0) & (ranges < max_range_m)
         lengths = np.where(returned, ranges / self.resolution_m, 0.0)
         x, y, window = self._place(where)
-        steps = Steps(HIT, MISS, LOWEST, HIGHEST)
+        steps = HIT, MISS, LOWEST, HIGHEST
         write_scan(window, Pose(x, y, float(where[2])), lengths, angles, steps, self._next_scan())
         if self.robot_radius_m > 0:
             radius = self.robot_radius_m / self.resolution_m
@@ -176,8 +193,6 @@ class LocalMap:
         A ray that meets no obstacle ends where known space ends, or at ``max_range_m``. A pose
         inside an occupied cell reads 0 along every beam.
         """
-        from pgm_places.sensing._local_map_kernels import Pose, cast_rays
-
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         found, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
@@ -213,8 +228,6 @@ class LocalMap:
         factor : int
             Cells of the window along the side of a cell of the map.
         """
-        from pgm_places.sensing._local_map_kernels import coarse_cells
-
         corner = np.zeros(2, np.int64) if self._corner is None else self._corner
         origin_xy: NDArray[np.float64] = np.asarray(corner * self.resolution_m, np.float64)
         offset = finite_array("centre_m", centre_m, (2,)) - origin_xy
@@ -240,10 +253,8 @@ class LocalMap:
             self._scan = 1
         return self._scan
 
-    def _place(self, where: NDArray[np.float64]) -> tuple[float, float, "Window"]:
+    def _place(self, where: NDArray[np.float64]) -> tuple[float, float, Window]:
         """Position in cells from the window's corner, and the window as kernels take it."""
-        from pgm_places.sensing._local_map_kernels import Window
-
         n = self.n_cells
         corner = self._corner
         if corner is None:

@@ -6,11 +6,13 @@ occupied cells, unknown cells where the sensor stops at them, and everything out
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._core import dda_from_poses
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -174,6 +176,17 @@ def _blocks(
         yield ScanBlock(nodes, ranges)
 
 
+class _Poses(NamedTuple):
+    """Where scans are taken from, in cells."""
+
+    x: NDArray[np.float64]
+    """(P,); the cell that holds (x, y) is [floor y, floor x]."""
+    y: NDArray[np.float64]
+    """(P,)."""
+    headings_rad: NDArray[np.float64]
+    """(P,)."""
+
+
 def cast_poses(
     grid: OccupancyGrid,
     poses: ArrayLike,
@@ -240,8 +253,6 @@ class PoseCaster:
         n_threads: int | None = None,
     ) -> NDArray[np.float32]:
         """(P, M) ranges in metres; arguments as in :func:`cast_poses`."""
-        from pgm_places.sensing._dda_kernels import Poses, dda_from_poses
-
         grid = self._grid
         poses = finite_array("poses", poses, ("P", 3))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
@@ -260,7 +271,7 @@ class PoseCaster:
             part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
             dda_from_poses(
                 self._blocked,
-                Poses(x[part], y[part], headings[part]),
+                _Poses(x[part], y[part], headings[part]),
                 angles,
                 grid.resolution_m,
                 reach / grid.resolution_m,

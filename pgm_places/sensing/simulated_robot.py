@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._core import add_noise
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import option_hints
+from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner
@@ -223,9 +225,6 @@ def scans_along(
         grid, trajectory.poses, geometry.angles_rad, max_range_m=reach, n_threads=n_threads
     )
     if noise is not None and not noise.is_silent:
-        from pgm_places.sensing._dda_kernels import Cells
-        from pgm_places.sensing._noise_kernels import Noise, add_noise
-
         steps = np.arange(len(ranges))  # each scan counts as a cell of its own
         cells = Cells(steps, np.zeros_like(steps), steps.astype(np.int32))
         add_noise(ranges, cells, Noise.of(noise, reach))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
+from pgm_places._core import label_components
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -252,8 +253,6 @@ def _kind(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
 
 def _numbered(kind: NDArray[np.int8]) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
     """Scratch of a cell's size each, the piece (H, W) of each cell of a kind, and their number."""
-    from pgm_places.maps._component_kernels import label_components
-
     scratch, piece = np.empty(kind.size, np.int32), np.empty(kind.shape, np.int32)
     return scratch, piece, label_components(kind, True, scratch, piece)
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places._core import cast_rays, write_disc
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.sensing._local_map_kernels import Pose, Window, cast_rays, write_disc
-from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap
+from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap, Pose, Window
 from pgm_places.sensing.ray_casting import cast_poses
 
 AHEAD = np.linspace(-pi / 2, pi / 2, 361)

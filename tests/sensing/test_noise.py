@@ -1,16 +1,12 @@
-import os
-import subprocess
-import sys
 from math import cos, log, pi, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places._core import add_noise, uniform_draw
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing._dda_kernels import Cells
-from pgm_places.sensing._noise_kernels import Noise, _uniform, add_noise
+from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
@@ -66,7 +62,7 @@ def test_each_reading_is_the_one_worked_out_alone(seed: int, sigma_m: float) -> 
 
 
 def test_no_draw_is_0_or_1_exactly() -> None:
-    assert _uniform(0, 0, 0) == 0.5 / 2**32  # the words of 0 stay 0 when they are mixed
+    assert uniform_draw(0, 0, 0) == 0.5 / 2**32  # the words of 0 stay 0 when they are mixed
 
 
 def test_silent_noise_changes_nothing() -> None:
@@ -135,43 +131,3 @@ def test_noise_depends_on_the_seed_the_cell_and_the_beam_only() -> None:
 def test_another_seed_gives_other_noise(seed: int) -> None:
     first, other = scans(SensorNoise(0.01)), scans(SensorNoise(0.01, seed=seed))
     assert np.mean(first == other) < 0.001
-
-
-SCRIPT = """
-import numpy as np
-from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing._cell_caster import CellCaster
-from pgm_places.sensing.ray_casting import cast_cells, cast_poses
-from pgm_places.sensing.sensor import Sensor, SensorNoise
-cells = np.zeros((7, 8), np.int8)
-cells[3, 2:5] = 100
-cells[5, 6] = -1
-grid = OccupancyGrid(cells, 0.5)
-exact, noisy = Sensor(24, 3.0), Sensor(24, 3.0, noise=SensorNoise(0.1, 0.2, 0.1, seed=2**40 + 3))
-CellCaster._sweep_pays = lambda *_: True
-scans = [cast_cells(grid, sensor) for sensor in (exact, noisy)]
-CellCaster._sweep_pays = lambda *_: False
-scans.insert(0, cast_cells(grid, exact))
-scans.append(cast_poses(grid, [[1.2, 0.7, 0.3], [2.0, 1.6, 0.0]], [0.0, 1.0], max_range_m=2.0))
-for scan in scans:
-    print(scan.tobytes().hex())
-"""
-
-
-def test_without_a_compiler_the_ranges_are_the_same() -> None:
-    def scans(disable: str) -> list[NDArray[np.float32]]:
-        printed = subprocess.run(
-            [sys.executable, "-W", "error", "-c", SCRIPT],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disable},
-            cwd=Path(__file__).parents[2],
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        return [np.frombuffer(bytes.fromhex(line), np.float32) for line in printed.splitlines()]
-
-    for plain, compiled, is_exact in zip(
-        scans("1"), scans("0"), (True, True, False, False), strict=True
-    ):
-        # Sines and logarithms may differ in their last bit.
-        np.testing.assert_allclose(plain, compiled, rtol=0 if is_exact else 1e-5, atol=0)
