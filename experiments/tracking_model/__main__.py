@@ -10,6 +10,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -23,10 +24,15 @@ from pgm_places.experiment.runs import versions
 from pgm_places.io.input_file import sha256_of
 from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
+from pgm_places.trained import trained_floor
+from pgm_places.unary.floor_model import FloorModel
 
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
 PARTS = ("floors", "lasers", "real", "options")
+SHARE = 0.7
+"""Weight of the networks beside the list of scans, chosen by ``networks.py``."""
+
 PAGE = HERE.parent / "tracking_model.md"
 
 
@@ -62,8 +68,14 @@ def write_model(table: Table, data: Path) -> None:
         "versions": dict(versions()),
         "warnings": [],
     }
-    save(learned(table).labeler(), MODEL, record=record)
+    labeler = learned(table).labeler().with_options(floor=floor_of_drives())
+    save(labeler, MODEL, record=record)
     print(f"wrote {MODEL}")
+
+
+def floor_of_drives() -> FloorModel:
+    """The shipped networks as they look at what a robot has mapped so far, each from one side."""
+    return replace(trained_floor(), views_per_network=1, share=SHARE, doorway_share=SHARE)
 
 
 def tables(table: Table, data: Path, kept: KeptArrays) -> Mapping[str, Callable[[], str]]:

@@ -30,7 +30,7 @@ from pgm_places.unary.local_floor import with_local_floor
 from pgm_places.unary.scan_model import observed_along
 
 LENGTH_M, EVERY_M = 60.0, 0.5
-SHARES = (0.0, 0.3, 0.4, 0.5, 0.6, 0.7, 1.0)
+SHARES = (0.0, 0.5, 0.7, 0.8, 0.9, 1.0)
 """Weights of the networks that are tried: 0 is the list alone, 1 the network alone."""
 
 REAL = "real SLAM"
@@ -182,7 +182,7 @@ def main() -> None:
         default=1,
         help="only drives of the real maps and of every n-th other building",
     )
-    parser.add_argument("--share", type=float, default=0.5, help="share shown by kind")
+    parser.add_argument("--share", type=float, default=0.9, help="share shown by kind")
     chosen = parser.parse_args()
     data = data_folder()
     if data is None:

@@ -1,6 +1,8 @@
 """What the floor networks see around a robot: of the map it has built, or of its own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +27,9 @@ _EVERY_M = 0.5
 class LocalFloor:
     """The networks' word on the places of a robot on its way.
 
+    They take turns, so that a look takes no longer than that of one, and the steps of a few metres
+    hear all of them.
+
     Parameters
     ----------
     source : LocalMap or OccupancyGrid
@@ -34,6 +39,8 @@ class LocalFloor:
 
     def __init__(self, source: LocalMap | OccupancyGrid, model: FloorModel) -> None:
         self._source, self._model = source, model
+        alone = [replace(model, networks=(network,)) for network in model.networks]
+        self._turns = cycle(alone)
         self._gate = DistanceGate(_EVERY_M)
         self._grid: OccupancyGrid | None = None
         self._seen: FloorScores | None = None
@@ -59,7 +66,7 @@ class LocalFloor:
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
             self._grid = square_around(self._source, where, _REACH_M)
-            self._seen = None if self._grid is None else self._model.scores(self._grid, 1)
+            self._seen = None if self._grid is None else next(self._turns).scores(self._grid, 1)
         if self._grid is None or self._seen is None:
             return np.full(self.n_labels, np.nan)
         cell = self._grid.cells_at_m(where[np.newaxis])

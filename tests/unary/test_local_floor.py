@@ -56,6 +56,18 @@ def test_they_look_again_after_half_a_metre(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(looks) == 3  # after 0, 0.5 and 1 m
 
 
+def test_networks_take_turns() -> None:
+    grid = building()[0].grid
+    two = replace(one_view(), networks=trained_floor().networks[:2])
+    x, y = grid.cell_centres_m(np.argwhere(grid.free)).mean(axis=0)
+    poses = np.array([[x + 0.6 * k, y, 0.0] for k in range(3)])
+    found = LocalFloor(grid, two).along(poses)
+    for network, steps in ((0, [0, 2]), (1, [1])):
+        alone = replace(two, networks=two.networks[network : network + 1])
+        expected = np.array([LocalFloor(grid, alone).at(poses[t, :2]) for t in steps])
+        np.testing.assert_array_equal(found[steps], expected)
+
+
 def test_off_the_map_they_see_nothing() -> None:
     grid = OccupancyGrid(np.zeros((20, 20), np.int8), resolution_m=0.1)
     seen = LocalFloor(grid, one_view()).along(np.array([[1.0, 1.0, 0.0], [90.0, 0.0, 0.0]]))
