@@ -202,7 +202,7 @@ def _label_one(
                 n_threads=n_threads,
                 progress=progress,
             )
-    say(f"{found.summary}\n{places_summary(found.topology)}")
+    say(f"{found.summary}\n{places_summary(found.topology, out)}")
     if found.unentered is not None:
         say(f"{found.unentered}; label it with --unentered")
     say_written(files)

@@ -46,22 +46,31 @@ def split(
     folder: Places,
     place: Place,
     points: Annotated[
-        list[float],
-        Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
-    ],
+        list[float] | None,
+        Argument(
+            metavar="[X Y [X2 Y2]]",
+            help="A point, or the ends of a line (m); none to split it into the rooms that it "
+            "looks like.",
+        ),
+    ] = None,
 ) -> None:
-    """Split a place along a line or at a point. A point splits it where it is narrowest."""
+    """Split a place along a line, at a point, or into the rooms that it looks like.
+
+    A point splits it where it is narrowest. The rooms are those that 'label' and check.csv tell of.
+    """
     from pgm_places.io.places.topology_files import load_named_topology
-    from pgm_places.topology.place_edits import split_across, split_at
+    from pgm_places.topology.place_edits import split_across, split_apart, split_at
 
     topology = load_named_topology(folder)
-    if len(points) == 2:
+    if not points:
+        found = split_apart(topology, _key(place))
+    elif len(points) == 2:
         found = split_at(topology, _key(place), points)
     elif len(points) == 4:
         found = split_across(topology, _key(place), points[:2], points[2:])
     else:
         raise InputError(
-            f"split takes a point X Y or a line X1 Y1 X2 Y2, got {len(points)} numbers"
+            f"split takes a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
         )
     _write(folder, found, "split")
 
@@ -78,5 +87,5 @@ def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
     # The command that wrote the folder goes on owning its other files.
     with output_set(folder, by, force=True, shared=True) as files:
         write_topology(files.stage, topology.grid, topology, title=folder.name)
-    say(places_summary(topology))
+    say(places_summary(topology, folder))
     say_written(files)

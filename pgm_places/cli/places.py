@@ -91,7 +91,7 @@ def topology(
             doorways=doorways,
             **probabilities,
         )
-    say(places_summary(places))
+    say(places_summary(places, out))
     if propose_splits_m:
         for line in _proposals(places, propose_splits_m):
             say(line)

@@ -1,5 +1,6 @@
 """The output of commands about places: the topological map's files and its picture."""
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.packing import Packing
 from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
+from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -26,6 +29,8 @@ __all__ = [
     "write_places",
     "write_topology",
 ]
+
+_MOST_SPLITS = 5
 
 
 def write_places(
@@ -89,12 +94,31 @@ def write_topology(
     return written
 
 
-def places_summary(topology: TopologicalMap) -> str:
-    """How many places of each class, connections and corrections; what is in doubt, if known."""
+def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
+    """How many places of each class, connections and corrections; what is in doubt, if known.
+
+    With the ``folder`` that they lie in, also the places that look like several rooms.
+    """
     n = len(topology.corrections)
-    line = f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"
+    lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
     doubt = doubt_summary(topology)
-    return line if doubt is None else f"{line}\n{doubt}"
+    lines += [] if doubt is None else [doubt]
+    if folder is not None and (found := hidden_rooms(topology)):
+        lines += [hidden_line(item) for item in found[:_MOST_SPLITS]]
+        more = len(found) - _MOST_SPLITS
+        lines += [f"and {more} more place{'' if more == 1 else 's'}"] if more > 0 else []
+        example = shlex.join(["pgm-places", "split", str(folder), str(found[0].place.id)])
+        lines.append(f"to split one along the lines in topology.png: {example}")
+    return "\n".join(lines)
+
+
+def hidden_line(item: HiddenRooms) -> str:
+    """How many rooms a place looks like, how large they are, and how wide its openings."""
+    sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
+    widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)
+    return (
+        f"{item.place.name} looks like {item.count} rooms ({sizes} m²), with openings of {widths} m"
+    )
 
 
 def doubt_summary(topology: TopologicalMap) -> str | None:

@@ -15,6 +15,7 @@ from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.name_spots import name_spots
 from pgm_places.report.sheet import draw_scale_bar
 from pgm_places.topology.checks import PlaceCheck, places_to_check
+from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -45,7 +46,7 @@ def topology_drawing(
     corridors, and other places with more than six neighbours, they end at the passage. In the
     diagram these keep their shape, every other place is a disc, doorways are squares. Doorways
     that are gates have their rectangles drawn over the map. The places to check first have their
-    ids in red.
+    ids in red, and red lines cross the openings of places that look like several rooms.
 
     Parameters
     ----------
@@ -81,12 +82,15 @@ def topology_drawing(
     caption = "places over the map"
     if marked_checks(topology):
         caption += "; check those with their numbers in red first"
+    if hidden_rooms(topology):
+        caption += "; split along red lines?"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
     over = Drawing.of(canvas, scale)
     _draw_gates(over, topology, pixels)
     _draw_graph(over, topology, pixels)
     checks = marked_checks(topology)
     _draw_checks(over, checks, pixels)
+    _draw_splits(over, topology, pixels)
     page.paste(over, _EDGE, top + _CAPTION)
     page.text(second[0], second[1] + 8, count_line(topology), size=15, colour=MUTED)
     diagram = Drawing(*size)
@@ -123,6 +127,18 @@ def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> 
         if region.gate is not None:
             corners = np.asarray(region.gate.corners_m)
             panel.line(pixels([*corners, corners[0]]), colour=INK, width=2)
+
+
+def _draw_splits(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
+    """A line across each opening that could part rooms, and what to say of it."""
+    for item in hidden_rooms(topology):
+        for line in item.lines_m:
+            panel.line(pixels(line), colour="white", width=7)
+            panel.line(pixels(line), colour=ERROR, width=4)
+        ends = pixels(item.lines_m[0])
+        text = f"{item.place.id}: {item.count} rooms?"
+        x, y = float(ends[:, 0].mean()), float(ends[:, 1].min()) - 14
+        panel.text(x, y, text, size=13, bold=True, centred=True, colour=ERROR, halo=2)
 
 
 def _draw_checks(panel: Drawing, checks: Iterable[PlaceCheck], pixels: _ToPixels) -> None:

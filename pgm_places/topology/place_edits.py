@@ -20,11 +20,12 @@ from pgm_places.topology.cuts import (
     narrowest_line,
     opening_cuts,
 )
+from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["doorways_between", "merged", "renamed", "split_across", "split_at"]
+__all__ = ["doorways_between", "merged", "renamed", "split_across", "split_apart", "split_at"]
 
 _WIDER_M = 0.5
 """Other openings that are cut with one may be wider than it by so much."""
@@ -120,6 +121,24 @@ def split_across(
             f"does not divide {place.name!r}; draw it from wall to wall"
         )
     return _split(topology, place, parts)
+
+
+def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
+    """The map with a place split into the rooms that it looks like; the largest keeps the id.
+
+    Raises
+    ------
+    InputError
+        The place is unknown, or looks like one room.
+    """
+    place = topology.place(key)
+    found = [item for item in hidden_rooms(topology) if item.place.id == place.id]
+    if not found:
+        raise InputError(
+            f"{place.name!r} looks like one room, so there is nothing to split it along; give a "
+            "point in an opening, or both ends of a line from wall to wall"
+        )
+    return _split(topology, place, cut_along(topology, place, found[0].lines_m))
 
 
 def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) -> TopologicalMap:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pgm_places.io.atomic import write_text
 from pgm_places.topology.checks import places_to_check
+from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["CHECK_FILE", "check_table", "write_checks"]
@@ -23,6 +24,8 @@ _COLUMNS = (
     "doubtful_m2",
     "x_m",
     "y_m",
+    "rooms",
+    "to_split",
 )
 
 
@@ -31,8 +34,11 @@ def check_table(topology: TopologicalMap) -> str:
 
     Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
     ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times
-    area), and ``x_m``, ``y_m``: the place's anchor in the map frame.
+    area), ``x_m``, ``y_m``: the place's anchor in the map frame, ``rooms``: how many rooms the
+    place looks like, if more than one, and ``to_split``: the command that makes them places, to be
+    run in the table's folder.
     """
+    rooms = {item.place.id: item.count for item in hidden_rooms(topology)}
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(_COLUMNS)
@@ -41,7 +47,10 @@ def check_table(topology: TopologicalMap) -> str:
         row = [place.id, place.name, place.label, check.second_label or ""]
         row += [f"{check.probability:.4f}", "" if second is None else f"{second:.4f}"]
         row += [f"{place.area_m2:.3f}", f"{check.doubt:.4f}", f"{check.doubtful_m2:.3f}"]
-        table.writerow([*row, *(f"{value:.3f}" for value in place.anchor_m)])
+        row += [f"{value:.3f}" for value in place.anchor_m]
+        if place.id in rooms:
+            row += [str(rooms[place.id]), f"pgm-places split . {place.id}"]
+        table.writerow(row + [""] * (len(_COLUMNS) - len(row)))
     return text.getvalue()
 
 

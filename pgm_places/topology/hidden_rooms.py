@@ -1,0 +1,114 @@
+"""Places that look like several rooms, for a person to decide on: doorways that were missed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from pgm_places.maps.clearance import squared_clearance
+from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
+from pgm_places.topology.regions import Region
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["HiddenRooms", "hidden_rooms"]
+
+WIDEST_M = 1.8
+"""Wider openings are parts of a room."""
+
+LEAST_PART_M2 = 4.0
+"""What is smaller is a niche, or lies between furniture."""
+
+NARROWEST_SHARE = 0.85
+"""The opening is narrower than so much of the breadth of what lies on either side of it."""
+
+CIRCULATION = ("corridor", "hall")
+"""Long and winding by nature: they narrow at each joint, and are one place nonetheless."""
+
+_FOUND: WeakKeyDictionary[TopologicalMap, tuple["HiddenRooms", ...]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenRooms:
+    """A place that looks like several, and where it would be split.
+
+    Parameters
+    ----------
+    place : Region
+    lines_m : tuple of ((float, float), (float, float))
+        Ends of the lines across its openings, in the map frame.
+    areas_m2 : tuple of float
+        Of the parts between them, descending.
+    """
+
+    place: Region
+    lines_m: tuple[Line, ...]
+    areas_m2: tuple[float, ...]
+
+    @property
+    def count(self) -> int:
+        """How many rooms it looks like."""
+        return len(self.areas_m2)
+
+
+def hidden_rooms(topology: TopologicalMap) -> tuple[HiddenRooms, ...]:
+    """The places that look like several rooms, by their ids.
+
+    An opening parts rooms if it is no wider than 1.8 m, leaves at least 4 m² on either side, and is
+    clearly narrower than what lies there: than 0.85 of four times the mean clearance, which is the
+    width of a strip. Two or three openings between the same two parts count as one. Corridors and
+    halls, which narrow at each joint, are left out, as are doorways.
+
+    Examples
+    --------
+    >>> from pgm_places import OccupancyGrid
+    >>> from pgm_places.topology.from_labels import topological_map
+    >>> cells = np.zeros((20, 42), np.int8)
+    >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
+    >>> grid = OccupancyGrid(cells, resolution_m=0.2)
+    >>> found = topological_map(grid, np.where(cells == 0, 0, -1), ["room"])
+    >>> [(item.place.name, item.count) for item in hidden_rooms(found)]
+    [('room 1', 2)]
+    """
+    if topology not in _FOUND:
+        _FOUND[topology] = tuple(_looked_for(topology))
+    return _FOUND[topology]
+
+
+def _looked_for(topology: TopologicalMap) -> Iterator[HiddenRooms]:
+    for place in topology.regions:
+        if place.label in (topology.doorway_label, *CIRCULATION):
+            continue
+        if place.area_m2 >= 2 * LEAST_PART_M2:
+            lines = _accepted(topology, place)
+            if lines:
+                areas_m2 = cut_along(topology, place, lines).area_m2
+                yield HiddenRooms(place, lines, tuple(areas_m2.tolist()))
+
+
+def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
+    """The lines of all cuts that part rooms; where two overlap, those of the narrower one."""
+    cuts = [
+        cut for cut in opening_cuts(topology, place, WIDEST_M) if _parts_rooms(topology, place, cut)
+    ]
+    chosen: tuple[Line, ...] = ()
+    for cut in sorted(cuts, key=lambda lines: sum(map(line_width_m, lines))):
+        more = tuple(dict.fromkeys((*chosen, *cut)))
+        n_before = len(cut_along(topology, place, chosen)) if chosen else 1
+        areas_m2 = cut_along(topology, place, more).area_m2
+        if len(areas_m2) > n_before and areas_m2[-1] >= LEAST_PART_M2:
+            chosen = more
+    return chosen
+
+
+def _parts_rooms(topology: TopologicalMap, place: Region, cut: tuple[Line, ...]) -> bool:
+    """Whether both sides of a cut are large enough, and broader than its widest line."""
+    parts = cut_along(topology, place, cut)
+    if len(parts) < 2 or parts.area_m2[-1] < LEAST_PART_M2:
+        return False
+    rows, columns = topology.window(place.id)
+    squared = squared_clearance(topology.region[rows, columns] != place.id)
+    inside = parts.cells - (rows.start, columns.start)
+    clearance_m = np.sqrt(squared[tuple(inside.T)]) * topology.grid.resolution_m
+    breadth_m = 4 * np.bincount(parts.number, clearance_m) / np.bincount(parts.number)
+    return max(map(line_width_m, cut)) <= NARROWEST_SHARE * float(breadth_m.min())

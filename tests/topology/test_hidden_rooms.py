@@ -1,0 +1,95 @@
+"""Places that look like several rooms are told of, in the table, the picture and a line."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.graph.layout import GridLayout
+from pgm_places.io.places.check_table import check_table
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.palette import ERROR
+from pgm_places.report.topology_output import places_summary
+from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.topology.cuts import line_width_m
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.hidden_rooms import hidden_rooms
+from pgm_places.topology.place_edits import split_apart
+from pgm_places.topology.topological_map import TopologicalMap
+from tests.topology.test_cuts import two_rooms
+
+NAMES = ("room", "corridor")
+SIDE, WALL = 40, 2
+
+
+def four_rooms(opening: int = 9, *, label: int = 0, side: int = SIDE) -> TopologicalMap:
+    """Four rooms of 4 x 4 m in a square, each open to the next by as many cells, labelled alike."""
+    step = side + WALL
+    cells = np.full((2 * step + WALL, 2 * step + WALL), OCCUPIED, np.int8)
+    for row in (WALL, WALL + step):
+        for column in (WALL, WALL + step):
+            cells[row : row + side, column : column + side] = FREE
+    middle = slice(WALL + (side - opening) // 2, WALL + (side - opening) // 2 + opening)
+    cells[middle, WALL + side : WALL + step] = FREE  # the first to the second
+    cells[WALL + side : WALL + step, middle] = FREE  # and to the third
+    lower = slice(middle.start + step, middle.stop + step)
+    cells[lower, WALL + side : WALL + step] = FREE  # the third to the fourth
+    grid = OccupancyGrid(cells, 0.1, (-3.0, 1.0), 0.3)
+    labels = np.where(cells == FREE, label, -1)
+    layout = GridLayout.of_map(grid)
+    beliefs = np.tile([0.9, 0.1], (len(layout.cells), 1))
+    return topological_map(grid, labels, NAMES, beliefs=beliefs, layout=layout)
+
+
+def test_four_rooms_in_one_are_told_of_and_made_places_by_the_command() -> None:
+    found = four_rooms()
+    [hidden] = hidden_rooms(found)
+    assert (hidden.place.name, hidden.count) == ("room 1", 4)
+    assert hidden.areas_m2 == pytest.approx([16.0] * 4, abs=0.3)
+    assert [line_width_m(line) for line in hidden.lines_m] == pytest.approx([0.9] * 3, abs=0.11)
+    apart = split_apart(found, 1)
+    assert [region.name for region in apart.regions] == ["room 1", "room 2", "room 3", "room 4"]
+    assert len(apart.connections) == 3
+    assert hidden_rooms(apart) == ()
+    assert sum(region.area_m2 for region in apart.regions) == pytest.approx(hidden.place.area_m2)
+    with pytest.raises(InputError, match="'room 2' looks like one room"):
+        split_apart(apart, "room 2")
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        pytest.param(four_rooms(opening=30), id="openings as wide as rooms"),
+        pytest.param(four_rooms(label=1), id="corridors"),
+        pytest.param(four_rooms(side=13, opening=6), id="niches"),
+        pytest.param(two_rooms(4), id="many openings"),
+    ],
+)
+def test_what_is_one_place_is_left_alone(found: TopologicalMap) -> None:
+    assert hidden_rooms(found) == ()
+    assert "looks like" not in places_summary(found, Path("out"))
+
+
+def test_two_doors_between_the_same_rooms_count_as_one() -> None:
+    [hidden] = hidden_rooms(two_rooms(2))
+    assert (hidden.count, len(hidden.lines_m)) == (2, 2)
+
+
+def test_it_is_said_in_a_line_the_table_and_the_picture() -> None:
+    found = four_rooms()
+    lines = places_summary(found, Path("my maps/out")).splitlines()
+    assert lines[-2].startswith("room 1 looks like 4 rooms (16.")
+    assert lines[-1].endswith("topology.png: pgm-places split 'my maps/out' 1")
+    [row] = csv.DictReader(io.StringIO(check_table(found)))
+    assert (row["rooms"], row["to_split"]) == ("4", "pgm-places split . 1")
+    [other] = csv.DictReader(io.StringIO(check_table(four_rooms(opening=30))))
+    assert (other["rooms"], other["to_split"]) == ("", "")
+    red = tuple(int(ERROR[at : at + 2], 16) for at in (1, 3, 5))
+    drawn = [
+        int((np.asarray(topology_drawing(item.grid, item).image) == red).all(axis=2).sum())
+        for item in (found, split_apart(found, 1))
+    ]
+    assert drawn[0] > drawn[1] + 500
