@@ -8,8 +8,8 @@ Places of corridors and halls, which are never told of, do not count.
   if the lines part two rooms.
 - A place that is told of, though its parts are of the same room, is a false alarm. People who
   labelled may have drawn two rooms as one.
-- Each doorway between two of these places is then removed in turn, both places becoming one. How
-  many of these merges are found says what would become of doorways that are missed.
+- Each doorway between two of these places, both of 4 m2 or more, is then removed in turn, so that
+  they become one. How many of these merges are found says what would become of missed doorways.
 """
 
 import argparse
@@ -62,7 +62,11 @@ def parts_rooms(topology: TopologicalMap, item: HiddenRooms, rooms: NDArray[np.i
 
 def with_doorways_missed(topology: TopologicalMap) -> Iterator[tuple[TopologicalMap, int]]:
     """The map with each doorway between two of its places removed, and the id of what results."""
-    places = {place.id for place in topology.regions if is_counted(topology, place)}
+    places = {
+        place.id
+        for place in topology.regions
+        if is_counted(topology, place) and place.area_m2 >= LEAST_M2
+    }
     for door in topology.regions:
         if door.label == topology.doorway_label:
             near = [place.id for place in topology.neighbours(door.id) if place.id in places]

@@ -15,6 +15,7 @@ from experiments.pictures import (
     floors,
     frames,
     guides,
+    hidden,
     kills,
     landing,
     layers,
@@ -67,6 +68,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "mutation_testing": mutants.mutation_testing,
     "reproduce": report_page.report_page,
     "comparison": report_page.comparison_page,
+    "hidden_rooms": hidden.hidden,
     "many_maps": batch.many_maps,
     "cards": landing.cards,
 }
