@@ -15,7 +15,7 @@ from starlette.routing import BaseRoute, Mount, Route
 
 from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.exports import write_export
+from pgm_places.studio.exports import exports_record, write_export
 from pgm_places.studio.guard import Guard
 from pgm_places.studio.reasons import reasons_record
 from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
@@ -181,6 +181,10 @@ class _Answers(_Files):
         answer = {"tick": desk.tick, "revision": desk.painting.revision}
         return _json({**answer, "remark": remark})
 
+    def exports(self, _: Request) -> Response:
+        """What can be written, and what of it is older than the paint."""
+        return _json(exports_record(self.desk))
+
     async def export(self, request: Request) -> Response:
         body = await _body(request)
         what = str(body.get("what"))
@@ -200,6 +204,7 @@ class _Answers(_Files):
             Route("/drive", self.drive),
             Route("/tile/{layer}/{level:int}/{row:int}/{column:int}.png", self.tile),
             Route("/edit", self.edit, methods=["POST"]),
+            Route("/exports", self.exports),
             Route("/export", self.export, methods=["POST"]),
         ]
 

@@ -12,6 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.options import from_mapping
+from pgm_places.studio.building_box import building_box
 from pgm_places.studio.carrying import opened_painting
 from pgm_places.studio.changes import Changes, share_that_agrees
 from pgm_places.studio.classes import Classes
@@ -22,7 +23,7 @@ from pgm_places.studio.layers import Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
 from pgm_places.studio.repaint import PaintedPart
-from pgm_places.studio.runs import runs_of_mask
+from pgm_places.studio.runs import runs_of_mask, runs_over
 from pgm_places.studio.source_file import SourceFile
 from pgm_places.studio.splitting import doorways_along, split_lines
 from pgm_places.studio.strokes import Stroke, stroke_cells
@@ -95,7 +96,7 @@ class Desk:
         self.changes: Changes | None = None
         self.agrees: float | None = None
         self.lesson: Lesson | None = None
-        self.closing = False
+        self.closing, self.box = False, building_box(source.grid)
         self._remark = ""
         self._lock = threading.RLock()
         self.painting, self.carried = opened_painting(
@@ -183,6 +184,12 @@ class Desk:
                 self._ask()
             return self._remark
 
+    @property
+    def _shown_labels(self) -> NDArray[np.int16]:
+        """(H, W) what the map looks like: paint, and the newest labels elsewhere."""
+        paint = self.painting.labels
+        return paint if self.lesson is None else np.where(paint >= 0, paint, self.lesson.labels)
+
     def door_line(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """The ends, x and y in cells, that a doorway drawn along two points would have."""
         with self._lock:
@@ -198,12 +205,18 @@ class Desk:
         topology = None if self.lesson is None else self.lesson.taught.topology
         return Limits(self.painting.labels, doorway, topology)
 
-    def _stroke(self, label: int, stroke: Mapping[str, Any]) -> PaintedPart | None:
+    def _stroke(
+        self, label: int, stroke: Mapping[str, Any], over: int | None = None
+    ) -> PaintedPart | None:
         drawn = from_mapping(Stroke, stroke, path="stroke")
         limits = self._limits if drawn.tool == "doorway" else None
         runs = stroke_cells(drawn, self.grid, limits)
+        if over is not None:
+            runs = runs_over(runs, self._shown_labels, over)
         if not runs.size:
-            raise InputError("no free cell lies there")
+            raise InputError(
+                "nothing of that kind lies there" if over is not None else "no free cell lies there"
+            )
         if limits is not None and label >= 0 and not parts(runs, self.grid, limits):
             self._remark = NOTHING_PARTED
         return self.painting.paint_runs(runs, label)
@@ -335,14 +348,17 @@ _WANTED: dict[str, dict[str, type]] = {
 }
 
 
+_OPTIONAL: dict[str, dict[str, type]] = {"stroke": {"over": int}}
+
+
 def _arguments(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """The arguments of an edit, each of the type that it wants."""
-    wanted = _WANTED.get(kind, {})
-    if values.keys() != wanted.keys():
-        raise InputError(f"{kind!r} takes {', '.join(wanted) or 'nothing'}")
+    wanted, optional = _WANTED.get(kind, {}), _OPTIONAL.get(kind, {})
+    if not wanted.keys() <= values.keys() <= wanted.keys() | optional.keys():
+        raise InputError(f"{kind!r} takes {', '.join([*wanted, *optional]) or 'nothing'}")
     found = {}
-    for name, kind_of in wanted.items():
-        value = values[name]
+    for name, value in values.items():
+        kind_of = (wanted | optional)[name]
         if kind_of is tuple:
             numbers = isinstance(value, list) and len(value) == 2
             if not numbers or not all(type(part) in (int, float) for part in value):

@@ -23,7 +23,7 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import NAMES
 
-__all__ = ["EXPORTS", "Export", "write_export", "write_training"]
+__all__ = ["EXPORTS", "Export", "exports_record", "write_export", "write_training"]
 
 CORRECTIONS = "corrections.png"
 
@@ -36,12 +36,46 @@ class Export:
     ----------
     words : str
         What it is, for the browser.
+    files : tuple of str
+        The names of what it writes, as far as they are known beforehand.
     write : callable
         Writes it into the desk's folder; the paths.
     """
 
     words: str
+    files: tuple[str, ...]
     write: Callable[[Desk], list[Path]]
+
+
+def exports_record(desk: Desk) -> dict[str, Any]:
+    """The folder, and of each export what it writes, whether it is there, and older than the paint.
+
+    As plain data for the browser.
+    """
+    painted_ns = _written_ns(desk.painting.journal.path) or 0
+    items = []
+    for name, item in EXPORTS.items():
+        written = [_written_ns(desk.folder / file) for file in item.files]
+        there = [each for each in written if each is not None]
+        items.append(
+            {
+                "name": name,
+                "words": item.words,
+                "files": list(item.files),
+                "written": bool(there),
+                "older": bool(there) and min(there) < painted_ns,
+            }
+        )
+    return {"folder": str(desk.folder.resolve()), "items": items}
+
+
+def _written_ns(path: Path) -> int | None:
+    """When a file, or the newest in a folder, was written; None where there is none."""
+    try:
+        times = [each.stat().st_mtime_ns for each in (path.iterdir() if path.is_dir() else (path,))]
+    except OSError:
+        return None
+    return max(times, default=None)
 
 
 def write_export(desk: Desk, name: str) -> list[Path]:
@@ -191,10 +225,14 @@ def _paint(desk: Desk) -> Paint:
 
 
 EXPORTS = {
-    "labels": Export("Label image", _labels),
-    "corrections": Export("Corrections (image and GeoJSON)", _corrections),
-    "places": Export("Places (GeoJSON, topology)", _places),
-    "nav2": Export("Nav2 (route and zones)", _nav2),
-    "model": Export("Model, with what it has learned", _model),
-    "training": Export("Training configuration", _training),
+    "labels": Export("Label image", ("labels.png", "labels.yaml"), _labels),
+    "corrections": Export(
+        "Corrections", (CORRECTIONS, "corrections.yaml", "corrections.geojson"), _corrections
+    ),
+    "places": Export("Places", ("topology.json", "regions.png", "regions.geojson"), _places),
+    "nav2": Export(
+        "Route and zones for Nav2", ("nav2_route.geojson", "zones.png", "zones.yaml"), _nav2
+    ),
+    "model": Export("Model, with what it has learned", ("model",), _model),
+    "training": Export("Training configuration", ("train.toml", CORRECTIONS), _training),
 }

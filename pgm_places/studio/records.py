@@ -7,7 +7,6 @@ import numpy as np
 from pgm_places.io.places.gate_record import gate_record
 from pgm_places.io.places.region_features import region_features
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.exports import EXPORTS
 from pgm_places.studio.pyramid import TILE
 from pgm_places.studio.tiles import GROUNDS, value_colours
 from pgm_places.teaching.taught import Taught
@@ -39,6 +38,7 @@ def state_record(desk: Desk) -> dict[str, Any]:
             "yaw_rad": grid.yaw_rad,
             "tile": TILE,
             "levels": desk.layers.n_levels,
+            "box": list(desk.box),
         },
         "classes": [
             {"name": item.name, "colour": item.colour, "own": k < len(own)}
@@ -79,7 +79,6 @@ def state_record(desk: Desk) -> dict[str, Any]:
             theme: {name: value_colours(name, theme)[::32] for name in ("entropy", "probability")}
             for theme in GROUNDS
         },
-        "exports": {name: item.words for name, item in EXPORTS.items()},
         "notices": _notices(desk),
         "model": desk.model if desk.labeler is not None else None,
     }

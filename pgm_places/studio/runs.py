@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["checked_runs", "runs_of_mask"]
+__all__ = ["checked_runs", "runs_of_mask", "runs_over"]
 
 
 def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
@@ -30,6 +30,26 @@ def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> N
     begins, ends = turns[::2], turns[1::2]
     row, column = np.divmod(begins, width + 1)
     return np.stack([row + corner[0], column + corner[1], ends - begins], axis=1)
+
+
+def runs_over(runs: NDArray[np.int64], labels: NDArray[np.int16], label: int) -> NDArray[np.int64]:
+    """(n, 3) the parts of runs whose cells have a label in a raster (H, W).
+
+    Examples
+    --------
+    >>> labels = np.array([[0, 1, 1, 0]], np.int16)
+    >>> runs_over(np.array([[0, 0, 4]]), labels, 1).tolist()
+    [[0, 1, 2]]
+    """
+    if not len(runs):
+        return runs
+    first = runs[:, :2].min(axis=0)
+    last = (int(runs[:, 0].max()) + 1, int((runs[:, 1] + runs[:, 2]).max()))
+    window = labels[first[0] : last[0], first[1] : last[1]]
+    mask = np.zeros(window.shape, np.bool_)
+    for row, column, length in (runs - [*first, 0]).tolist():
+        mask[row, column : column + length] = True
+    return runs_of_mask(mask & (window == label), (int(first[0]), int(first[1])))
 
 
 def checked_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:

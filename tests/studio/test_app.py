@@ -70,10 +70,16 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
         else:
             assert "another place is called 'kitchen'" in found.json()["problem"]
 
-    for what in state["exports"]:
+    exports = taught.get("exports").json()
+    assert exports["folder"] == str(desk.folder.resolve())
+    assert not any(item["written"] for item in exports["items"])
+    for what in (item["name"] for item in exports["items"]):
         written = taught.post("export", json={"what": what}).json()["files"]
         assert written and all(Path(path).exists() for path in written)
         assert all(Path(path).is_relative_to(desk.folder) for path in written)
+    for item in taught.get("exports").json()["items"]:
+        assert item["written"] and not item["older"]
+        assert all((desk.folder / file).exists() for file in item["files"])
     names = ("corridor", "room", "doorway")
     kept = load_labels(desk.folder / "corrections.png", names, grid=desk.grid)
     assert (kept == desk.painting.labels).all()
@@ -82,6 +88,9 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     assert load_config(desk.folder / "train.toml").labels.names == names
     assert set(load(desk.folder / "model").label_names_) == set(names)
 
+    time.sleep(0.01)
+    taught.post("edit", json={"kind": "version", "name": "v"}).raise_for_status()
+    assert all(item["older"] for item in taught.get("exports").json()["items"])
     one, other = (item["id"] for item in rooms)
     taught.post("edit", json={"kind": "merge", "first": one, "second": other}).raise_for_status()
     painted = desk.painting.labels[desk.painting.labels >= 0]

@@ -165,10 +165,13 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     page.keyboard.press("Control+z")
     wait_taught(page, 5)
     page.click("#tab-paint")
-    page.get_by_role("button", name="Places (GeoJSON, topology)").click()
-    page.wait_for_selector(".paths:not(:empty)")
-    page.get_by_role("button", name="Training configuration").click()
-    until(page, "document.querySelector('.paths').textContent.includes('train.toml')")
+    page.get_by_role("button", name="Export").click()
+    page.get_by_label("Training configuration").check()
+    page.get_by_role("button", name="Write").click()
+    told = "document.querySelector('#export [role=status]').textContent"
+    until(page, f"{told}.includes('train.toml')")
+    assert page.locator("#export .state", has_text="not written yet").count() == 2
+    page.get_by_role("button", name="Close").click()
     kept = map_yaml.parent / "kept"
     names = [item["name"] for item in json.loads((kept / "topology.json").read_text())["regions"]]
     assert "hall of fame" in names
@@ -563,6 +566,95 @@ def test_several_maps_are_listed_and_each_leads_back(
         page.wait_for_selector("#toast.bad")  # one class alone teaches nothing
         assert "two classes" in page.inner_text("#toast")
         page.close()
+
+
+def test_every_tool_draws_from_the_keyboard(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    page.keyboard.press("1")
+    page.keyboard.press("r")
+    page.focus("#canvas")
+    for _ in range(2):
+        page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")
+    for key in ("ArrowLeft", "ArrowUp") * 4:
+        page.keyboard.press(key)
+    page.keyboard.press("Enter")
+    wait_revision(page, 1)
+    before = page.evaluate("studio.state.painted")
+    page.keyboard.press("2")
+    page.keyboard.press("b")
+    page.keyboard.press("Enter")
+    for _ in range(6):
+        page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")
+    wait_revision(page, 2)
+    assert page.evaluate("studio.state.painted") > before
+    page.keyboard.press("3")
+    page.keyboard.press("p")
+    for key in ("ArrowDown", "ArrowLeft", "ArrowUp"):
+        page.keyboard.press("Enter")
+        for _ in range(4):
+            page.keyboard.press(key)
+    assert page.evaluate("studio.tools.points.length") == 3
+    page.keyboard.press("Shift+Enter")
+    wait_revision(page, 3)
+    page.keyboard.press("d")
+    page.keyboard.press("Enter")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    wait_revision(page, 4)
+    x = page.evaluate("studio.view.x")
+    page.keyboard.press("Shift+ArrowLeft")
+    assert page.evaluate("studio.view.x") == x + 80
+
+
+def test_only_one_class_is_painted_over(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("r")
+    for key, left, right in (("1", 6, 14), ("2", 14, 24)):
+        page.keyboard.press(key)
+        drag(page, (left, 6), (right, 12))
+    wait_revision(page, 2)
+    page.keyboard.press("3")
+    page.get_by_label("What is painted over").select_option("only over room")
+    drag(page, (6, 6), (24, 9))
+    wait_revision(page, 3)
+    page.keyboard.press("f")
+    page.wait_for_selector("#options[hidden]", state="attached")
+    running.stop()
+    labels = painted(map_yaml).labels
+    assert (labels[7, 7:13] == 0).all() and (labels[7, 15:23] == 2).all()
+
+
+def test_tool_layers_and_comparison_survive_a_reload(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    page.keyboard.press("2")
+    page.keyboard.press("p")
+    page.click("#tab-layers")
+    page.get_by_label("Gates", exact=True).check()
+    page.keyboard.press("Shift+S")
+    page.evaluate("studio.changed()")
+    page.reload()
+    until(page, "window.studio?.state")
+    seen = page.evaluate(
+        "[studio.tools.name, studio.label, studio.layers.shown.gates, studio.swipe.way]"
+    )
+    assert seen == ["polygon", 1, 1, "side"]
+
+
+def test_a_class_is_renamed_in_place(opened: Open, running: StudioProcess) -> None:
+    page = opened(running)
+    page.get_by_role("button", name="Rename doorway").click()
+    page.get_by_label("New name of doorway").fill("gate")
+    page.keyboard.press("Enter")
+    until(page, "studio.state.classes[2].name === 'gate'")
+    page.get_by_role("button", name="Rename gate").click()
+    page.get_by_label("New name of gate").fill("other")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="gate", exact=True).wait_for()
+    assert page.evaluate("studio.state.revision") == 1
 
 
 def test_nothing_is_lost_by_a_reload_or_a_kill(

@@ -20,11 +20,12 @@ export class Classes {
           state.classes.map((item, k) => this.#row(item, k)),
           this.#eraser()),
         this.#adder(state)),
-      h("section", {}, h("h2", {}, "What the paint does"), this.#teaching(state),
-        h("p", { className: "small" }, `Painted: ${(state.painted * side * side).toFixed(1)} m². Painted cells keep their label in any case.`)),
+      h("section", {}, h("h2", {}, "What the paint does"),
+        h("p", { className: "small" }, `${(state.painted * side * side).toFixed(1)} m² are painted. They keep their label, and pull what lies around them.`),
+        this.#teaching(state)),
       h("hr", { className: "rule" }),
       h("section", {}, h("h2", {}, "Versions"), this.#versions(state)),
-      h("section", {}, h("h2", {}, "Export"), this.#exports(state)),
+      h("section", {}, h("h2", {}, "Export"), this.#exports()),
     );
   }
 
@@ -32,8 +33,8 @@ export class Classes {
   #teaching(state) {
     if (!state.model) return h("p", { className: "small" }, "All is learned from the paint: begin with a stroke of two classes.");
     const words = state.learns
-      ? `The model “${state.model}” also learns from the paint: for errors that repeat, and for other maps of this kind.`
-      : "It is kept to and pulls what lies around it. For errors that repeat, teach the model.";
+      ? `The model “${state.model}” also learns from it, for errors that repeat and for other maps of this kind.`
+      : "Where errors repeat, teach the model.";
     const button = h("button", { className: "button", type: "button" }, state.learns ? "Stop teaching" : "Teach from this");
     button.addEventListener("click", () => this.studio.edit({ kind: "learn", on: !state.learns }));
     return [h("p", { className: "small" }, words), button];
@@ -50,14 +51,36 @@ export class Classes {
     const pick = h("button", { className: "pick", type: "button", "aria-pressed": String(this.studio.label === k) },
       h("span", {}, item.name));
     pick.addEventListener("click", () => this.studio.chooseLabel(k));
-    pick.addEventListener("dblclick", () => !item.own && this.#rename(item, k));
     const chosen = this.studio.label === k ? " chosen" : "";
-    return h("li", { className: `class${chosen}` }, colour, pick, k < 9 ? h("kbd", {}, String(k + 1)) : null);
+    const digit = k < 9 ? h("kbd", {}, String(k + 1)) : null;
+    if (item.own) return h("li", { className: `class${chosen}` }, colour, pick, digit);
+    const change = h("button", { className: "plain small-target", type: "button", title: `Rename ${item.name}`, "aria-label": `Rename ${item.name}` }, icon("pen"));
+    const row = h("li", { className: `class${chosen}` }, colour, pick, change, digit);
+    change.addEventListener("click", () => this.#rename(row, pick, item, k));
+    return row;
   }
 
-  #rename(item, index) {
-    const name = window.prompt("Name of the class", item.name)?.trim();
-    if (name && name !== item.name) this.studio.edit({ kind: "class", index, name, colour: item.colour });
+  /** Write another name in place of the old one. */
+  #rename(row, pick, item, index) {
+    const field = h("input", { className: "field", value: item.name, "aria-label": `New name of ${item.name}`, maxLength: 60 });
+    let finished = false; // removing the field takes the focus from it, which ends it once more
+    const done = (keep) => {
+      if (finished) return;
+      finished = true;
+      const name = field.value.trim();
+      field.remove();
+      pick.hidden = false;
+      this.key = null;
+      if (keep && name && name !== item.name) this.studio.edit({ kind: "class", index, name, colour: item.colour });
+      this.studio.changed();
+    };
+    field.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" || event.key === "Escape") done(event.key === "Enter");
+    });
+    field.addEventListener("blur", () => done(true));
+    pick.hidden = true;
+    row.insertBefore(field, pick);
+    field.select();
   }
 
   #eraser() {
@@ -100,17 +123,9 @@ export class Classes {
     ];
   }
 
-  #exports(state) {
-    const buttons = Object.entries(state.exports).map(([what, words]) => {
-      const button = h("button", { className: "button", type: "button" }, words);
-      button.addEventListener("click", () => this.studio.export(what));
-      return button;
-    });
-    this.written ??= h("p", { className: "paths" });
-    return [...buttons, this.written];
-  }
-
-  showWritten(files) {
-    this.written.textContent = `Written: ${files.join(", ")}`;
+  #exports() {
+    const button = h("button", { className: "button", type: "button" }, "Export …");
+    button.addEventListener("click", () => this.studio.exports.open());
+    return [h("p", { className: "small" }, "Labels, places, routes, the paint, a model: as files for other programs."), button];
   }
 }

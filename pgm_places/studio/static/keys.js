@@ -6,11 +6,11 @@ import { TOOLS } from "./tools.js";
 const LISTED = [
   ["Choose a class", "1 – 9"], ["Eraser", "0"],
   ...TOOLS.map((tool) => [tool.words.split(":")[0], tool.key.toUpperCase()]),
-  ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter"], ["Take back a corner", "Backspace"], ["Cancel, close “Why”", "Esc"],
+  ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter, Shift Enter"], ["Take back a corner", "Backspace"], ["Cancel, close “Why”", "Esc"],
   ["Undo", "Ctrl Z"], ["Redo", "Ctrl Shift Z"],
   ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"],
   ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Side by side", "Shift S"], ["Show errors", "X"],
-  ["Move the map", "Arrows, Space"], ["Zoom", "+  −"], ["Show all", "Home"], ["This list", "?"],
+  ["Move the map", "Shift arrows, Space"], ["Move the cross of a tool", "Arrows"], ["Set a point, begin and end a stroke", "Enter"], ["Zoom", "+  −"], ["Show all", "Home"], ["This list", "?"],
 ];
 
 export class Keys {
@@ -24,7 +24,7 @@ export class Keys {
 
   #press(event) {
     const { target } = event;
-    if (target.matches("input:not([type=checkbox]):not([type=range]), textarea, select") || byId("help").open) return;
+    if (target.matches("input:not([type=checkbox]):not([type=range]), textarea, select") || document.querySelector("dialog[open]")) return;
     const key = typed(event);
     const third = event.getModifierState("AltGraph") || (event.altKey && /^[[\]]$/.test(key)); // AltGr, Option
     const command = (event.ctrlKey || event.metaKey) && !third;
@@ -64,9 +64,11 @@ export class Keys {
       Backspace: () => studio.tools.takeBack(),
       "?": () => help(),
     };
+    const draws = studio.tools.name !== "look" && !event.shiftKey;
     if (tool) this.#take(event, () => studio.tools.choose(tool.name));
+    else if (moves[key] && onMap && draws) this.#take(event, () => studio.cross.move(-moves[key][0] / 80, -moves[key][1] / 80));
     else if (moves[key] && onMap) this.#take(event, () => view.move(...moves[key]));
-    else if (key === "Enter" && onMap) this.#take(event, () => studio.tools.close());
+    else if (key === "Enter" && onMap) this.#take(event, () => (event.shiftKey || !studio.cross.press()) && studio.tools.close());
     else if (commands[key]) this.#take(event, commands[key]);
   }
 

@@ -1,6 +1,6 @@
 // The studio: what the person sees and does, and what the server knows, brought together.
 
-import { h, byId, icon, swatch } from "./dom.js";
+import { h, byId, icon } from "./dom.js";
 import { Server } from "./server.js";
 import { View } from "./view.js";
 import { Stage } from "./stage.js";
@@ -12,11 +12,16 @@ import { Theme } from "./theme.js";
 import { Layers } from "./layers.js";
 import { Classes } from "./classes.js";
 import { Review } from "./review.js";
-import { Why, percent } from "./why.js";
+import { Why } from "./why.js";
 import { Keys, help } from "./keys.js";
+import { Status } from "./status.js";
+import { Readout } from "./readout.js";
+import { Options } from "./options.js";
+import { Export } from "./export.js";
+import { Cross } from "./cross.js";
+import { Memory } from "./memory.js";
 import { Frame } from "./geometry.js";
 
-const ASK_EVERY_MS = 70;
 const SLOW_MS = 300; // an edit that takes longer is shown in the status
 
 class Studio {
@@ -32,6 +37,13 @@ class Studio {
     this.classes = new Classes(this);
     this.review = new Review(this);
     this.why = new Why(this);
+    this.cross = new Cross(this.view, this);
+    this.memory = new Memory(this);
+    this.exports = new Export(this);
+    this.status = new Status(this);
+    this.readout = new Readout(this);
+    this.options = new Options(this);
+    this.over = -1; // the only class that is painted over; -1 for all
     this.stage = new Stage(canvas, this.view, this);
     this.pointer = new Pointer(canvas, this.view, this);
     this.keys = new Keys(this, this.view, this.pointer);
@@ -59,16 +71,18 @@ class Studio {
     this.label = Math.min(this.label, state.classes.length - 1);
     if (first) {
       this.view.size = state.map;
+      this.view.box = state.map.box;
       this.view.showAll();
       document.title = `${state.map.name} · Studio`;
       byId("map-name").textContent = state.map.name;
       byId("all-maps").hidden = state.shelf.of < 2;
       byId("all-maps").prepend(icon("next"));
+      this.memory.recall(state.map.name);
       if (state.drive) this.#loadDrive();
     }
     this.#labelled(state.lesson);
     this.#loadPlaces();
-    this.#readSoon();
+    this.readout.soon();
     this.changed();
   }
 
@@ -105,7 +119,7 @@ class Studio {
     this.placesVersion = version;
     if (chosen && !this.places.byId.has(this.chosen)) this.chosen = null;
     if (this.asked) this.#ask(this.asked);
-    this.#readSoon();
+    this.readout.soon();
     this.changed();
   }
 
@@ -116,8 +130,8 @@ class Studio {
 
   #lost(why) {
     this.offline = why;
-    byId("readout").replaceChildren();
-    this.#status();
+    this.readout.clear();
+    this.status.render();
   }
 
   /** What the pictures of a layer depend on: another version means other pictures. */
@@ -137,18 +151,18 @@ class Studio {
     this.wentBack = ["undo", "redo", "restore"].includes(request.kind);
     const late = setTimeout(() => {
       this.slow.add(request);
-      this.#status();
+      this.status.render();
     }, SLOW_MS);
     try {
       return await this.server.post("edit", request);
     } catch (error) {
       if (!error.status || error.status === 403) this.refused += 1; // nobody was there who could keep it
       this.say(error.status === 403 ? "This tab's studio has ended, so this was not kept." : error.message, true);
-      this.#status();
+      this.status.render();
       return null;
     } finally {
       clearTimeout(late);
-      if (this.slow.delete(request)) this.#status();
+      if (this.slow.delete(request)) this.status.render();
     }
   }
 
@@ -170,17 +184,8 @@ class Studio {
   /** No cell and no place is asked about any more. */
   forget() {
     this.asked = this.chosen = this.why.cell = this.why.reasons = null;
+    if (!this.readout.screen) this.readout.leave();
     this.changed();
-  }
-
-  async export(what) {
-    try {
-      const { files } = await this.server.post("export", { what });
-      this.classes.showWritten(files);
-      this.say(`${files.length} files written.`);
-    } catch (error) {
-      this.say(error.message, true);
-    }
   }
 
   chooseLabel(label) {
@@ -212,16 +217,27 @@ class Studio {
     const ys = polygons.map((point) => point.y);
     const room = 2.5 / this.state.map.resolution_m;
     this.view.show(Math.min(...xs) - room, Math.min(...ys) - room, Math.max(...xs) + room, Math.max(...ys) + room);
-    this.#read(region.anchor);
+    this.readout.read(region.anchor);
     this.changed();
   }
 
-  /** Say what the server knows of the cell at a point, unless another point is asked for meanwhile. */
-  async #read(point) {
-    this.reading = point;
-    const [x, y] = this.frame.toCells(point);
-    const cell = await this.server.get("cell", { x, y }).catch(() => null);
-    if (this.reading === point) this.#readout(cell);
+  hovered(screen) {
+    this.tools.pointer = this.view.toMap(screen.x, screen.y);
+    if (this.tools.name !== "look") this.redraw();
+    this.tools.snap();
+    this.readout.at(screen);
+  }
+
+  /** The map was moved: what is seen is drawn, and another cell may be under the pointer. */
+  moved() {
+    if (this.readout.screen) this.hovered(this.readout.screen);
+    this.redraw();
+  }
+
+  left() {
+    this.readout.leave();
+    this.tools.pointer = null;
+    this.redraw();
   }
 
   resize(factor) {
@@ -284,37 +300,6 @@ class Studio {
     return found;
   }
 
-  hovered(screen) {
-    this.hoverScreen = screen;
-    this.hover = this.tools.pointer = this.view.toMap(screen.x, screen.y);
-    if (this.tools.name !== "look") this.redraw();
-    this.tools.snap();
-    this.#readSoon();
-  }
-
-  /** The map was moved: what is seen is drawn, and another cell may be under the pointer. */
-  moved() {
-    if (this.hover) this.hovered(this.hoverScreen);
-    this.redraw();
-  }
-
-  /** Say what the server knows of the cell under the pointer, not more often than it can answer. */
-  #readSoon() {
-    if (this.asking) return;
-    this.asking = setTimeout(() => {
-      this.asking = null;
-      const point = this.hover ?? this.reading;
-      if (this.state && point) this.#read(point);
-    }, ASK_EVERY_MS);
-  }
-
-  left() {
-    this.hover = this.reading = null;
-    this.tools.pointer = null;
-    byId("readout").replaceChildren();
-    this.redraw();
-  }
-
   // ------------------------------------------------------------------ the page
 
   redraw() {
@@ -325,8 +310,9 @@ class Studio {
     if (!this.state) return;
     this.colours = this.theme.colours(this.state.classes);
     for (const panel of [this.classes, this.layers, this.review, this.why]) panel.render(this.state);
-    this.#status();
+    this.status.render();
     this.#bar();
+    this.memory.keep();
     this.redraw();
   }
 
@@ -350,23 +336,23 @@ class Studio {
     const tools = byId("tools");
     for (const tool of TOOLS) {
       const title = `${tool.words} (${tool.key.toUpperCase()})`;
-      const button = h("button", { type: "button", title, "aria-label": title, "data-tool": tool.name }, icon(tool.icon));
+      const button = h("button", { type: "button", title, "aria-label": title, "data-tool": tool.name }, icon(tool.icon), h("span", { className: "words" }, tool.words.split(":")[0]));
       button.addEventListener("click", () => this.tools.choose(tool.name));
       tools.append(button);
       if (tool.name === "look") tools.append(h("hr"));
     }
-    const action = (name, words, act, wide = false) => {
-      const button = h("button", { className: `plain${wide ? " wide-only" : ""}`, type: "button", title: words, "aria-label": words, id: `act-${name}` }, icon(name));
+    const action = (name, words, act, wide = false, short = "") => {
+      const button = h("button", { className: `plain${wide ? " wide-only" : ""}`, type: "button", title: words, "aria-label": words, id: `act-${name}` }, icon(name), short ? h("span", { className: "words" }, short) : "");
       button.addEventListener("click", act);
       return button;
     };
     byId("actions").append(
-      action("undo", "Undo (Ctrl Z)", () => this.undo()),
-      action("redo", "Redo (Ctrl Shift Z)", () => this.redo()),
-      action("swipe", "Divider between two labellings (S)", () => this.swipe.toggle("divider"), true),
-      action("side", "Two labellings side by side (Shift S)", () => this.swipe.toggle("side"), true),
+      action("undo", "Undo (Ctrl Z)", () => this.undo(), false, "Undo"),
+      action("redo", "Redo (Ctrl Shift Z)", () => this.redo(), false, "Redo"),
+      action("swipe", "Divider between two labellings (S)", () => this.swipe.toggle("divider"), true, "Divider"),
+      action("side", "Two labellings side by side (Shift S)", () => this.swipe.toggle("side"), true, "Side by side"),
       action("sun", "Light or dark", () => this.theme.toggle()),
-      action("help", "Keys (?)", help, true),
+      action("help", "Keys (?)", help, true, "Keys"),
     );
     byId("zoom").append(
       action("plus", "Zoom in (+)", () => this.view.zoom(1.5)),
@@ -416,33 +402,6 @@ class Studio {
     }
   }
 
-  #status() {
-    const status = byId("status");
-    const { learner, lesson } = this.state ?? { learner: {} };
-    let [kind, words] = ["", "Up to date"];
-    if (this.offline && !this.state) [kind, words] = ["failed", "The studio does not answer"];
-    else if (this.offline) [kind, words] = ["failed", ended(this.refused)];
-    else if (this.slow.size) [kind, words] = ["working", "Painting"];
-    else if (learner.problem) [kind, words] = ["failed", learner.problem];
-    else if (learner.working) [kind, words] = ["working", `Labelling: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
-    else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
-    byId("agrees").hidden = typeof lesson?.agrees !== "number";
-    if (!byId("agrees").hidden) byId("agrees").replaceChildren(share(lesson.agrees), h("span", {}, " agree"));
-    const busy = kind === "working" && learner.working;
-    byId("progress").hidden = !busy;
-    byId("progress").style.setProperty("--done", busy ? overall(learner) : 0);
-    status.className = `status ${kind}`;
-    if (status.dataset.words !== words) {
-      status.dataset.words = words;
-      status.title = words;
-      status.replaceChildren(h("i"), words);
-    }
-    status.dataset.revision = lesson?.revision ?? -1;
-    byId("notices").replaceChildren(...(this.state?.notices ?? []).map((notice) => h("p", {}, notice)));
-    if (this.offline && this.state) byId("notices").append(h("p", {}, ...moved(this.offline)));
-    if (this.state?.tabs > 1) byId("notices").append(h("p", {}, `This studio is open in ${this.state.tabs} tabs; they share one painting and one undo.`));
-  }
-
   #bar() {
     byId("act-undo").disabled = !this.state.can_undo && !this.tools.points.length;
     byId("act-redo").disabled = !this.state.can_redo;
@@ -456,71 +415,8 @@ class Studio {
     const { tool } = this.tools;
     byId("hint").textContent = tool.hint ?? "";
     byId("hint").hidden = !tool.hint;
-    this.#options();
+    this.options.render();
   }
-
-  #options() {
-    const options = byId("options");
-    options.hidden = this.tools.name !== "brush";
-    if (options.hidden) return;
-    if (!this.size) {
-      this.size = h("input", { type: "range", min: 0, max: 100, "aria-label": "Size of the brush" });
-      this.size.addEventListener("input", () => {
-        this.tools.radius = 0.5 * 200 ** (this.size.value / 100);
-        this.changed();
-      });
-      this.sizeWords = h("span");
-      this.sizeColour = h("span", { className: "row" });
-      options.append(this.sizeColour, this.size, this.sizeWords);
-    }
-    const { radius } = this.tools;
-    if (document.activeElement !== this.size) this.size.value = (100 * Math.log(radius / 0.5)) / Math.log(200);
-    this.sizeWords.textContent = `${(2 * radius * this.state.map.resolution_m).toFixed(2)} m`;
-    const item = this.state.classes[this.label];
-    this.sizeColour.replaceChildren(item ? swatch(item.colour) : icon("erase"));
-  }
-
-  #readout(cell) {
-    const readout = byId("readout");
-    if (!cell) { // nobody knows; what stands there is of another cell
-      readout.replaceChildren();
-      return;
-    }
-    const parts = [h("span", { className: "muted" }, `${cell.x_m.toFixed(2)}, ${cell.y_m.toFixed(2)} m`)];
-    if (cell.ground !== "free") parts.push(h("span", {}, cell.ground));
-    else if (cell.label) {
-      const probability = cell.probabilities?.[cell.label];
-      parts.push(h("span", { className: "row" }, swatch(this.colours.of(cell.label)), h("b", {}, cell.label)));
-      if (probability !== undefined) parts.push(h("span", {}, percent(probability)));
-      const region = this.places.byId.get(cell.region);
-      if (region && region.name !== cell.label) parts.push(h("span", {}, region.name));
-    }
-    if (cell.paint) parts.push(h("span", { className: "muted" }, "painted"));
-    readout.replaceChildren(...parts);
-  }
-}
-
-/** How much of all stages is done, as far as that is known: each stage is half of what is left. */
-function overall({ stages, fraction }) {
-  const before = 1 - 0.6 ** Math.max(0, stages - 1);
-  return before + (1 - before) * 0.4 * fraction;
-}
-
-/** A share in percent that is 100 % only if it is. */
-function share(value) {
-  return value < 1 && value > 0.9995 ? "> 99.9 %" : `${(100 * value).toFixed(1)} %`;
-}
-
-function ended(refused) {
-  if (!refused) return "The studio has ended; what it took is kept";
-  return `The studio has ended; ${refused === 1 ? "1 edit since was" : `${refused} edits since were`} not kept`;
-}
-
-/** Where the studio is that was started in this one's place, or that nobody here can know. */
-function moved({ refused, address }) {
-  if (address) return ["The studio was started again. ", h("a", { href: address }, "Go on in the new one.")];
-  if (refused) return ["The studio was started again. This tab cannot know its address; it is the one that was printed."];
-  return ["If the studio was started again, this tab cannot know where; its address is the one that was printed."];
 }
 
 window.studio = new Studio();

@@ -35,6 +35,18 @@ export class Places {
     }
   }
 
+  /** The regions next to one: behind its doors, where it is not itself a doorway. */
+  beside(region) {
+    const found = new Set();
+    for (const id of region.neighbours) {
+      const other = this.byId.get(id);
+      if (!other) continue;
+      const behind = other.class === "doorway" && region.class !== "doorway" ? other.neighbours : [id];
+      for (const number of behind) if (number !== region.id) found.add(this.byId.get(number));
+    }
+    return [...found].filter(Boolean);
+  }
+
   takeDrive(record, map) {
     const frame = new Frame(map);
     this.path = new Path2D();

@@ -35,6 +35,7 @@ export class Pointer {
   }
 
   #press(event) {
+    this.studio.cross.hide();
     const screen = this.#at(event);
     this.canvas.setPointerCapture(event.pointerId);
     this.down.set(event.pointerId, { ...screen, from: screen });
@@ -53,6 +54,7 @@ export class Pointer {
     const screen = this.#at(event);
     const held = this.down.get(event.pointerId);
     if (!held) {
+      if (event.movementX || event.movementY) this.studio.cross.hide();
       this.studio.hovered(screen);
       return;
     }

@@ -95,6 +95,7 @@ export class Stage {
     context.restore();
     if (shown.names) studio.places.drawNames(context, view, colours);
     if (studio.asked) this.#cross(studio.asked, colours);
+    studio.cross.draw(context, colours);
   }
 
   #tiled(name, opacity, clip = null) {

@@ -162,7 +162,8 @@ export class Tools {
       points: points.map((point) => studio.frame.toCells(point)),
       radius: tool === "doorway" ? studio.doorwayRadius : this.radius,
     };
-    const done = await studio.edit({ kind: "stroke", label, stroke });
+    const over = tool === "doorway" || studio.over < 0 ? {} : { over: studio.over };
+    const done = await studio.edit({ kind: "stroke", label, stroke, ...over });
     if (done?.remark) studio.say(done.remark, true);
     if (done) shown.revision = done.revision;
     else this.pending = this.pending.filter((other) => other !== shown);

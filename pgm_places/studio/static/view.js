@@ -107,16 +107,24 @@ export class View {
     this.follow();
     const wide = Math.max(1, right - left);
     const high = Math.max(1, bottom - top);
-    const room = this.width - TOOLS_PX;
+    const tools = this.beside();
+    const room = this.width - tools;
     const scale = Math.min(room / wide, this.height / high) * (1 - 2 * margin);
     this.scale = Math.min(LARGEST, Math.max(this.smallest, scale));
-    this.x = TOOLS_PX + room / 2 - ((left + right) / 2) * this.scale;
+    this.x = tools + room / 2 - ((left + right) / 2) * this.scale;
     this.y = this.height / 2 - ((top + bottom) / 2) * this.scale;
     this.#keep();
   }
 
+  /** Show the building; what a few rays saw outside is left at the edge. */
   showAll() {
-    this.show(0, 0, this.size.columns, this.size.rows);
+    this.show(...(this.box ?? [0, 0, this.size.columns, this.size.rows]));
+  }
+
+  /** How much of the left is taken by the tools. */
+  beside() {
+    const tools = document.getElementById("tools");
+    return tools ? tools.offsetLeft + tools.offsetWidth : TOOLS_PX;
   }
 
   /** Never lose the map: some of it stays in the middle half of the screen. */

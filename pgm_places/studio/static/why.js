@@ -53,7 +53,7 @@ export class Why {
       chip.addEventListener("click", () => studio.fillChosen(k));
       return chip;
     });
-    const near = region.neighbours.map((id) => studio.places.byId.get(id)?.name).filter(Boolean);
+    const near = studio.places.beside(region).map((other) => other.name);
     const facts = [
       ["Area", `${region.area_m2.toFixed(1)} m²`],
       ["Outline", `${region.perimeter_m.toFixed(1)} m`],
