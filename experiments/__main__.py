@@ -128,6 +128,7 @@ def page() -> str:
     files = [
         FOLDER / "unseen_kinds.md",
         FOLDER / "teaching.md",
+        FOLDER / "studio_actions.md",
         FOLDER / "ablations.md",
         *(_section_file(name) for name in MAPS),
         FOLDER / "room_kinds.md",

@@ -71,6 +71,20 @@ class Classes:
         offered = label_colours([*self.names, *(f"\0{k}" for k in range(MOST_CLASSES))])
         return next((colour for colour in offered if colour not in used), offered[-1])
 
+    def without(self, index: int) -> Self:
+        """The classes without one; those behind it move up.
+
+        Raises
+        ------
+        InputError
+            There is no such class, or two would not be left.
+        """
+        if not 0 <= index < len(self):
+            raise InputError(f"there is no class {index}; there are {len(self)}")
+        if len(self) < 3:
+            raise InputError("two classes must be left, or there is nothing to tell apart")
+        return type(self)((*self.items[:index], *self.items[index + 1 :]))
+
     def with_class(self, index: int, item: PlaceClass) -> Self:
         """The classes with another one in a place, or behind the last.
 

@@ -58,6 +58,8 @@ class Desk:
 
     Attributes
     ----------
+    n_fixed : int
+        So many classes, the first ones, cannot be deleted.
     learns : bool
         Whether the labeler learns what is painted, rather than keep to it.
     changes : Changes or None
@@ -87,6 +89,7 @@ class Desk:
         own = () if labeler is None else tuple(labeler.label_names_)
         listed = [name for item in given for name in item.names] or list(own or CLASSES)
         names = tuple(dict.fromkeys([*own, *listed]))
+        self.n_fixed = len(names) if given else len(own)
         self.source, self.folder, self.labeler, self.model = source, folder, labeler, model
         self.rules = rules or TopologyOptions()
         self.drive_xy_m, self.grid = drive_xy_m, source.grid
@@ -178,11 +181,20 @@ class Desk:
             part = _EDITS[kind](self, **_arguments(kind, values))
             if part is not None:
                 self.layers.painted(part)
+            self._renumber(before[1], self.painting.classes.names)
             self.moved()
             relearn = part is not None or before[1] != self.painting.classes.names
             if relearn or kind == "learn":
                 self._ask()
             return self._remark
+
+    def _renumber(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
+        """Number the classes of what has been learned as those of the painting are now."""
+        if self.lesson is None or len(before) == len(after) or before == after[: len(before)]:
+            return
+        table = [after.index(name) if name in after else -1 for name in before]
+        self.lesson = self.lesson.renumbered(np.array([*table, -1], np.int16))
+        self.layers.renumbered(np.array([*table, -1], np.int16), self.lesson)
 
     @property
     def _shown_labels(self) -> NDArray[np.int16]:
@@ -268,6 +280,12 @@ class Desk:
             raise InputError(f"the model knows this class as {names[index]!r}; add a new one")
         self.painting.set_class(index, name, colour)
 
+    def _drop(self, index: int) -> PaintedPart | None:
+        if index < self.n_fixed:
+            name = self.painting.classes.names[max(0, index)]
+            raise InputError(f"{name!r} belongs to the model or to the labels to compare with")
+        return self.painting.drop_class(index)
+
     def _undo(self) -> PaintedPart | None:
         return self.painting.undo()
 
@@ -329,6 +347,7 @@ _EDITS: dict[str, Callable[..., PaintedPart | None]] = {
     "split": Desk._split,
     "rename": Desk._rename,
     "class": Desk._class,
+    "drop": Desk._drop,
     "undo": Desk._undo,
     "redo": Desk._redo,
     "version": Desk._version,
@@ -342,6 +361,7 @@ _WANTED: dict[str, dict[str, type]] = {
     "split": {"region": int},
     "rename": {"point_m": tuple, "name": str},
     "class": {"index": int, "name": str, "colour": str},
+    "drop": {"index": int},
     "version": {"name": str},
     "restore": {"revision": int},
     "learn": {"on": bool},

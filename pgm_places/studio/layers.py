@@ -93,6 +93,16 @@ class Layers:
             self._values = {}
             self._changes = None if changes is None else Pyramid(changes.cells, _as_bytes)
 
+    def renumbered(self, table: NDArray[np.int16], lesson: Lesson) -> None:
+        """Classes have other numbers: ``table`` has each, and -1 at its end."""
+        with self._lock:
+            for name in LESSON_SOURCES:
+                if name in self._labels:
+                    self._labels[name] = Pyramid(table[self._labels[name].raster], encode_labels)
+            for name in [name for name in self._labels if name.startswith(METHOD)]:
+                del self._labels[name]
+            self._lesson, self._values = lesson, {}
+
     @property
     def sources(self) -> dict[str, str]:
         """The labels that can be looked at now, with what they are called."""

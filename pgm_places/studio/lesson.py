@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,15 @@ class Lesson:
     def methods(self) -> tuple[str, ...]:
         """The labeler's other methods."""
         return tuple(self.taught.by_method)
+
+    def renumbered(self, table: NDArray[np.int16]) -> Self:
+        """The answer by other numbers of classes: ``table`` has each, and -1 at its end."""
+        return replace(
+            self,
+            labels=table[self.labels],
+            unary_labels=table[self.unary_labels],
+            class_of=table[self.class_of],
+        )
 
     def labels_by(self, method: str) -> NDArray[np.int16]:
         """(H, W) labels of another method of the labeler, by the painting's classes."""

@@ -131,6 +131,11 @@ class Painting:
         self.classes.with_class(index, PlaceClass(name, colour))  # refuses what is wrong
         self._add({"op": "class", "index": index, "name": name, "colour": colour})
 
+    def drop_class(self, index: int) -> PaintedPart | None:
+        """Delete a class and its paint; those behind it move up."""
+        self.classes.without(index)  # refuses what is wrong
+        return self._add({"op": "drop", "index": index})
+
     def rename(self, point_m: tuple[float, float], name: str, replaces: list[Any]) -> None:
         """Name the place at a point; empty for none. ``replaces``: points of its earlier names."""
         if name:
@@ -201,6 +206,13 @@ class Painting:
         elif kind == "class":
             made = PlaceClass(entry["name"], entry["colour"])
             classes = classes.with_class(entry["index"], made)
+        elif kind == "drop":
+            index = int(entry["index"])
+            left = np.arange(len(classes) + 1, dtype=np.int16)
+            left[index:] -= 1
+            left[[index, -1]] = -1  # the last entry serves -1
+            classes = classes.without(index)
+            repaint = Repaint.between(self.labels, left[self.labels])
         elif kind == "name":
             replaced = {tuple(at) for at in entry["replaces"]}
             names = {at: name for at, name in names.items() if at not in replaced}

@@ -47,7 +47,7 @@ class Pyramid:
     def __init__(
         self, raster: NDArray[Any], encode: Callable[[NDArray[Any]], NDArray[np.uint8]]
     ) -> None:
-        self._raster = raster
+        self.raster = raster
         self._encode = encode
         self._kept: dict[tuple[int, int, int], NDArray[np.uint8]] = {}
         height, width = raster.shape
@@ -81,7 +81,7 @@ class Pyramid:
     def _lowest(self, row: int, column: int) -> NDArray[np.uint8]:
         height = self.shape[0]
         stop = height - row * TILE
-        part = self._raster[max(0, stop - TILE) : max(0, stop)][::-1]
+        part = self.raster[max(0, stop - TILE) : max(0, stop)][::-1]
         part = self._encode(part[:, column * TILE : (column + 1) * TILE])
         if part.shape == (TILE, TILE):
             return part

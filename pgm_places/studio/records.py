@@ -41,7 +41,12 @@ def state_record(desk: Desk) -> dict[str, Any]:
             "box": list(desk.box),
         },
         "classes": [
-            {"name": item.name, "colour": item.colour, "own": k < len(own)}
+            {
+                "name": item.name,
+                "colour": item.colour,
+                "own": k < len(own),
+                "fixed": k < desk.n_fixed,
+            }
             for k, item in enumerate(painting.classes.items)
         ],
         "next_colour": painting.classes.next_colour,

@@ -43,6 +43,11 @@ def main(script: str) -> int:
                         findings += len(found)
                         for item in found:
                             print(theme, width, panel, *item)  # noqa: T201
+                    page.evaluate("studio.exports.open()")
+                    page.wait_for_selector("#export[open]")
+                    for item in page.evaluate(ASK):
+                        findings += 1
+                        print(theme, width, "export", *item)  # noqa: T201
                     context.close()
     print(f"{findings} findings")  # noqa: T201
     return findings

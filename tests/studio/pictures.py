@@ -73,10 +73,9 @@ def settled(page: Any) -> None:
 
 
 def record(page: Any, path: Path) -> None:
-    """Next place, another class, a stroke, a doorway, the divider."""
+    """The list, an answer, a stroke, a doorway before it is drawn, the divider, why."""
     film = Recording(page)
-    film.keep(1200)
-    page.click("#tab-review")
+    film.keep(1400)
     page.keyboard.press("n")
     page.wait_for_timeout(500)
     film.keep(1400)
@@ -104,6 +103,14 @@ def record(page: Any, path: Path) -> None:
     film.keep(500)
     settled(page)
     film.keep(1200)
+    page.keyboard.press("d")
+    page.mouse.click(*at(page, x - 40, y - 10))
+    for k in range(5):
+        page.mouse.move(*at(page, x - 40 + 2 * k, y + 8 * k))
+        page.wait_for_timeout(250)
+        film.keep(160)
+    page.keyboard.press("Escape")
+    page.keyboard.press("v")
     page.keyboard.press("s")
     for share in (0.5, 0.42, 0.34, 0.42, 0.52, 0.62, 0.7, 0.6, 0.5):
         page.evaluate(f"studio.swipe.move({share})")
@@ -125,7 +132,6 @@ def pictures(browser: Any, address: str) -> None:
         page = context.new_page()
         page.goto(address)
         settled(page)
-        page.evaluate("document.getElementById('status').hidden = true")  # another time each time
         act(page)
         page.wait_for_timeout(900)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
@@ -139,7 +145,7 @@ def pictures(browser: Any, address: str) -> None:
         page.click("#layer-names")
 
     def review(page: Any) -> None:
-        page.click("#tab-review")
+        page.evaluate("studio.show('review')")
         page.keyboard.press("n")
         page.evaluate("document.activeElement.blur()")
 

@@ -138,3 +138,22 @@ def test_doorways_without_area_are_not_to_be_checked(labelled: Desk) -> None:
     assert all(check["doubtful_m2"] >= 0.05 for check in record["checks"])
     rooms = [check for check in record["checks"] if check["label"] != "doorway"]
     assert rooms and all(check["second_label"] != "doorway" for check in rooms)
+
+
+def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(labelled: Desk) -> None:
+    with pytest.raises(InputError, match="'corridor' belongs to the model or to the labels"):
+        labelled.edit({"kind": "drop", "index": 0})
+    for number, name in enumerate(("lab", "shop"), start=3):
+        labelled.edit({"kind": "class", "index": number, "name": name, "colour": "#112233"})
+    labelled.edit(rectangle(labelled, "shop", (6, 6), (24, 24)))
+    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
+    wait(labelled, 4)
+    assert labelled.lesson is not None and labelled.lesson.labels[10, 10] == 4
+    labelled.learner.end()
+    labelled.edit({"kind": "drop", "index": 3})
+    assert labelled.lesson.labels[10, 10] == 3 and labelled.lesson.labels[10, 30] == 1
+    assert labelled.lesson.class_of.tolist()[-1] == 3
+    colours = [item.colour for item in labelled.painting.classes.items]
+    assert len(colours) == 4
+    labelled.edit({"kind": "undo"})
+    assert labelled.lesson.labels[10, 10] == 4

@@ -644,7 +644,7 @@ def test_tool_layers_and_comparison_survive_a_reload(opened: Open, running: Stud
     assert seen == ["polygon", 1, 1, "side"]
 
 
-def test_a_class_is_renamed_in_place(opened: Open, running: StudioProcess) -> None:
+def test_a_class_is_renamed_and_deleted_in_place(opened: Open, running: StudioProcess) -> None:
     page = opened(running)
     page.get_by_role("button", name="Rename doorway").click()
     page.get_by_label("New name of doorway").fill("gate")
@@ -655,6 +655,9 @@ def test_a_class_is_renamed_in_place(opened: Open, running: StudioProcess) -> No
     page.keyboard.press("Escape")
     page.get_by_role("button", name="gate", exact=True).wait_for()
     assert page.evaluate("studio.state.revision") == 1
+    page.get_by_role("button", name="Delete gate").click()
+    until(page, "studio.state.classes.length === 2")
+    assert page.get_by_role("button", name="Delete room").count() == 0  # two must be left
 
 
 def test_nothing_is_lost_by_a_reload_or_a_kill(

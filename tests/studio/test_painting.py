@@ -319,3 +319,27 @@ def test_without_places_a_fill_covers_what_is_connected(desk: Desk) -> None:
     desk.edit({"kind": "fill", "label": 1, "point": [10.5, 10.5]})
     assert (desk.painting.labels[5:25, 5:25] == 1).all()
     assert (desk.painting.labels[5:25, 26:46] == -1).all()
+
+
+def test_a_deleted_class_takes_its_paint_along_and_comes_back(
+    desk: Desk, open_desk: Reopen
+) -> None:
+    for number, name in enumerate(("lab", "shop"), start=3):
+        desk.edit({"kind": "class", "index": number, "name": name, "colour": "#112233"})
+    desk.edit(brush(3, (10.5, 10.5)))
+    desk.edit(brush(4, (30.5, 10.5)))
+    before = desk.painting.labels.copy()
+    desk.edit({"kind": "drop", "index": 3})
+    assert desk.painting.classes.names == ("corridor", "room", "doorway", "shop")
+    assert desk.painting.labels[10, 10] == -1 and desk.painting.labels[10, 30] == 3
+    again = reopened(desk, open_desk)
+    assert again.painting.classes == desk.painting.classes
+    assert (again.painting.labels == desk.painting.labels).all()
+    again.edit({"kind": "undo"})
+    assert again.painting.classes.names[3:] == ("lab", "shop")
+    assert (again.painting.labels == before).all()
+    again.edit({"kind": "redo"})
+    for _ in range(2):
+        again.edit({"kind": "drop", "index": 0})
+    with pytest.raises(InputError, match="two classes must be left"):
+        again.edit({"kind": "drop", "index": 0})

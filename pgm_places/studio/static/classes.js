@@ -55,7 +55,12 @@ export class Classes {
     const digit = k < 9 ? h("kbd", {}, String(k + 1)) : null;
     if (item.own) return h("li", { className: `class${chosen}` }, colour, pick, digit);
     const change = h("button", { className: "plain small-target", type: "button", title: `Rename ${item.name}`, "aria-label": `Rename ${item.name}` }, icon("pen"));
-    const row = h("li", { className: `class${chosen}` }, colour, pick, change, digit);
+    const drop = h("button", { className: "plain small-target", type: "button", title: `Delete ${item.name}`, "aria-label": `Delete ${item.name}` }, icon("cross"));
+    drop.addEventListener("click", async () => {
+      if (await this.studio.edit({ kind: "drop", index: k })) this.studio.say(`${item.name} and its paint are deleted; Ctrl Z brings them back.`);
+    });
+    const deletable = !item.fixed && this.studio.state.classes.length > 2;
+    const row = h("li", { className: `class${chosen}` }, colour, pick, change, deletable ? drop : null, digit);
     change.addEventListener("click", () => this.#rename(row, pick, item, k));
     return row;
   }

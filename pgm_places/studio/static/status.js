@@ -11,7 +11,7 @@ export class Status {
     const { studio } = this;
     const status = byId("status");
     const { learner, lesson } = studio.state ?? { learner: {} };
-    let [kind, words] = ["", "Up to date"];
+    let [kind, words] = ["idle", "Up to date"];
     if (studio.offline && !studio.state) [kind, words] = ["failed", "The studio does not answer"];
     else if (studio.offline) [kind, words] = ["failed", ended(studio.refused)];
     else if (studio.slow.size) [kind, words] = ["working", "Painting"];
