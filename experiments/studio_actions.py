@@ -78,7 +78,13 @@ def table(found: dict[str, Course]) -> str:
         answers = f"{words} ({course.looks})" if course.looks else words
         lines.append(f"| {name} | {shares[0]} % | {answers} | {', '.join(shares[1:]) or '-'} |")
     numbers = [np.inf if course.clicks is None else course.clicks for course in found.values()]
-    lines += ["", f"The median is {np.median(numbers):g}, the largest {max(numbers):g}."]
+    more = sum(4 < number < np.inf for number in numbers)
+    never = sum(number == np.inf for number in numbers)
+    lines += [
+        "",
+        f"The median is {np.median(numbers):g}. More than four: {more} of {len(numbers)}; left with "
+        f"crumbs of less than 0.05 m² before 99 %: {never}.",
+    ]
     return "\n".join(lines)
 
 
