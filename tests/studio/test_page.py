@@ -504,7 +504,7 @@ def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
         assert page.evaluate("studio.state.painted") > 0
         page.evaluate(f"studio.goTo({chosen})")
         other = "corridor" if confirmed == "room" else "room"
-        page.get_by_role("button", name=f"It is a {other}").click()
+        page.locator(".answers .chip", has_text=other).click()
         wait_taught(page, 2)
         until(page, f"studio.places.regions.some((r) => r.class === {other!r})")
         page.click("#tab-paint")

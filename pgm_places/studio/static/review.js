@@ -68,7 +68,7 @@ export class Review {
       first.push(split);
     }
     const chips = state.classes.map((item, k) => {
-      const chip = h("button", { className: "chip", type: "button", "aria-label": `It is a ${item.name}` }, swatch(item.colour), item.name, k < 9 ? h("kbd", {}, `⇧${k + 1}`) : null);
+      const chip = h("button", { className: "chip", type: "button", title: `It is a ${item.name}` }, swatch(item.colour), item.name, k < 9 ? h("kbd", {}, `⇧${k + 1}`) : null);
       chip.addEventListener("click", () => studio.fillChosen(k));
       return chip;
     });
