@@ -23,7 +23,7 @@ class Overview {
     this.written = h("p", { className: "paths" });
     byId("training").append(
       h("h2", {}, "One model for all"),
-      h("p", { className: "small" }, "Correct what is in doubt on each map. Then this writes one configuration that teaches a model the paint of all of them: pgm-places train train.toml --out model."),
+      h("p", { className: "small" }, "Correct what is in doubt on each map. Then this writes one configuration that teaches a model the paint of all of them: ", h("code", {}, "pgm-places train train.toml --out model")),
       write, this.written);
   }
 
