@@ -82,8 +82,8 @@ def table(found: dict[str, Course]) -> str:
     never = sum(number == np.inf for number in numbers)
     lines += [
         "",
-        f"The median is {np.median(numbers):g}. More than four: {more} of {len(numbers)}; left with "
-        f"crumbs of less than 0.05 m² before 99 %: {never}.",
+        f"The median is {np.median(numbers):g}. More than four: {more} of {len(numbers)}; left "
+        f"with crumbs of less than 0.05 m² before 99 %: {never}.",
     ]
     return "\n".join(lines)
 
