@@ -31,6 +31,7 @@ TOPICS = (
     "amn_learning",
     "forward",
     "problems",
+    "tagging",
     "tracking",
     "topology",
     "teaching",

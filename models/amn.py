@@ -46,6 +46,7 @@ from pgm_places.models.linear_model import (
     learned_arrays,
     require_edge_features,
 )
+from pgm_places.models.told import of_those_asked, told_of, with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution, OnStep, reached
@@ -146,7 +147,9 @@ class AssociativeMarkovNetwork(LinearModel):
         problems : sequence of LabelingProblem
             The training maps.
         labelings : sequence of (N,) int
-            The true label index of every node of each map, -1 where it is unknown.
+            The true label index of every node of each map, -1 where it is unknown. Labels that a
+            problem tells (its ``known``) are evidence: the others are learned given these, and
+            where it tells all, part of them in turn (:mod:`pgm_places.models.told`).
         sample_weight : sequence of float or (N,) float, optional
             For each map what it counts, or each of its nodes: a wrong label costs as much more, and
             a connected part of a graph counts as the mean of its nodes.
@@ -161,10 +164,9 @@ class AssociativeMarkovNetwork(LinearModel):
         InputError
             Maps and labellings that do not belong together, or features that are missing.
         """
+        weights = None if sample_weight is None else weights_of(sample_weight, problems)
+        problems, labelings, weights = with_told(problems, labelings, weights)
         examples = labelled_problems(problems, labelings)
-        weights = None
-        if sample_weight is not None:
-            weights = weights_of(sample_weight, problems)
         if completes(self.unlabelled, examples):
             if weights is not None:
                 raise InputError(
@@ -218,6 +220,9 @@ class AssociativeMarkovNetwork(LinearModel):
             parts = np.concatenate(
                 [hidden_parts(p.graph, labels, self.n_validation_blocks) for p, labels in examples]
             )
+            if whole.told is not None:
+                parts[whole.told >= 0] = -1
+
             penalty, search = choose_completed(
                 whole, truth, parts, penalties, self._class_weight, options
             )
@@ -278,6 +283,7 @@ class AssociativeMarkovNetwork(LinearModel):
         sizes = self._term_sizes(problems, self.edge_features)
         names = known[0][0].label_names
         losses = self._node_losses(np.concatenate([truth for _, truth in known]), names)
+        losses = of_those_asked(losses, told_of(problems))
         ends = np.cumsum([len(truth) for _, truth in known])[:-1]
         tasks = [
             MaxMarginProblem(
@@ -289,6 +295,7 @@ class AssociativeMarkovNetwork(LinearModel):
                 loss,
                 penalties_of(self.C, AUTO_PENALTIES)[0],
                 clique_terms(problem, self.clique_dissent, sizes.cliques),
+                problem.known,
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True

@@ -20,6 +20,7 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import ClassWeight, best_value, node_losses
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.certificate import certify_weights
+from pgm_places.solvers.evidence import keeping
 from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem, joined, potentials_of
 from pgm_places.solvers.max_margin_qp import QPSolver
@@ -73,6 +74,11 @@ def learn(
             "warm_start=False"
         )
     if options.learner == "qp":
+        if any(problem.told is not None for problem in problems):
+            raise InputError(
+                "learner='qp' takes no known labels as evidence; take 'cutting-plane', or leave "
+                "known out of the training problems"
+            )
         from pgm_places.solvers.max_margin_qp import max_margin_qp
 
         return max_margin_qp(
@@ -148,7 +154,8 @@ def choose_penalty(
             priced = [replace(problem, penalty=penalty) for problem in train]
             solution = learn(priced, quick, cuts=cuts)
             cuts = solution.cuts  # planes hold at any C
-            labels = oracle(*potentials_of(held_out, solution.weights))
+            unary, agreement = potentials_of(held_out, solution.weights)
+            labels = oracle(keeping(unary, held_out.told), agreement)
             answers[number].append(labels[counts])
     return best_value(penalties, truth, answers)
 
@@ -195,7 +202,8 @@ def choose_completed(
         for penalty in penalties:
             priced = replace(problem, penalty=penalty)
             solution = learn_hidden(priced, labels, class_weight, quick).solution
-            labelings.append(best(*potentials_of(problem, solution.weights)))
+            unary, agreement = potentials_of(problem, solution.weights)
+            labelings.append(best(keeping(unary, problem.told), agreement))
         return labelings
 
     return best_of_hidden(truth, parts, penalties, labels_with)
@@ -242,4 +250,5 @@ def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMargin
         labels=problem.labels[keep],
         loss=problem.loss[keep],
         sets=None if problem.sets is None else problem.sets.among(keep),
+        told=None if problem.told is None else problem.told[keep],
     )

@@ -113,7 +113,7 @@ def learn_completed(
     problem : MaxMarginProblem or TableMarginProblem
         Of any labels and loss; its penalty is the price of the mean loss of a labelled node.
     truth : (N,) int
-        -1 where the label is not known.
+        -1 where the label is not known; those that the problem tells are among the known.
     starts : sequence of (N,) int
         Completions to begin with.
     loss_of : callable
@@ -124,10 +124,13 @@ def learn_completed(
         A labelling of large score.
     """
     known = truth >= 0
+    told = np.zeros(len(truth), np.bool_) if problem.told is None else problem.told >= 0
     loss = np.zeros(len(truth))
     loss[known] = loss_of(truth[known])
+    loss[told] = 0.0
     price = problem.penalty * len(truth)
-    only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / known.sum())
+    asked = int((known & ~told).sum())
+    only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / asked)
 
     def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
         unary, pairs = only_known.augmented_potentials(weights)
@@ -138,6 +141,7 @@ def learn_completed(
     ]
     found = min(rounds, key=lambda each: each.objectives[-1])
     counts = np.where(known, 1.0, HIDDEN_LOSS)
+    counts[told] = 0.0
     every = replace(
         problem,
         labels=found.labels,

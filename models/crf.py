@@ -52,6 +52,7 @@ from pgm_places.models.linear_model import (
     learned_arrays,
     require_edge_features,
 )
+from pgm_places.models.told import not_telling, of_those_asked, told_of, with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest_order import is_forest
@@ -157,7 +158,9 @@ class ConditionalRandomField(LinearModel):
         ----------
         problems : sequence of LabelingProblem
         labelings : sequence of (N,) int
-            The true label index of every node of each problem, -1 where it is unknown.
+            The true label index of every node of each problem, -1 where it is unknown. Labels that
+            a problem tells (its ``known``) are evidence: the others are learned given these, and
+            where it tells all, part of them in turn (:mod:`pgm_places.models.told`).
         sample_weight : sequence of float or (N,) float, optional
             What each problem counts, or each of its nodes. The likelihood, which sees a graph as a
             whole, takes one weight for each connected part of it; see the network for max margin.
@@ -174,12 +177,15 @@ class ConditionalRandomField(LinearModel):
             ``likelihood`` on a graph with a cycle, or weights that a learner cannot take.
         """
         hidden = self.unlabelled == "hidden"
+        counts = None if sample_weight is None else weights_of(sample_weight, problems)
+        if self.learner == "pseudo-likelihood":
+            problems, labelings = not_telling(problems, labelings)
+        problems, labelings, counts = with_told(problems, labelings, counts)
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         require_like_cliques([problem for problem, _ in examples])
         scaling, sizes, task = self._task(examples)
-        if sample_weight is not None:
-            given = weights_of(sample_weight, problems)
-            kept = labelled_weights(given, labelings, with_unlabelled=hidden)
+        if counts is not None:
+            kept = labelled_weights(counts, labelings, with_unlabelled=hidden)
             task = task.weighing(np.concatenate(kept))
         options = self._options(task.field)
         penalties = penalties_of(self.C, AUTO_PENALTIES)
@@ -259,7 +265,7 @@ class ConditionalRandomField(LinearModel):
         problems = [problem for problem, _ in examples]
         raw = [self._node_features(problem) for problem in problems]
         scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
-        sizes = self._term_sizes(problems, self._edge_names(problems[0]))
+        sizes = self._term_sizes(problems, self.edge_names(problems[0]))
         sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples))
         truth = np.concatenate([labels for _, labels in examples])
         names = examples[0][0].label_names
@@ -267,21 +273,22 @@ class ConditionalRandomField(LinearModel):
         def loss_of(labels: NDArray[np.int64]) -> NDArray[np.float64]:
             return node_losses(labels, names, self._class_weight)
 
-        loss = self._node_losses(truth, names)
+        told = told_of(problems)
+        loss = of_those_asked(self._node_losses(truth, names), told)
         chains = all(problem.graph.is_chain for problem, _ in examples)
         symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
         fields = [
             TableField(
                 scaling.apply(features),
                 adjacency(problem.graph.n_nodes, problem.graph.edges),
-                edge_features(problem, self._edge_names(problem)) / sizes.edges,
+                edge_features(problem, self.edge_names(problem)) / sizes.edges,
                 len(names),
                 symmetric,
                 clique_terms(problem, self.clique_dissent, sizes.cliques),
             )
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
-        return scaling, sizes, LearningTask(beside(fields), truth, loss, loss_of)
+        return scaling, sizes, LearningTask(beside(fields), truth, loss, loss_of, told=told)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         parts = parse_node_features(self.node_features)
@@ -290,7 +297,8 @@ class ConditionalRandomField(LinearModel):
             parts = tuple(dict.fromkeys([*(part for part in parts if part != "auto"), there]))
         return node_features(problem, parts)
 
-    def _edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
+    def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
+        """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
         names = tuple(self.edge_features)
         if "auto" not in names:
             return names
@@ -323,7 +331,7 @@ class ConditionalRandomField(LinearModel):
         node_weights, tables = self._learned("node_weights", "tables")
         self._require_labels(problem)
         nodes = self._scaling().apply(self._node_features(problem))
-        edges = edge_features(problem, self._edge_names(problem))
+        edges = edge_features(problem, self.edge_names(problem))
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
         field = TableField(nodes, around, edges, problem.n_labels)
@@ -337,10 +345,11 @@ class ConditionalRandomField(LinearModel):
         one or ``certify`` asks for it.
         """
         potentials, rewards = self.potentials(problem), self.clique_rewards(problem)
-        found = decode_cliques_as(self, problem, potentials, self._decoder(problem), rewards)
+        found = decode_cliques_as(self, problem, potentials, self.decoder_for(problem), rewards)
         return self._with_summary(found)
 
-    def _decoder(self, problem: LabelingProblem) -> Decoder:
+    def decoder_for(self, problem: LabelingProblem) -> Decoder:
+        """The decoder that labels a problem: the chosen one, or what ``auto`` is there."""
         if self.inference != "auto":
             return self.inference
         if problem.cliques is not None or not is_forest(

@@ -21,6 +21,7 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.evidence import keeping
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
 from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
 from pgm_places.solvers.table_field import TableField
@@ -75,6 +76,8 @@ class LearningTask:
         What it costs at nodes of given labels (n,), once the unknown ones are completed.
     weight : (N,) float, optional
         What each node counts; ``loss`` contains it.
+    told : (N,) int, optional
+        Labels that are evidence while learning, -1 elsewhere; their loss is 0.
     """
 
     field: TableField
@@ -82,6 +85,7 @@ class LearningTask:
     loss: NDArray[np.float64]
     loss_of: LossOf
     weight: NDArray[np.float64] | None = None
+    told: NDArray[np.int64] | None = None
 
     def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
         """The task whose nodes count by weights (N,); the mean loss stays."""
@@ -108,7 +112,8 @@ class LearningTask:
         )
         weight = None if self.weight is None else self.weight[keep]
         labels, loss = self.labels[keep], self.loss[keep]
-        return replace(self, field=smaller, labels=labels, loss=loss, weight=weight)
+        told = None if self.told is None else self.told[keep]
+        return replace(self, field=smaller, labels=labels, loss=loss, weight=weight, told=told)
 
 
 @dataclass(frozen=True)
@@ -146,6 +151,7 @@ def learn(
             kind=_KINDS[options.learner],
             start=start,
             node_weight=task.weight,
+            told=task.told,
             tolerance=options.tolerance,
             max_iterations=options.max_steps,
             time_limit_s=options.time_limit_s,
@@ -175,7 +181,7 @@ def _widest_margin(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:
-    problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty)
+    problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty, task.told)
     exact = task.field.is_forest
     verified = not exact and options.certified_tolerance is not None
     return cutting_plane(
@@ -231,7 +237,7 @@ def _completed(
         return _widest_margin(now, problem.penalty, how, cuts=cuts, on_iteration=on_iteration)
 
     return learn_completed(
-        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty),
+        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty, task.told),
         truth,
         starts,
         task.loss_of,
@@ -256,7 +262,7 @@ def choose_by_hiding(
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         less = replace(task, labels=labels)
         solutions = [learn(less, penalty, quick) for penalty in penalties]
-        return [_labels_at(task.field, solution.weights) for solution in solutions]
+        return [_labels_at(less, solution.weights) for solution in solutions]
 
     return best_of_hidden(task.labels, parts, penalties, labels_with)
 
@@ -290,12 +296,13 @@ def choose_link_scale(
         return damped(rest, learn(rest, penalty, quick).weights, penalty, LINK_SCALES)
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        return [_labels_at(task.field, w) for w in candidates(replace(task, labels=labels))]
+        less = replace(task, labels=labels)
+        return [_labels_at(less, w) for w in candidates(less)]
 
     if (task.labels < 0).any():
         return best_of_hidden(task.labels, parts, LINK_SCALES, labels_with)
     _, held_out = _best_held_out(task, parts, LINK_SCALES, candidates)
-    own = [[_labels_at(task.field, w)] for w in damped(task, weights, penalty, LINK_SCALES)]
+    own = [[_labels_at(task, w)] for w in damped(task, weights, penalty, LINK_SCALES)]
     _, in_training = best_value(LINK_SCALES, [task.labels], own)
     lesser = np.fmin(held_out, in_training)
     best = max(range(len(lesser)), key=lambda s: (lesser[s, 1], -lesser[s, 0]))
@@ -318,8 +325,10 @@ def damped(
     return [(1.0 - share) * alone + share * weights for share in shares]
 
 
-def _labels_at(field: TableField, weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    labels = best_labels(field, *field.whole_potentials(weights), DECODING_PASSES)
+def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.int64]:
+    field = task.field
+    unary, tables = field.whole_potentials(weights)
+    labels = best_labels(field, keeping(unary, task.told), tables, DECODING_PASSES)
     return labels[: field.n_nodes]
 
 
@@ -356,5 +365,5 @@ def _best_held_out(
             continue
         truth.append(held_out.labels[known])
         for labels, weights in zip(found, weights_of(rest), strict=True):
-            labels.append(_labels_at(held_out.field, weights)[known])
+            labels.append(_labels_at(held_out, weights)[known])
     return best_value(values, truth, found)

@@ -21,6 +21,7 @@ __all__ = [
     "node_features",
     "parse_edge_features",
     "parse_node_features",
+    "resolved_edges",
 ]
 
 NODE_FEATURES = ("auto", "logz", "z", "raw")
@@ -119,7 +120,7 @@ def _probabilities(
 
 def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
     """F, the number of columns that :func:`edge_features` gives for a problem."""
-    return sum(_width(problem, name) for name in _resolved_edges(problem, names))
+    return sum(_width(problem, name) for name in resolved_edges(problem, names))
 
 
 def _width(problem: LabelingProblem, name: str) -> int:
@@ -145,7 +146,7 @@ def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDA
             f"training problems must have the same number of edge features, got {counts}"
         )
     sizes = []
-    for name in _resolved_edges(problems[0], names):
+    for name in resolved_edges(problems[0], names):
         if name == "given":
             sizes.append(column_sizes(np.concatenate([_given(problem) for problem in problems])))
         else:
@@ -176,11 +177,11 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
         ``constant``, ``raw-difference`` where the problem has node features, and ``given`` where
         it has edge features.
     """
-    columns = [_edge_columns(problem, name) for name in _resolved_edges(problem, names)]
+    columns = [_edge_columns(problem, name) for name in resolved_edges(problem, names)]
     return np.concatenate(columns, axis=1)
 
 
-def _resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]:
+def resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]:
     """The names with ``auto`` replaced by what the problem has."""
     if "auto" not in names:
         return list(names)

@@ -22,6 +22,7 @@ from pgm_places.models.linear_features import (
     edge_sizes,
     parse_edge_features,
     parse_node_features,
+    resolved_edges,
 )
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
@@ -91,7 +92,9 @@ class LinearModel:
         :class:`pgm_places.models.feature_scaling.Standardization`.
     """
 
-    traits: ClassVar[Traits] = Traits(labelling_options=("inference", "max_iterations", "certify"))
+    traits: ClassVar[Traits] = Traits(
+        sees_parts_alone=True, labelling_options=("inference", "max_iterations", "certify")
+    )
 
     n_validation_blocks: Annotated[int, Ge(2)] = 4
     loss: Literal["class-weighted", "hamming"] = "class-weighted"
@@ -141,6 +144,11 @@ class LinearModel:
     def _goes_on(self) -> bool:
         """Whether learning begins with what was learned before."""
         return self.warm_start and self.node_weights is not None
+
+    def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
+        """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
+        options: Any = self
+        return tuple(resolved_edges(problem, options.edge_features))
 
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
         """(C, K) what a clique in which all nodes agree on a label earns for each of them.

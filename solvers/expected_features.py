@@ -14,7 +14,6 @@ from pgm_places.solvers.table_field import FieldTables, TableField
 
 __all__ = [
     "Expected",
-    "clamped",
     "exact_sums",
     "expected_labels",
     "piecewise_sums",
@@ -48,12 +47,6 @@ def expected_labels(
     """
     soft = soft_labels(field, labels, before)
     return soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))
-
-
-def clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N, K) the unary with all but the known label (N,) forbidden, -1 where it is unknown."""
-    others = (labels >= 0)[:, None] & (np.arange(unary.shape[1]) != labels[:, None])
-    return np.where(others, -np.inf, unary)
 
 
 def require_equal_ends(field: TableField, node_weight: NDArray[np.float64]) -> None:

@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers.evidence import keeping
 from pgm_places.solvers.expected_features import (
-    clamped,
     exact_sums,
     expected_labels,
     piecewise_sums,
@@ -144,6 +144,7 @@ def maximize_likelihood(
     kind: Likelihood = "exact",
     start: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
+    told: NDArray[np.int64] | None = None,
     tolerance: float = 1e-3,
     max_iterations: int = 500,
     time_limit_s: float | None = None,
@@ -163,6 +164,8 @@ def maximize_likelihood(
         Where to begin instead of at 0.
     node_weight : (N,) float, optional
         What each node counts against the others.
+    told : (N,) int, optional
+        Labels that are known, -1 elsewhere: the likelihood is that of the others given these.
     tolerance : float
         The relative gap at which learning ends.
     max_iterations : int
@@ -187,13 +190,14 @@ def maximize_likelihood(
     >>> found.status, found.weights[2:].round(2).tolist()
     ('optimal', [-0.7, 1.43, -0.04, -0.7])
     """
-    n_known = int((labels >= 0).sum())
+    asked = labels >= 0 if told is None else (labels >= 0) & (told < 0)
+    n_known = int(asked.sum())
     if not n_known:
         raise InputError("maximum likelihood needs at least one labelled node, got none")
-    total = float(n_known if node_weight is None else node_weight[labels >= 0].sum())
+    total = float(n_known if node_weight is None else node_weight[asked].sum())
     if not total:
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
-    loss = _Loss(field, labels, kind, node_weight)
+    loss = _Loss(field, labels, kind, node_weight, told)
     descent = _Descent(loss, penalty / total, tolerance, time_limit_s)
     descent.on_iteration = on_iteration
     weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
@@ -214,6 +218,7 @@ class _Loss:
     labels: NDArray[np.int64]
     kind: Likelihood
     node_weight: NDArray[np.float64] | None
+    told: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         if self.field.sets is not None:
@@ -238,14 +243,16 @@ class _Loss:
         potentials = field.potentials(weights)
         if self.kind == "pseudo":
             soft = soft_labels(field, labels, expected)
-            return pseudo_sums(field, labels, potentials, soft, node_weight)
+            asked = labels if self.told is None else np.where(self.told >= 0, -1, labels)
+            return pseudo_sums(field, asked, potentials, soft, node_weight)
         marginals = exact_sums if self.kind == "exact" else piecewise_sums
-        free = marginals(field, potentials, node_weight)
+        given = potentials._replace(unary=keeping(potentials.unary, self.told))
+        free = marginals(field, given, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])
         if self.truth_features is not None:
             score = float(weights @ self.truth_features)
             return value - score, gradient - self.truth_features
-        only = potentials._replace(unary=clamped(potentials.unary, labels))
+        only = potentials._replace(unary=keeping(potentials.unary, labels))
         known = marginals(field, only, node_weight)
         return value - known.log_partition, gradient - field.expected_features(*known[1:])
 

@@ -34,6 +34,7 @@ from pgm_places._checks import (
 )
 from pgm_places._core import add_feature_difference, multiply_rows
 from pgm_places.errors import InputError
+from pgm_places.solvers.evidence import keeping, told_beside
 from pgm_places.solvers.margin_solution import Cut
 from pgm_places.solvers.set_terms import SetTerms
 
@@ -122,6 +123,9 @@ class MaxMarginProblem:
         C > 0, the price of the mean hinge against the size of the weights.
     sets : SetTerms, optional
         Sets of nodes that want to have one label, and their features.
+    told : (N,) int, optional
+        Labels that are known to every labelling, -1 elsewhere: the true labelling has to win
+        against those alone that keep them.
     """
 
     node_features: NDArray[np.float64]
@@ -132,6 +136,7 @@ class MaxMarginProblem:
     loss: NDArray[np.float64]
     penalty: float
     sets: SetTerms | None = None
+    told: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, "N")
@@ -204,7 +209,7 @@ class MaxMarginProblem:
         unary, agreement = potentials_of(self, weights)
         unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return unary, agreement
+        return keeping(unary, self.told), agreement
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
@@ -280,6 +285,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         np.concatenate([problem.loss for problem in problems]),
         first.penalty,
         SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
+        told_beside([(problem.told, problem.n_nodes) for problem in problems]),
     )
 
 

@@ -16,6 +16,7 @@ from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.certificate import Augmented, Certificate, certify
+from pgm_places.solvers.evidence import keeping
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.margin_solution import Cut
@@ -43,12 +44,15 @@ class TableMarginProblem:
         What a wrong label costs at each node; 0 where the label is only assumed.
     penalty : float
         C > 0, the price of the mean hinge against the size of the weights.
+    told : (N,) int, optional
+        Labels that are known to every labelling, -1 elsewhere.
     """
 
     field: TableField
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
     penalty: float
+    told: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         n, k = self.field.n_nodes, self.field.n_labels
@@ -89,7 +93,7 @@ class TableMarginProblem:
         unary, tables = self.field.whole_potentials(weights)
         unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return FieldTables(unary, tables)
+        return FieldTables(keeping(unary, self.told), tables)
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""

@@ -54,9 +54,9 @@ class LabelingProblem:
         brings rows of other pairs there.
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
-        labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. It is
-        evidence for labelling: what is learned from are the labellings that ``fit`` is given, and
-        no model stores it.
+        labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. ``amn``
+        and ``crf`` also learn with it: they learn the other labels given these (see
+        :mod:`pgm_places.models.told`). No model stores it.
     cliques : Cliques, optional
         Sets of nodes that want to have one label, such as superpixels: C of them; the graph's by
         default. ``potts`` and ``amn`` know them.

@@ -24,6 +24,10 @@ class Traits:
         Whether ``fit`` looks at labels alone, not at what classifiers say of the nodes.
     takes_single_precision : bool
         Whether log-probabilities in single precision are good enough for its labels.
+    sees_parts_alone : bool
+        Whether the scores of a part of a graph do not depend on other parts that no edge leads to:
+        many small problems may then be labelled as one. A weight by the mean degree of the whole
+        graph does depend on them.
     labelling_options : tuple of str
         Options that only ``infer`` reads: methods that differ in nothing else learn the same, and
         are fitted once.
@@ -39,6 +43,7 @@ class Traits:
     chains_only: bool = False
     learns_from_labels: bool = False
     takes_single_precision: bool = False
+    sees_parts_alone: bool = False
     labelling_options: tuple[str, ...] = ()
 
 

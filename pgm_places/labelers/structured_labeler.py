@@ -20,6 +20,7 @@ from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.label_names import named, numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
+from pgm_places.labelers.side_by_side import beside, label_all
 from pgm_places.labelers.structured_learning import (
     Truth,
     checked,
@@ -284,6 +285,22 @@ class StructuredLabeler(Labeler):
         features = features_of(problem)
         return log_probabilities(classifier, features, problem.n_labels, self.min_probability)
 
+    def label_all(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
+        """The labelling of each problem; many small ones without cycles in one call.
+
+        See :func:`pgm_places.labelers.side_by_side.label_all` for when they are labelled as one.
+        """
+        problems = listed_problems(X)
+        for problem in problems:
+            self._check_labels(problem)
+        whole = beside(problems) if len(problems) > 1 else None
+        if whole is None or self.classifier_ is None:
+            return label_all(self.backend_, [self.problem(problem) for problem in problems])
+        ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
+        scores = np.split(self.scores(whole), ends)
+        seen = [one.with_unary(part) for one, part in zip(problems, scores, strict=True)]
+        return label_all(self.backend_, seen)
+
     @property
     def classes_(self) -> NDArray[Any]:
         """(K,) what :meth:`predict` answers with: label indices, or names where ``y`` had names."""
@@ -293,7 +310,7 @@ class StructuredLabeler(Labeler):
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
         """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
-        found = [self.label(problem).labels for problem in listed_problems(X)]
+        found = [item.labels for item in self.label_all(X)]
         return [named(labels, self.label_names_) for labels in found] if self.named_ else found
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
@@ -304,12 +321,12 @@ class StructuredLabeler(Labeler):
         InputError
             The backend tells labels only, as a graph cut does.
         """
-        return [_beliefs(self.label(problem)) for problem in listed_problems(X)]
+        return [_beliefs(item) for item in self.label_all(X)]
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
         problems, truths = checked(X, numbered(X, y)[0])
-        found = [self.label(problem).labels for problem in problems]
+        found = [item.labels for item in self.label_all(problems)]
         result = evaluate(np.concatenate(truths), np.concatenate(found), problems[0].label_names)
         return float(getattr(result, self.metric))
 
