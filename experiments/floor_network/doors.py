@@ -71,7 +71,10 @@ class MapDoors:
             space = trained_labeler().unary_model_.space
             assert space is not None  # the shipped model has such a list
             of_list = gate_probabilities(space.gates, gate_features(narrow))
-        gates = judge.candidates(narrow)
+        cuts = judge.cuts(narrow)
+        gates = (
+            gate_candidates(Segmentation.of(known.item.grid, cuts=cuts)) if len(cuts) else narrow
+        )
         probability = judge.judged(gates, _known_before(narrow, of_list, gates))
         return cls(known, narrow, of_list, judge, gates, probability)
 

@@ -16,8 +16,7 @@ from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.view import FloorScores, floor_scores, views_of
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gates, gate_candidates
-from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.spaces.gates import Gates
 from pgm_places.unary.door_lines import door_lines
 
 __all__ = ["FloorJudge", "FloorModel", "columns_of", "with_floor"]
@@ -111,13 +110,9 @@ class FloorJudge:
     model: FloorModel
     seen: FloorScores
 
-    def candidates(self, gates: Gates) -> Gates:
-        """The candidates, and those where networks see a doorway though nothing narrows."""
-        lines = door_lines(gates, self.seen)
-        if not len(lines):
-            return gates
-        found = gates.segmentation
-        return gate_candidates(Segmentation.of(found.watershed.grid, found.ratios, lines))
+    def cuts(self, gates: Gates) -> NDArray[np.int64]:
+        """(n, 2) cells of lines where networks see a doorway though nothing narrows."""
+        return door_lines(gates, self.seen)
 
     def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         """See :meth:`FloorModel.judged`."""

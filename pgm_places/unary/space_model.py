@@ -48,8 +48,8 @@ probability of its gate; chosen on buildings held out (docs/results.md)."""
 class GateJudge(Protocol):
     """Who has a say in the gates of a map, beside their list."""
 
-    def candidates(self, gates: Gates) -> Gates:
-        """The candidates where passages narrow, and others."""
+    def cuts(self, gates: Gates) -> NDArray[np.int64]:
+        """(n, 2) cells of lines at which there are doorways, but none of these candidates."""
 
     def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         """(G,) probabilities of candidates, from those that their list gives them."""
@@ -188,8 +188,9 @@ class SpaceModel:
 
         ``judge`` adds candidates, and has a further say in the probabilities of the others.
         """
-        candidates = gate_candidates(Segmentation.of(grid))
-        return self.judged_candidates(candidates, known, n_threads, judge)
+        return self.judged_candidates(
+            gate_candidates(Segmentation.of(grid)), known, n_threads, judge
+        )
 
     def judged_candidates(
         self,
@@ -204,8 +205,11 @@ class SpaceModel:
         known labels is none; a known doorway without any gate becomes one.
         """
         heard = None if self.gates is None else judge
-        if heard is not None:
-            candidates = heard.candidates(candidates)
+        if heard is not None and len(cuts := heard.cuts(candidates)):
+            found = candidates.segmentation
+            grid, ratios = found.watershed.grid, found.ratios
+            del candidates, found  # nobody holds two segmentations of a huge map
+            candidates = gate_candidates(Segmentation.of(grid, ratios, cuts))
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         if heard is not None:
             probability = heard.judged(candidates, probability)

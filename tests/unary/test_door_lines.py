@@ -1,5 +1,9 @@
 """Door lines: doorways that networks see where no passage narrows, and the gates made of them."""
 
+import weakref
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -11,9 +15,12 @@ from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary import door_lines as module
+from pgm_places.unary import space_model
 from pgm_places.unary.door_lines import door_lines
 from pgm_places.unary.floor_model import FloorJudge, FloorModel
+from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 from tests.spaces.floors import grid_of, two_rooms
+from tests.unary.test_space_model import random_list
 
 SIDES = ndimage.generate_binary_structure(2, 1)
 CORNERS = np.ones((3, 3))
@@ -46,6 +53,10 @@ def candidates(grid: OccupancyGrid) -> Gates:
     return gate_candidates(Segmentation.of(grid))
 
 
+def with_lines(judge: FloorJudge, grid: OccupancyGrid) -> Gates:
+    return gate_candidates(Segmentation.of(grid, cuts=judge.cuts(candidates(grid))))
+
+
 def in_cells(lines: np.ndarray, grid: OccupancyGrid) -> np.ndarray:
     found = np.zeros(grid.shape, np.bool_)
     found[tuple(lines.T)] = True
@@ -71,7 +82,7 @@ def test_a_line_becomes_a_gate_between_two_places() -> None:
     grid, along = corridor()
     seen = seen_at(grid, doorway_within(0.3, along))
     judge = FloorJudge(FloorModel(()), seen)
-    gates = judge.candidates(candidates(grid))
+    gates = with_lines(judge, grid)
     assert gates.at_cuts.tolist() == [True]
     assert gates.width_m[0] == pytest.approx(1.8, abs=0.06)
     assert gates.depth_m[0] == pytest.approx(0.4)
@@ -84,6 +95,41 @@ def test_a_line_becomes_a_gate_between_two_places() -> None:
     assert places.segments.area_m2 == pytest.approx([7.2, 7.2], abs=0.5)
 
 
+def test_a_model_of_spaces_takes_the_lines_of_its_judge() -> None:
+    grid, along = corridor()
+    judge = FloorJudge(FloorModel(()), seen_at(grid, doorway_within(0.3, along)))
+    model = SpaceModel(random_list(N_SPACE_COLUMNS, 3), random_list(75, 2), doorway=2)
+    assert len(model.spaces(grid).gates) == 0
+    spaces = model.spaces(grid, judge=judge)
+    assert spaces.gates.at_cuts.tolist() == [True]
+    assert spaces.places.count == 2
+    assert len(spaces.doorways) == 1
+    known = np.full(grid.shape, 0, np.int16)
+    assert len(model.spaces(grid, judge=judge, known=known).doorways) == 0, "painted otherwise"
+    without = replace(model, gates=None)
+    assert len(without.spaces(grid, judge=judge).gates) == 0, "who knows no doorways has no judge"
+
+
+def test_nobody_holds_two_segmentations(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[weakref.ref[Segmentation]] = []
+    alive: list[int] = []
+
+    class Counted(Segmentation):
+        @classmethod
+        def of(cls, *given: Any, **named: Any) -> Segmentation:
+            alive.append(sum(item() is not None for item in made))
+            found = Segmentation.of(*given, **named)
+            made.append(weakref.ref(found))
+            return found
+
+    grid, along = corridor()
+    judge = FloorJudge(FloorModel(()), seen_at(grid, doorway_within(0.3, along)))
+    model = SpaceModel(random_list(N_SPACE_COLUMNS, 3), random_list(75, 2), doorway=2)
+    monkeypatch.setattr(space_model, "Segmentation", Counted)
+    model.spaces(grid, judge=judge)
+    assert alive == [0, 0]
+
+
 def test_a_narrow_passage_is_no_news() -> None:
     grid = grid_of(two_rooms())
     gates = candidates(grid)
@@ -91,7 +137,7 @@ def test_a_narrow_passage_is_no_news() -> None:
     doorway[16:27, 39:44] = 0.95
     judge = FloorJudge(FloorModel(()), seen_at(grid, doorway))
     assert len(gates) == 1
-    assert judge.candidates(gates) is gates
+    assert len(judge.cuts(gates)) == 0
     assert not gates.at_cuts.any()
 
 
@@ -169,7 +215,7 @@ def test_maps_with_other_cells_are_divided_at_the_same_place() -> None:
         grid = OccupancyGrid(cells, resolution_m)
         doorway = np.full((50, 50), 0.01)
         doorway[:, 23:27] = 0.95
-        gates = FloorJudge(FloorModel(()), seen_at(grid, doorway)).candidates(candidates(grid))
+        gates = with_lines(FloorJudge(FloorModel(()), seen_at(grid, doorway)), grid)
         assert gates.at_cuts.tolist() == [True], resolution_m
         assert gates.centre_m[0] == pytest.approx([2.5, 2.8], abs=0.11)
         assert gates.width_m[0] == pytest.approx(1.6, abs=1e-6)
