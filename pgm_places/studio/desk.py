@@ -25,10 +25,11 @@ from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
 from pgm_places.studio.repaint import PaintedPart
 from pgm_places.studio.runs import runs_of_mask, runs_over
 from pgm_places.studio.source_file import SourceFile
-from pgm_places.studio.splitting import doorways_along, split_lines
+from pgm_places.studio.splitting import doorways_along
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
+from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["Desk"]
@@ -243,24 +244,27 @@ class Desk:
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def _split(self, region: int) -> PaintedPart | None:
-        topology = self._topology.topology
-        lines = split_lines(topology, topology.place(region))
-        if not lines:
-            raise InputError("no opening divides this place; draw a doorway")
+        rooms = self._rooms_in(region)
+        if rooms is None:
+            raise InputError("this place looks like one; draw a doorway to split it")
         name = self.rules.doorway_label
         if name not in self.painting.classes.names:
             raise InputError(
                 f"no class is called {name!r}; add it, as places are split by doorways"
             )
-        runs = doorways_along(lines, self.grid, self._limits)
+        runs = doorways_along(rooms.lines_m, self.grid, self._limits)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def n_parts(self, region: int) -> int:
         """How many places a place looks like."""
-        taught = self.taught
-        if taught is None or region not in [r.id for r in taught.topology.regions]:
-            return 1
-        return 1 + len(split_lines(taught.topology, taught.topology.place(region)))
+        rooms = self._rooms_in(region)
+        return 1 if rooms is None else rooms.count
+
+    def _rooms_in(self, region: int) -> HiddenRooms | None:
+        """The rooms that a place looks like, as in the table of checks."""
+        lesson = self.lesson
+        found = () if lesson is None else hidden_rooms(lesson.taught.topology)
+        return next((item for item in found if item.place.id == region), None)
 
     def _rename(self, point_m: tuple[float, float], name: str) -> None:
         taught = self._topology

@@ -1,5 +1,7 @@
 """Splitting: the doorways by which a place that looks like several becomes several."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,34 +9,17 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.door_line import Limits
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.topology.cuts import Line
-from pgm_places.topology.proposals import splits_of
-from pgm_places.topology.regions import Region
-from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["doorways_along", "split_lines"]
-
-WIDEST_M = 1.5
-"""Openings between offices are up to so wide."""
+__all__ = ["doorways_along"]
 
 HALF_DEPTH_M = 0.12
 
 
-def split_lines(topology: TopologicalMap, place: Region) -> list[tuple[Line, ...]]:
-    """The lines of each way to split a place in two; no line twice."""
-    found: list[tuple[Line, ...]] = []
-    for split in splits_of(topology, place, WIDEST_M):
-        if not any(line in taken for taken in found for line in split.lines_m):
-            found.append(split.lines_m)
-    return found
-
-
-def doorways_along(
-    lines: list[tuple[Line, ...]], grid: OccupancyGrid, limits: Limits
-) -> NDArray[np.int64]:
+def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -> NDArray[np.int64]:
     """(n, 3) runs of the cells of doorways along lines."""
     radius = max(1.0, HALF_DEPTH_M / grid.resolution_m)
     found = [np.empty((0, 3), np.int64)]
-    for line in (line for several in lines for line in several):
+    for line in lines:
         (x0, y0), (x1, y1) = (_in_cells(point, grid) for point in line)
         stroke = Stroke(tool="doorway", points=((x0, y0), (x1, y1)), radius=radius)
         found.append(stroke_cells(stroke, grid, limits))

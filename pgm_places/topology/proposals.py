@@ -8,7 +8,7 @@ from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["ProposedSplit", "propose_splits", "splits_of"]
+__all__ = ["ProposedSplit", "propose_splits"]
 
 
 @dataclass(frozen=True)
@@ -66,28 +66,17 @@ def propose_splits(
         raise InputError(
             f"narrower_than_m must be a positive length in metres, got {narrower_than_m}"
         )
-    proposals = [
-        split
-        for place in topology.regions
-        for split in splits_of(topology, place, narrower_than_m, min_part_m2=min_part_m2)
-    ]
+    proposals = []
+    for place in topology.regions:
+        if place.label == topology.doorway_label or place.area_m2 < 2 * min_part_m2:
+            continue
+        for lines in opening_cuts(topology, place, narrower_than_m):
+            larger, smaller = _parts_m2(topology, place, lines)
+            fewer = [[*lines[:k], *lines[k + 1 :]] for k in range(len(lines)) if len(lines) > 1]
+            alone = max((_parts_m2(topology, place, some)[1] for some in fewer), default=0.0)
+            if smaller >= min_part_m2 > alone:
+                proposals.append(ProposedSplit(place.name, lines, (larger, smaller)))
     return sorted(proposals, key=lambda split: (len(split.lines_m), -split.areas_m2[1]))
-
-
-def splits_of(
-    topology: TopologicalMap, place: Region, narrower_than_m: float, *, min_part_m2: float = 4.0
-) -> list[ProposedSplit]:
-    """Those of :func:`propose_splits` for one place."""
-    proposals: list[ProposedSplit] = []
-    if place.label == topology.doorway_label or place.area_m2 < 2 * min_part_m2:
-        return proposals
-    for lines in opening_cuts(topology, place, narrower_than_m):
-        larger, smaller = _parts_m2(topology, place, lines)
-        fewer = [[*lines[:k], *lines[k + 1 :]] for k in range(len(lines)) if len(lines) > 1]
-        alone = max((_parts_m2(topology, place, some)[1] for some in fewer), default=0.0)
-        if smaller >= min_part_m2 > alone:
-            proposals.append(ProposedSplit(place.name, lines, (larger, smaller)))
-    return proposals
 
 
 def _parts_m2(

@@ -125,7 +125,7 @@ def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: Desk) -> No
     assert np.abs(columns - 25).max() <= 1
     wait(labelled, 2)
     assert len([r for r in labelled.taught.topology.regions if r.label == "room"]) == 2
-    with pytest.raises(InputError, match="no opening divides this place"):
+    with pytest.raises(InputError, match="this place looks like one"):
         rooms = [r.id for r in labelled.taught.topology.regions if r.label == "room"]
         labelled.edit({"kind": "split", "region": rooms[0]})
 
