@@ -12,17 +12,76 @@ the rates, memory with the steps alone.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._core import (
+    best_stretches,
+    filter_stretches,
+    pass_on_states,
+    smooth_stretches,
+    weigh_states,
+)
 from pgm_places.errors import InputError
 from pgm_places.solvers.chain_tables import check_start, require_distributions
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 __all__ = ["SemiMarkovChain", "SemiMarkovState"]
+
+
+class _Rates(NamedTuple):
+    """Where labels lead, and how soon."""
+
+    leaving: NDArray[np.float64]
+    """(K, K) probability of each label (column) after each (row), given that the row is left."""
+    edges_m: NDArray[np.float64]
+    """(B,) age at which each rate begins; the first is 0, the last rate has no end."""
+    rates: NDArray[np.float64]
+    """(K, B) rate per metre at which each label is left."""
+    sums: NDArray[np.float64]
+    """(K, B) integral of the rates from age 0 to each edge."""
+
+
+class _States(NamedTuple):
+    """What is held of every state at the current step: masses, or logarithms of the best path's."""
+
+    at_m: NDArray[np.float64]
+    """(T,) distance driven until each step."""
+    recent: NDArray[np.float64]
+    """(T, K) of a label entered at that step, where that is less than the last edge ago."""
+    old: NDArray[np.float64]
+    """(K,) of a label entered before."""
+
+
+class _Found(NamedTuple):
+    """What the filter writes, step by step."""
+
+    beliefs: NDArray[np.float64]
+    """(T, K)."""
+    factor: NDArray[np.float64]
+    """(T, K) likelihood over the total, by which each label's mass was multiplied."""
+    left: NDArray[np.float64]
+    """(T, K) mass that left each label after the step, of one in all."""
+    entered: NDArray[np.float64]
+    """(T, K) mass that entered each label at the step, before the observation."""
+    low: NDArray[np.int64]
+    """(T,) the first step whose entries are recent."""
+    total: NDArray[np.float64]
+    """(T,) the sum before normalising, 0 for an impossible observation."""
+    scale: NDArray[np.float64]
+    """(T,) the logarithm that the total is scaled by."""
+
+
+class _Origins(NamedTuple):
+    """Where the best paths come from."""
+
+    began: NDArray[np.int64]
+    """(T, K) step at which the label was entered, on the best path that leaves it after a step."""
+    label: NDArray[np.int16]
+    """(T, K) label before, on the best path that enters a label at a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +142,6 @@ class SemiMarkovChain:
     def __init__(
         self, initial: ArrayLike, leaving: ArrayLike, edges_m: ArrayLike, rates: ArrayLike
     ) -> None:
-        from pgm_places.solvers._semi_markov_kernels import Rates
-
         n_labels = len(np.asarray(initial))
         self._start = check_start(initial, n_labels)
         after = finite_array("leaving", leaving, (n_labels, n_labels))
@@ -99,7 +156,7 @@ class SemiMarkovChain:
             raise InputError(f"rates must be at least 0, got {by_age.min()}")
         sums = np.zeros(by_age.shape)
         sums[:, 1:] = np.cumsum(by_age[:, :-1] * np.diff(edges), axis=1)
-        self._model = Rates(after, edges, by_age, sums)
+        self._model = _Rates(*map(np.ascontiguousarray, (after, edges, by_age, sums)))
 
     def filtered(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
         """Beliefs from the observations until each step.
@@ -121,21 +178,17 @@ class SemiMarkovChain:
 
     def smoothed(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
         """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
-        from pgm_places.solvers._semi_markov_kernels import smooth_steps
-
         found, states = self._filter(moved_m, log_likelihood)
         if len(found.beliefs):
-            smooth_steps(self._model, states, found)
+            smooth_stretches(self._model, states, found)
         return _beliefs(found)
 
     def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
         """The labels with the largest joint probability; arguments as of :meth:`filtered`."""
-        from pgm_places.solvers._semi_markov_kernels import Origins, viterbi_steps
-
         states, observed = self._checked(moved_m, log_likelihood)
         n_steps, n_labels = observed.shape
         labels, impossible = np.zeros(n_steps, np.int64), np.zeros(n_steps, np.bool_)
-        origins = Origins(np.zeros(observed.shape, np.int64), np.zeros(observed.shape, np.int16))
+        origins = _Origins(np.zeros(observed.shape, np.int64), np.zeros(observed.shape, np.int16))
         if n_labels > np.iinfo(np.int16).max:
             raise InputError(
                 f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}"
@@ -144,7 +197,7 @@ class SemiMarkovChain:
         if n_steps:
             with np.errstate(divide="ignore"):
                 log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
-            total = viterbi_steps(
+            total = best_stretches(
                 log_start, log_leaving, self._model, states, observed, origins, labels, impossible
             )
         return ChainPath(labels, float(total), np.flatnonzero(impossible))
@@ -163,8 +216,6 @@ class SemiMarkovChain:
         moved_m : float
             Distance driven since the step before.
         """
-        from pgm_places.solvers._semi_markov_kernels import States, pass_on, weigh
-
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
         )
@@ -178,18 +229,18 @@ class SemiMarkovChain:
             age_m = np.append(state.age_m + moved_m, 0.0)
             recent = np.concatenate([state.recent, np.zeros((1, len(rows)))])
             old = state.old.copy()
-            states = States(age_m[0] - age_m, recent, old)
-            low, _, _, held = pass_on(self._model, states, len(age_m) - 1, 0, factor)
+            states = _States(age_m[0] - age_m, recent, old)
+            left, entered, held = (np.empty(len(rows)) for _ in range(3))
+            flow = (left, entered, held)
+            low = pass_on_states(self._model, states, len(age_m) - 1, 0, factor, flow)
             age_m, recent = age_m[low:], recent[low:]
-        total, _ = weigh(held, rows, factor)
+        total = weigh_states(held, np.ascontiguousarray(rows), factor)
         return SemiMarkovState(age_m, recent * factor, old * factor), bool(total > 0.0)
 
-    def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[Any, Any]:
-        from pgm_places.solvers._semi_markov_kernels import Found, filter_steps
-
+    def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[_Found, _States]:
         states, observed = self._checked(moved_m, log_likelihood)
         shape = observed.shape
-        found = Found(
+        found = _Found(
             beliefs=np.zeros(shape),
             factor=np.ones(shape),
             left=np.zeros(shape),
@@ -199,13 +250,13 @@ class SemiMarkovChain:
             scale=np.zeros(len(observed)),
         )
         if len(observed):
-            filter_steps(self._start, self._model, states, observed, found)
+            filter_stretches(self._start, self._model, states, observed, found)
         return found, states
 
-    def _checked(self, moved_m: ArrayLike, observed: ArrayLike) -> tuple[Any, NDArray[np.float64]]:
+    def _checked(
+        self, moved_m: ArrayLike, observed: ArrayLike
+    ) -> tuple[_States, NDArray[np.float64]]:
         """States to work on, and the log-likelihoods (T, K)."""
-        from pgm_places.solvers._semi_markov_kernels import States
-
         n_labels = len(self._start)
         rows = finite_array("log_likelihood", observed, ("T", n_labels), allow_minus_inf=True)
         moved = finite_array("moved_m", moved_m, (max(len(rows) - 1, 0),))
@@ -213,10 +264,10 @@ class SemiMarkovChain:
             raise InputError(f"moved_m must be at least 0 metres, got {moved.min()}")
         at_m = np.zeros(len(rows))
         at_m[1:] = np.cumsum(moved)
-        return States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
+        return _States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
 
 
-def _beliefs(found: Any) -> ChainBeliefs:
+def _beliefs(found: _Found) -> ChainBeliefs:
     impossible = np.flatnonzero(found.total == 0.0)
     evidence = -np.inf
     if not len(impossible):

@@ -17,6 +17,7 @@ from pgm_places.solvers.local_search import iterated_conditional_modes
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
+from pgm_places.solvers.semi_markov import SemiMarkovChain
 from pgm_places.solvers.trws import trws
 
 Array = NDArray[Any]
@@ -49,6 +50,14 @@ TABLES = -np.abs(RNG.normal(size=(len(EDGES), K, K)))
 CELLS = np.argwhere(np.ones((2, 3), bool))
 CHAIN = (np.full(K, 1 / K), np.eye(K) * 0.7 + 0.1, UNARY)
 CAPACITIES = tuple(RNG.uniform(size=n) for n in (N, N, len(EDGES), len(EDGES)))
+STRETCHES = (
+    CHAIN[0],
+    (1 - np.eye(K)) / (K - 1),
+    np.array([0.0, 1.0]),
+    RNG.uniform(0.5, 2.0, (K, 2)),
+    np.full(N - 1, 0.5),
+    UNARY,
+)
 FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     "cut": (
         lambda source, sink, ahead, back, edges: minimum_cut(source, sink, edges, ahead, back),
@@ -82,6 +91,9 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     "filter": (filtered_beliefs, CHAIN),
     "smoother": (smoothed_beliefs, CHAIN),
     "viterbi": (viterbi, CHAIN),
+    "stretches": (lambda *a: SemiMarkovChain(*a[:4]).smoothed(*a[4:]), STRETCHES),
+    "best stretches": (lambda *a: SemiMarkovChain(*a[:4]).viterbi(*a[4:]), STRETCHES),
+    "a stretch": (lambda *a: SemiMarkovChain(*a[:4]).step(a[5][0])[0], STRETCHES),
 }
 
 
