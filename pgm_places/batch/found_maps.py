@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePosixPath
 
 from pgm_places.errors import MapError
@@ -17,20 +18,25 @@ _DESCRIBES_MAP = re.compile(rb"^image[ \t]*:", re.MULTILINE)
 _HEAD = 1 << 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FoundMap:
-    """A map to label.
+    """A map to label; there may be a million, so it holds its path as text.
 
     Parameters
     ----------
     name : str
         Its folder among the results: its path below the root, with slashes and without ``.yaml``.
-    path : Path
+    file : str
         Its YAML file, absolute.
     """
 
     name: str
-    path: Path
+    file: str
+
+    @property
+    def path(self) -> Path:
+        """Its YAML file."""
+        return Path(self.file)
 
 
 @dataclass(frozen=True)
@@ -84,22 +90,22 @@ def find_maps(
     """
     if root is None:
         root = _common([_base(argument) for argument in arguments])
-    found: dict[Path, None] = {}
+    found: dict[str, None] = {}
     n_passed_over = 0
     for argument in arguments:
         listed = _listed(argument, None if out is None else out.absolute())
         if listed is None:
             path = Path(argument) if is_address(argument) else user_path(argument, MapError)
-            found[path if is_address(path) else path.absolute()] = None
+            found[str(path if is_address(path) else path.absolute())] = None
             continue
-        maps = [path for path in listed if _describes_map(path)]
+        maps = [file for file in listed if _describes_map(Path(file))]
         if not maps:
             raise MapError(
                 f"{argument}: no map in it: none of {len(listed)} YAML files has a key 'image'"
             )
         n_passed_over += len(listed) - len(maps)
         found |= dict.fromkeys(maps)
-    named = [FoundMap(_name(path, root), path) for path in found]
+    named = [FoundMap(_name(Path(file), root), file) for file in found]
     return FoundMaps(tuple(sorted(named, key=lambda item: item.name)), n_passed_over, root)
 
 
@@ -154,7 +160,7 @@ def _name(path: Path, root: Path) -> str:
     return str(PurePosixPath(*parts))
 
 
-def _listed(argument: str, out: Path | None) -> list[Path] | None:
+def _listed(argument: str, out: Path | None) -> list[str] | None:
     """The YAML files of a folder or a pattern, absolute and sorted; None for a single file."""
     if not names_many(argument):
         return None
@@ -162,17 +168,17 @@ def _listed(argument: str, out: Path | None) -> list[Path] | None:
         return _listed_far(FarFolder.at(argument, MapError))
     path = user_path(argument, MapError)
     if file_kind(path) == "folder":
-        below: Iterable[Path] = (*path.rglob("*.yaml"), *path.rglob("*.yml"))
+        below: Iterable[Path] = chain(path.rglob("*.yaml"), path.rglob("*.yml"))
         below = (file for file in below if not _is_hidden(file.relative_to(path)))
     else:
         # Path.glob takes no absolute patterns. Neither finds hidden folders by a wildcard.
         below = map(Path, glob.iglob(str(path), recursive=True))  # noqa: PTH207
         below = (file for file in below if file.suffix in (".yaml", ".yml"))
-    files = {file.absolute() for file in below}
-    return sorted(file for file in files if file.is_file() and out not in file.parents)
+    whole = (file.absolute() for file in below)
+    return sorted({str(file) for file in whole if file.is_file() and out not in file.parents})
 
 
-def _listed_far(folder: FarFolder) -> list[Path]:
+def _listed_far(folder: FarFolder) -> list[str]:
     """The YAML files of a far folder, or that fit a pattern, as addresses."""
     if glob.has_magic(folder.path):
         start = len(folder.address) - len(folder.path)
@@ -180,7 +186,7 @@ def _listed_far(folder: FarFolder) -> list[Path]:
     else:
         names = (name for name in folder.names() if not _is_hidden(Path(name)))
         files = [Path(f"{folder.address.rstrip('/')}/{name}") for name in names]
-    return sorted(file for file in files if file.suffix in (".yaml", ".yml"))
+    return sorted(str(file) for file in files if file.suffix in (".yaml", ".yml"))
 
 
 def _is_hidden(file: Path) -> bool:

@@ -25,6 +25,7 @@ def overview_page(overview: Overview, out: Path | None) -> str:
         {
             **row,
             "link": quote(row["name"]),
+            "parts": row["name"].removesuffix("/map").split("/"),
             "areas": [_figure(row.get(f"{label}_m2", "")) for label in overview.labels],
             "has_picture": out is None or (out / row["name"] / THUMBNAIL_FILE).exists(),
             "messages": warnings_of(out / row["name"]) if out and row["warnings"] != "0" else (),
@@ -41,6 +42,7 @@ def overview_page(overview: Overview, out: Path | None) -> str:
         cards=list(_cards(overview)),
         labels=label_swatches(overview.labels),
         rows=rows,
+        pictured=any(row["has_picture"] for row in rows),
         n_rows=overview.n_rows,
         failures=overview.failures,
         n_failures=overview.n_failures,
