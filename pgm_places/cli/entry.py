@@ -66,6 +66,14 @@ def main() -> None:
         _interrupted(stops)
     except BrokenPipeError:  # nobody reads on, which needs no words
         _leave(EXIT_UNREAD)
+    except ImportError as error:
+        if "pgm_places._core" not in str(error):
+            raise
+        _end(
+            "the compiled kernels are missing, or older than the sources that need them; compile "
+            'them with "make core" or "pip install --editable ." (in the folder of pgm-places)',
+            EXIT_BAD_INPUT,
+        )
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         _end(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)

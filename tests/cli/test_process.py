@@ -205,6 +205,24 @@ def test_a_signal_to_end_is_an_interrupt(name: str, monkeypatch: pytest.MonkeyPa
         signal.signal(number, before)
 
 
+@pytest.mark.parametrize("state", ["missing", "stale"])
+def test_kernels_that_are_missing_or_old_are_one_line(state: str) -> None:
+    # Either no module of that name can be imported, or it lacks what the sources ask for.
+    module = "None" if state == "missing" else "types.ModuleType('pgm_places._core')"
+    code = (
+        "import sys, types\n"
+        f"sys.modules['pgm_places._core'] = {module}\n"
+        "def run(): import pgm_places.solvers.adjacency\n"
+        "from pgm_places.cli import entry\n"
+        "entry._run = run\n"
+        "entry.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == entry.EXIT_BAD_INPUT
+    assert done.stderr.startswith("pgm-places: the compiled kernels are missing, or older")
+    assert len(done.stderr.splitlines()) == 1
+
+
 @needs_posix
 def test_the_second_process_ends_with_the_first() -> None:
     helper = (
