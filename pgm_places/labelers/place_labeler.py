@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name, sealed
+from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.traits import traits_of
-from pgm_places.labelers.doorway_depth import with_doorway_depth
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
@@ -22,8 +20,7 @@ from pgm_places.labelers.method import (
     infer,
     place_methods,
 )
-from pgm_places.labelers.place_problem import cells_problem, shown_names
-from pgm_places.labelers.whole_spaces import with_whole_spaces
+from pgm_places.labelers.place_problem import along_spaces, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
@@ -273,9 +270,8 @@ class PlaceLabeler(Labeler):
 
         Only what the methods want is computed. ``lean`` scores take less memory: in single
         precision where the methods take that, with the doorways of the map in place of segments,
-        gates and places. ``known`` (H, W), labels or -1, tells which
-        gates are doorways where it covers them; ``own`` holds the nodes' laser and custom features
-        (N, F), or a table of them, if they are known from before.
+        gates and places. ``known`` (H, W), labels or -1, tells which gates are doorways where it
+        covers them; ``own`` (N, F), or a table, holds the nodes' features if they are known.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
@@ -360,23 +356,13 @@ class PlaceLabeler(Labeler):
         known: NDArray[np.int64] | None = None,
     ) -> LabelingProblem:
         """The labelling problem of given scores; ``known`` (N,) holds known labels, or -1."""
-        names, layout = self.learned_names, graph.layout
-        problem = cells_problem(graph, names, scores, method.unary, known)
+        problem = cells_problem(graph, self.learned_names, scores, method.unary, known)
         if method.unary in ("laser", "context"):
             return problem
-        assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
-        unary, space = problem.unary, self.unary_model_.space
-        if self.doorway_depth_m is not None and space is not None and space.gates is not None:
-            gates, doorway = scores.accepted_gates, space.doorway
-            assert doorway is not None  # the list of gates has learned it
-            unary = with_doorway_depth(unary, gates, layout, doorway, self.doorway_depth_m)
-        if self.whole_spaces and scores.segments is not None:
-            place = None
-            doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
-            if known is not None and doorways is not None:
-                place = layout.from_raster(doorways.place)
-            unary = with_whole_spaces(unary, scores.segments, layout, names, known, place)
-        return problem if unary is problem.unary else problem.with_unary(sealed(unary))
+        space = self.unary_model_.space
+        depth_m = None if space is None or space.gates is None else self.doorway_depth_m
+        doorway = None if space is None else space.doorway
+        return along_spaces(problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""
@@ -391,13 +377,7 @@ class PlaceLabeler(Labeler):
         return float(np.mean((labels == truth)[truth >= 0]))
 
     def method(self, name: str | None = None) -> PlaceMethod:
-        """The fitted method of that name, the default one for None.
-
-        Raises
-        ------
-        ConfigError
-            There is no such method; the nearest is offered.
-        """
+        """The fitted method of that name, the default one for None; ConfigError if none is."""
         name = name or self.default_method
         if name not in self.methods_:
             hint = nearest_name(name, list(self.methods_))

@@ -6,12 +6,15 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.doorway_depth import with_doorway_depth
+from pgm_places.labelers.whole_spaces import with_whole_spaces
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["cells_problem", "shown_names"]
+__all__ = ["along_spaces", "cells_problem", "shown_names"]
 
 
 def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tuple[str, ...]:
@@ -41,3 +44,29 @@ def cells_problem(
         ),
         known=known,
     )
+
+
+def along_spaces(
+    problem: LabelingProblem,
+    scores: CellScores,
+    doorway: int | None,
+    doorway_depth_m: float | None,
+    *,
+    whole_spaces: bool,
+) -> LabelingProblem:
+    """The problem with doorways as deep as wanted, and with whole spaces, where these are seen."""
+    layout = problem.graph.layout
+    assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
+    unary = problem.unary
+    if doorway_depth_m is not None:
+        assert doorway is not None  # the list of gates has learned it
+        unary = with_doorway_depth(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
+    if whole_spaces and scores.segments is not None:
+        place = None
+        doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
+        if problem.known is not None and doorways is not None:
+            place = layout.from_raster(doorways.place)
+        unary = with_whole_spaces(
+            unary, scores.segments, layout, tuple(problem.label_names), problem.known, place
+        )
+    return problem if unary is problem.unary else problem.with_unary(sealed(unary))
