@@ -61,20 +61,21 @@ def _differences(comparison: "Comparison") -> str:
     ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
     if len(ranked) < 2:
         return ""
+    from pgm_places.experiment.judgement import points
+
     top, judgement = ranked[0].id, comparison.judgement
     found = [judgement.between(top, item.id) for item in ranked[1:]]
     several = found[0].buildings.n_buildings > 1
     buildings = ["buildings A/E/B", "p"] if several else []
     rows = [[f"{top} against", "points", "95 %", "beyond chance", *buildings]]
     for item in found:
-        low, high = 100 * item.interval.low, 100 * item.interval.high
         signs = item.buildings
         counts = [f"{signs.better}/{signs.even}/{signs.worse}", f"{signs.p_value:.2g}"]
         rows.append(
             [
                 item.second,
-                f"{100 * item.interval.estimate:+.1f}",
-                f"{low:+.1f} to {high:+.1f}",
+                points(item.interval.estimate),
+                f"{points(item.interval.low)} to {points(item.interval.high)}",
                 "no" if item.winner is None else "yes",
                 *(counts if several else []),
             ]

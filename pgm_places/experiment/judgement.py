@@ -14,7 +14,7 @@ from pgm_places.evaluation.sign_test import SignTest
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.inference.labeling import Labeling
 
-__all__ = ["TESTED", "Difference", "Judgement", "judge"]
+__all__ = ["TESTED", "Difference", "Judgement", "judge", "points"]
 
 FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
     "accuracy": confusion.accuracy,
@@ -113,6 +113,20 @@ class Judgement:
             if item.figure == figure and {item.first, item.second} == {first, second}:
                 return item if item.first == first else item.reversed()
         raise KeyError((first, second, figure))
+
+
+def points(difference: float) -> str:
+    """A difference of shares in points with its sign, so that its side of 0 is seen.
+
+    Examples
+    --------
+    >>> points(0.015), points(-0.0002), points(0.0)
+    ('+1.5', '-0.02', '0')
+    """
+    value = 100 * difference
+    if not value:
+        return "0"
+    return f"{value:+.1f}" if abs(value) >= 0.1 else f"{value:+.2g}"
 
 
 def judge(

@@ -11,6 +11,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pgm_places._version import __version__
+from pgm_places.experiment.judgement import points
 
 __all__ = ["data_uri", "render", "template_text"]
 
@@ -83,7 +84,7 @@ def _percent(share: float | None, digits: int = 1) -> str:
 
 def _signed(share: float) -> str:
     """A difference of shares in points, with its sign."""
-    return f"{100 * share:+.1f}".replace("-", "−")
+    return points(share).replace("-", "−")
 
 
 def _seconds(value: float | None) -> str:
