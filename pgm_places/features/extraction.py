@@ -1,28 +1,27 @@
 """The laser features of scans, computed for any choice of columns."""
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError
-from pgm_places.features._beam_kernels import (
-    cut_features,
-    gap_features,
-    ratio_features,
-    spread_features,
-)
-from pgm_places.features._fourier_kernels import FourierRoom, Outline, fourier_features
-from pgm_places.features._minima_kernels import MinimaRoom, minima_features
-from pgm_places.features._polygon_kernels import (
+from pgm_places._core import (
     centroid_features,
+    cut_features,
+    fourier_features,
+    gap_features,
+    load_tiles,
+    minima_features,
     moment_features,
     outline_features,
+    ratio_features,
+    spread_features,
+    write_rows,
 )
-from pgm_places.features._tile_kernels import load_tiles, write_rows
-from pgm_places.features._tiles import N_BEAMS, TILE_ROWS
+from pgm_places.errors import InputError
+from pgm_places.features._tiles import LANES, N_BEAMS, TILE_ROWS
 from pgm_places.features._workspace import Workspace
 from pgm_places.features.beams import (
     InvalidBeams,
@@ -33,9 +32,7 @@ from pgm_places.features.beams import (
     resample_beams,
 )
 from pgm_places.features.laser import LASER_FEATURES
-from pgm_places.features.plan import FeaturePlan, FourierPlan, plan_features
-from pgm_places.kernels.jit import ready
-from pgm_places.kernels.lanes import LANES
+from pgm_places.features.plan import FeaturePlan, plan_features
 from pgm_places.kernels.threads import run_tasks
 
 Columns = Sequence[int] | NDArray[np.integer[Any]]
@@ -193,8 +190,8 @@ class ScanExtractor:
             columns = self._plan.columns
             return extract_one(scan, max_range_m=self._max_range_m, columns=columns)
         rows = np.empty((1, len(self._plan.columns)), np.float32)
-        ready = np.ascontiguousarray(scan)[np.newaxis]
-        _extract_part(ready, self._limit, self._plan, self._space, rows)
+        scans = np.ascontiguousarray(scan)[np.newaxis]
+        _extract_part(scans, self._limit, self._plan, self._space, rows)
         return rows[0]
 
 
@@ -219,60 +216,41 @@ def _extract_part(
     space: Workspace,
     rows: NDArray[np.float32],
 ) -> None:
-    block = space.block(scans.dtype)
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
-        load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
-        for call in _calls(plan, space, -(-(stop - start) // LANES)):
-            call()
-        write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
+        load_tiles(scans, start, stop, limit, space.rho)
+        n_tiles = -(-(stop - start) // LANES)
+        _beam_families(plan, space, n_tiles)
+        _polygon_families(plan, space, n_tiles)
+        write_rows(space.values, plan.columns, start, stop, rows)
 
 
-def _calls(plan: FeaturePlan, space: Workspace, n_tiles: int) -> list[Callable[[], None]]:
-    """What computes the features of a plan in these planes, once the beams are there."""
-    if space.calls_for != (plan, n_tiles):
-        calls = [*_beam_families(plan, space, n_tiles), *_polygon_families(plan, space, n_tiles)]
-        if plan.fourier is not None:
-            calls.append(_fourier_series(plan.fourier, space, n_tiles))
-        space.calls_for, space.calls = (plan, n_tiles), calls
-    return space.calls
-
-
-def _beam_families(
-    plan: FeaturePlan, space: Workspace, n_tiles: int
-) -> Iterator[Callable[[], None]]:
+def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values = space.rho, space.values
     if plan.spread:
-        yield ready(spread_features, rho, n_tiles, values)
+        spread_features(rho, n_tiles, values)
     if plan.cuts is not None:
-        yield ready(cut_features, rho, n_tiles, plan.cuts.parameters, plan.cuts.columns, values)
+        cut_features(rho, n_tiles, *plan.cuts, values)
     if plan.gaps is not None:
-        gaps = plan.gaps
-        yield ready(gap_features, rho, n_tiles, gaps.parameters, gaps.columns, space.kept, values)
+        gap_features(rho, n_tiles, *plan.gaps, space.kept, values)
     if plan.ratios is not None:
-        bounds, columns = plan.ratios
-        yield ready(ratio_features, rho, n_tiles, bounds, columns, space.kept, values)
+        ratio_features(rho, n_tiles, *plan.ratios, space.kept, values)
     if plan.minima is not None:
-        room = MinimaRoom(space.few, space.ahead, space.kept, space.beams)
-        yield ready(minima_features, rho, n_tiles, plan.minima, CHORDS, room, values)
+        room = space.ahead, space.kept, space.beams
+        minima_features(rho, n_tiles, plan.minima, CHORDS, room, values)
 
 
-def _polygon_families(
-    plan: FeaturePlan, space: Workspace, n_tiles: int
-) -> Iterator[Callable[[], None]]:
+def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values, shape = space.rho, space.values, space.shape
     if plan.outline:
-        yield ready(outline_features, rho, n_tiles, DIRECTIONS, space.edges, shape, values)
+        outline_features(rho, n_tiles, DIRECTIONS, space.edges, shape, values)
     if plan.centroid:
-        yield ready(centroid_features, rho, n_tiles, DIRECTIONS, shape, values)
+        centroid_features(rho, n_tiles, DIRECTIONS, shape, values)
     if plan.moments:
-        yield ready(moment_features, rho, n_tiles, DIRECTIONS, shape, space.few, values)
-
-
-def _fourier_series(plan: FourierPlan, space: Workspace, n_tiles: int) -> Callable[[], None]:
-    outline = Outline(space.rho, DIRECTIONS, space.edges, space.shape)
-    room = FourierRoom(space.few, space.outline, space.cells)
-    return ready(fourier_features, outline, n_tiles, plan, room, space.values)
+        moment_features(rho, n_tiles, DIRECTIONS, shape, values)
+    if plan.fourier is not None:
+        outline = rho, DIRECTIONS, space.edges, shape
+        fourier_features(outline, n_tiles, plan.fourier, space.series, values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:

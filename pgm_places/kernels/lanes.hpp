@@ -20,12 +20,16 @@
 #endif
 
 #define PGM_INLINE inline __attribute__((always_inline))
+#define PGM_INLINE_LAMBDA __attribute__((always_inline))  // behind a lambda's parameters
 
 namespace pgm {
 
 template <class T, int N> struct Register {
     // Aligned by name: for vectors wider than the machine's registers GCC forgets to.
     typedef T type __attribute__((vector_size(N * sizeof(T)), aligned(N * sizeof(T))));
+    // The same anywhere in memory. A copy by memcpy would go through the small registers that every
+    // processor has.
+    typedef T loose __attribute__((vector_size(N * sizeof(T)), aligned(1), may_alias));
 };
 
 // What comparing two numbers of a type gives: all bits are set, or none.
@@ -39,9 +43,7 @@ template <class T, int N, int BYTES> struct alignas(std::min<int>(N * sizeof(T),
     Part part[PARTS];
 
     static PGM_INLINE Lanes load(const T *from) {
-        Lanes lanes;
-        std::memcpy(&lanes, from, sizeof(lanes));
-        return lanes;
+        return each([&](int p) { return Part(loose(from + p * WIDTH)); });
     }
 
     static PGM_INLINE Lanes splat(T value) {
@@ -63,7 +65,34 @@ template <class T, int N, int BYTES> struct alignas(std::min<int>(N * sizeof(T),
         return lanes;
     }
 
-    PGM_INLINE void store(T *to) const { std::memcpy(to, this, sizeof(*this)); }
+    PGM_INLINE void store(T *to) const {
+        for (int p = 0; p < PARTS; ++p) loose(to + p * WIDTH) = part[p];
+    }
+
+    // Flags of what `compare` says of vectors; of half a part at a time where parts have 64 bytes,
+    // whose flags GCC would find one by one.
+    template <class Compare>
+    static PGM_INLINE Mask compared(const Lanes &a, const Lanes &b, Compare compare) {
+        constexpr int LONGEST = std::min<int>(WIDTH, 32 / sizeof(T)), PIECES = WIDTH / LONGEST;
+        using Piece = typename Register<T, LONGEST>::loose;
+        using Flags = typename Register<Flag<T>, LONGEST>::loose;
+        Mask mask;
+        for (int p = 0; p < PARTS; ++p) {
+            const auto x = reinterpret_cast<const Piece *>(&a.part[p]);
+            const auto y = reinterpret_cast<const Piece *>(&b.part[p]);
+            const auto flags = reinterpret_cast<Flags *>(&mask.part[p]);
+            for (int i = 0; i < PIECES; ++i) flags[i] = compare(x[i], y[i]);
+        }
+        return mask;
+    }
+
+    // A part's worth of numbers in memory.
+    static PGM_INLINE auto &loose(T *at) {
+        return *reinterpret_cast<typename Register<T, WIDTH>::loose *>(at);
+    }
+    static PGM_INLINE const auto &loose(const T *at) {
+        return *reinterpret_cast<const typename Register<T, WIDTH>::loose *>(at);
+    }
 
     PGM_INLINE T operator[](int lane) const { return part[lane / WIDTH][lane % WIDTH]; }
 
@@ -79,20 +108,34 @@ template <class T, int N, int BYTES> struct alignas(std::min<int>(N * sizeof(T),
     friend PGM_INLINE Lanes operator/(Lanes a, Lanes b) {
         return each([&](int p) { return a.part[p] / b.part[p]; });
     }
+    // With a number, the same in every lane.
+    friend PGM_INLINE Lanes operator+(Lanes a, T b) { return a + splat(b); }
+    friend PGM_INLINE Lanes operator-(Lanes a, T b) { return a - splat(b); }
+    friend PGM_INLINE Lanes operator*(Lanes a, T b) { return a * splat(b); }
+    friend PGM_INLINE Lanes operator*(T a, Lanes b) { return splat(a) * b; }
+    friend PGM_INLINE Lanes operator/(Lanes a, T b) { return a / splat(b); }
+    friend PGM_INLINE Mask operator>(Lanes a, T b) { return a > splat(b); }
+    friend PGM_INLINE Mask operator<(Lanes a, T b) { return a < splat(b); }
+    friend PGM_INLINE Mask operator>=(Lanes a, T b) { return a >= splat(b); }
+    friend PGM_INLINE Mask operator<=(Lanes a, T b) { return a <= splat(b); }
+    friend PGM_INLINE Mask operator==(Lanes a, T b) { return a == splat(b); }
     friend PGM_INLINE Mask operator>(Lanes a, Lanes b) {
-        return Mask::each([&](int p) { return a.part[p] > b.part[p]; });
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x > y; });
     }
     friend PGM_INLINE Mask operator<(Lanes a, Lanes b) {
-        return Mask::each([&](int p) { return a.part[p] < b.part[p]; });
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x < y; });
     }
     friend PGM_INLINE Mask operator>=(Lanes a, Lanes b) {
-        return Mask::each([&](int p) { return a.part[p] >= b.part[p]; });
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x >= y; });
     }
     friend PGM_INLINE Mask operator<=(Lanes a, Lanes b) {
-        return Mask::each([&](int p) { return a.part[p] <= b.part[p]; });
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x <= y; });
     }
     friend PGM_INLINE Mask operator==(Lanes a, Lanes b) {
-        return Mask::each([&](int p) { return a.part[p] == b.part[p]; });
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x == y; });
+    }
+    friend PGM_INLINE Mask operator!=(Lanes a, Lanes b) {
+        return compared(a, b, [](auto x, auto y) PGM_INLINE_LAMBDA { return x != y; });
     }
     friend PGM_INLINE Lanes operator&(Lanes a, Lanes b) {
         return each([&](int p) { return a.part[p] & b.part[p]; });
@@ -123,7 +166,22 @@ PGM_INLINE Lanes<T, N, B> smallest(Lanes<T, N, B> a, Lanes<T, N, B> b) {
 // `a * b + c` rounded once.
 template <class T, int N, int B>
 PGM_INLINE Lanes<T, N, B> fma(Lanes<T, N, B> a, Lanes<T, N, B> b, Lanes<T, N, B> c) {
-    return a.every([&](int lane) { return std::fma(a[lane], b[lane], c[lane]); });
+    return a.each([&](int p) PGM_INLINE_LAMBDA {
+#if defined(__clang__)
+        return __builtin_elementwise_fma(a.part[p], b.part[p], c.part[p]);
+#else
+        // A loop over memory, which GCC makes one instruction also within long functions.
+        constexpr int WIDTH = Lanes<T, N, B>::WIDTH;
+        T x[WIDTH], y[WIDTH], z[WIDTH];
+        a.loose(x) = a.part[p];
+        a.loose(y) = b.part[p];
+        a.loose(z) = c.part[p];
+#pragma GCC unroll 1
+        for (int i = 0; i < WIDTH; ++i) z[i] = std::fma(x[i], y[i], z[i]);
+        const typename Lanes<T, N, B>::Part sum = a.loose(z);
+        return sum;
+#endif
+    });
 }
 
 template <class T, int N, int B> PGM_INLINE Lanes<T, N, B> square_root(Lanes<T, N, B> a) {
@@ -149,10 +207,23 @@ template <int N, int B> PGM_INLINE Lanes<double, N, B> power_of_two(Lanes<double
     });
 }
 
+// Whether a bit is set in some bytes, halves of which are combined until eight are left.
+template <int BYTES, class Part> PGM_INLINE bool any_bit(Part bits) {
+    if constexpr (BYTES == 8) {
+        std::uint64_t word;
+        std::memcpy(&word, &bits, sizeof(word));
+        return word != 0;
+    } else {
+        using Half = typename Register<std::uint64_t, BYTES / 16>::loose;
+        const auto halves = reinterpret_cast<const Half *>(&bits);
+        return any_bit<BYTES / 2>(halves[0] | halves[1]);
+    }
+}
+
 template <class T, int N, int B> PGM_INLINE bool any_lane(Lanes<T, N, B> mask) {
-    T any = 0;
-    for (int lane = 0; lane < N; ++lane) any |= mask[lane];
-    return any != 0;
+    auto any = mask.part[0];
+    for (int p = 1; p < mask.PARTS; ++p) any |= mask.part[p];
+    return any_bit<sizeof(any)>(any);
 }
 
 template <int N, int B> PGM_INLINE Lanes<float, N, B> narrow(Lanes<double, N, B> a) {

@@ -1,6 +1,3 @@
-import os
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -24,7 +21,6 @@ HU = [column for column, spec in enumerate(LASER_FEATURES) if spec.id == "f21"]
 MINOR = [NAMES.index(name) for name in ("f18", "f19", "f18_2", "f19_2")]
 OTHERS = [column for column in range(321) if column not in {*FOURIER, *HU, *MINOR}]
 ORDERS = np.array([int(LASER_FEATURES[column].parameter or 0) for column in FOURIER])
-COUNTS = [c for c, spec in enumerate(LASER_FEATURES) if spec.id in {"f14", "f30"}]
 
 
 def reference(ranges: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -375,25 +371,3 @@ def test_one_scan_must_be_one_scan() -> None:
 
 def test_no_columns_no_cost() -> None:
     assert extract(rooms(4, seed=0), max_range_m=80.0, columns=[]).shape == (4, 0)
-
-
-@pytest.mark.parametrize("n_scans", [1, 17])
-def test_the_same_source_runs_uncompiled(n_scans: int) -> None:
-    code = (
-        "import numpy as np\n"
-        "from pgm_places.features.extraction import extract\n"
-        "from tests.features.scans import rooms\n"
-        f"got = extract(rooms({n_scans}, seed=13), max_range_m=80.0)\n"
-        "print(np.array2string(got.astype(float).sum(axis=0), precision=17, threshold=999))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    plain = np.array(done.stdout.strip(" []\n").split(), float)
-    compiled = extract(rooms(n_scans, seed=13), max_range_m=80.0).astype(float).sum(axis=0)
-    np.testing.assert_allclose(plain, compiled, rtol=1e-5, atol=1e-4)
-    np.testing.assert_array_equal(plain[COUNTS], compiled[COUNTS])

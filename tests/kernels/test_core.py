@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from pgm_places import _core
+from pgm_places.features.extraction import extract
+from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.sensing.ray_casting import cast_cells
+from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.solvers.grid_relaxation import relax_grid
+from tests.features.scans import rooms
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -87,6 +93,33 @@ def test_registers_of_any_width_give_the_same_bits(n_labels: int, n_tables: int)
         _core.limit_registers(width)
         relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, iterations=5)
         found.append((relaxed.beliefs.tobytes(), relaxed.max_change, relaxed.support))
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.usefixtures("any_registers")
+def test_registers_of_any_width_give_the_same_features() -> None:
+    scans = rooms(3 * 16 - 5, seed=3)
+    scans[0, 10:50] = np.nan
+    some = [0, 3, 15, 40, 90, 107, 120, 121, 250, 306, 312, 320]
+    found = []
+    for width in (16, 32, 64):
+        _core.limit_registers(width)
+        parts = [extract(scans, max_range_m=30.0, columns=columns) for columns in (None, some)]
+        found.append([part.tobytes() for part in parts])
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.usefixtures("any_registers")
+def test_registers_of_any_width_give_the_same_ranges_and_distances() -> None:
+    rng = np.random.default_rng(4)
+    cells = np.where(rng.random((50, 70)) < 0.03, 100, 0).astype(np.int8)
+    cells[20, :40] = 100
+    sensor = Sensor(72, 8.0, noise=SensorNoise(0.1, 0.1, 0.1, seed=5))
+    found = []
+    for width in (16, 32, 64):
+        _core.limit_registers(width)
+        ranges = cast_cells(OccupancyGrid(cells, 0.05), sensor)
+        found.append((ranges.tobytes(), squared_clearance(cells > 0).tobytes()))
     assert found[0] == found[1] == found[2]
 
 
