@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places import _core
+
 __all__ = ["Basins", "find_basins", "neighbour_steps"]
 
 
@@ -64,28 +66,36 @@ def find_basins(relief: NDArray[np.int32]) -> Basins:
     these are tied form lines between the basins and belong to none, because any choice would depend
     on the orientation of the map.
     """
-    from pgm_places.spaces import _watershed_kernels as kernels
-
     flat, steps = relief.reshape(-1), neighbour_steps(relief.shape[1])
     ways = np.zeros(flat.size, np.uint8)
     basin = np.full(flat.size, -1, np.int32)
     scratch = np.empty(flat.size, np.int32)  # pages are only touched as far as it is used
-    kernels.steepest_ways(flat, steps, ways)
-    kernels.cross_plateaus(flat, steps, ways, basin, scratch)
-    count, room = kernels.number_summits(flat, steps, ways, basin, scratch)
-    rank = room[:count]
-    n_parted = kernels.climb(flat, steps, ways, rank, basin, scratch)
+    _core.steepest_ways(flat, steps, ways)
+    _core.cross_plateaus(flat, steps, ways, basin, scratch)
+    ranks = np.empty(flat.size // 4 + 1, np.int64)  # summits do not touch
+    rank = ranks[: _core.number_summits(flat, steps, ways, basin, scratch, ranks)].copy()
+    n_parted = _core.climb(flat, steps, ways, rank, basin, scratch)
     n_lines, beside = 0, np.empty((0, 2), np.int64)
-    area, volume = kernels.areas_and_volumes(basin, flat, len(rank))
+    area, volume = _areas_and_volumes(basin, flat, len(rank))
     if n_parted:
-        n_lines, n_pairs, room = kernels.number_lines(basin, steps, len(rank), scratch)
-        line, beside_it = room[: 2 * n_pairs].reshape(-1, 2).T
+        pairs = np.empty((8 * n_parted, 2), np.int64)
+        n_lines, n_pairs = _core.number_lines(basin, steps, len(rank), scratch, pairs)
+        line, beside_it = pairs[:n_pairs].T
         beside = np.stack(np.divmod(np.unique(line * len(rank) + beside_it), len(rank)), axis=1)
         number, n_lines, beside = _settled(len(rank), n_lines, beside, rank, area, volume)
-        kernels.renumber(basin, number)
-        area = kernels.areas_and_volumes(basin, flat, len(rank) + n_lines)[0]
+        _core.renumber(basin, number)
+        area = _areas_and_volumes(basin, flat, len(rank) + n_lines)[0]
     summit = np.concatenate([rank >> 32, np.zeros(n_lines, np.int64)]).astype(np.int32)
     return Basins(basin.reshape(relief.shape), len(rank), area, summit, beside, n_lines)
+
+
+def _areas_and_volumes(
+    basin: NDArray[np.int32], relief: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(count,) the number of cells of each basin, and their summed heights."""
+    area, volume = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    _core.areas_and_volumes(basin, relief, area, volume)
+    return area, volume
 
 
 def _settled(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import open_cells
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
 __all__ = ["FURNITURE_M", "FURNITURE_M2", "SMALLEST_SPACE_M2", "open_space"]
@@ -32,8 +33,6 @@ def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     >>> int(open_space(OccupancyGrid(cells, resolution_m=0.5)).sum())
     81
     """
-    from pgm_places.spaces._open_kernels import open_cells
-
     found = np.empty(grid.shape, np.bool_)
     cell_m2 = grid.resolution_m**2
     furniture = (FURNITURE_M2 / cell_m2, FURNITURE_M / grid.resolution_m)

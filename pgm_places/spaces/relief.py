@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._core import smoothed_roots
+
 __all__ = ["UNIT", "clearance_m", "half_width_m", "relief_of"]
 
 _ROOT_UNIT = 1024
@@ -28,7 +30,6 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
     [[0.56, 0.78, 0.56], [0.78, 1.11, 0.78], [0.56, 0.78, 0.56]]
     """
     from pgm_places.maps.clearance import squared_clearance
-    from pgm_places.spaces._relief_kernels import smoothed_roots
 
     height, width = is_open.shape
     relief = np.empty((height + 2, width + 2), np.int32)

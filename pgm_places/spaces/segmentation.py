@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from pgm_places._checks import sealed
+from pgm_places._core import merge_basins
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.label_graph import LabelGraph
@@ -278,7 +279,6 @@ def _divisions(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(R, B) segment of each basin for each ratio, and the cells where basins touch."""
     from pgm_places.spaces._border_kernels import highest_passes
-    from pgm_places.spaces._merge_kernels import merge_basins
 
     steps = neighbour_steps(relief.shape[1])
     first = np.full(basins.count, -1, np.int32)
@@ -286,14 +286,15 @@ def _divisions(
     n_passes, room, n_touching = highest_passes(
         basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count, first, touching
     )
-    pairs, height = room[:n_passes, :2], room[:n_passes, 2]
+    height = room[:n_passes, 2]
     order = np.argsort(-height, kind="stable")
+    pairs = np.ascontiguousarray(room[order, :2])
     widths = half_width_m(height[order], resolution_m)
     radii = half_width_m(basins.summit[: basins.count], resolution_m)
     found = np.empty((len(ratios), basins.count), np.int32)
     for root, ratio in zip(found, ratios, strict=True):
         area = basins.area[: basins.count].copy()
-        merge_basins(pairs[order], widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
+        merge_basins(pairs, widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
         number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own
         root[:] = number[root]
     return found, touching[:n_touching]

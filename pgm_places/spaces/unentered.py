@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
-from pgm_places._core import label_components
+from pgm_places._core import label_components, open_cells
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -239,8 +239,6 @@ class _Raster:
 
 def _filled(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.bool_]:
     """(H, W) which cells are free or in a small obstacle, as in :func:`open_space`."""
-    from pgm_places.spaces._open_kernels import open_cells
-
     found = np.empty(cells.shape, np.bool_)
     open_cells(cells, FREE, FURNITURE_M2 / resolution_m**2, FURNITURE_M / resolution_m, 0.0, found)
     return found

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places._core import merge_basins
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.coarsening import coarsen
@@ -118,8 +119,6 @@ def basin_graphs(draw: st.DrawFn) -> tuple[list[tuple[int, int]], list[int], lis
 def test_merging_is_that_of_sets_whatever_the_order(
     graph: tuple[list[tuple[int, int]], list[int], list[int], list[int]], shuffled: "object"
 ) -> None:
-    from pgm_places.spaces._merge_kernels import merge_basins
-
     pairs, width, radius, area = graph
     order = list(range(len(pairs)))
     shuffled.shuffle(order)  # type: ignore[attr-defined]
