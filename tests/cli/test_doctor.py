@@ -93,15 +93,17 @@ def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
     table = text[text.index("map  ") :].splitlines()
     # 15,000 + 0.05 x 2,400 + 1,196 cells, and as many with 119,600
     assert [line.split() for line in table[2:4]] == [
-        ["coarse", "0.5", "299.0", "119,600", "13", "s", "1"],
-        ["fine", "0.05", "3.0", "1,196", "2", "s", "-"],
+        ["fine/coarse/map", "0.5", "299.0", "119,600", "13", "s", "1"],
+        ["fine/map", "0.05", "3.0", "1,196", "2", "s", "-"],
     ]
     assert table[5] == (
         "2 of 2 maps can be labelled: 120,796 cells in about 15 s of processor time"
     )
     assert table[6].startswith("(estimates for one thread, from the time that a generated floor")
     assert "100 µs a cell" in table[6]
-    assert table[7].startswith("coarse: the map has cells of 0.5 m, the model was trained at 0.05")
+    assert table[7].startswith(
+        "fine/coarse/map: the map has cells of 0.5 m, the model was trained at 0.05"
+    )
     assert len(table) == 8
 
 
@@ -118,14 +120,14 @@ def test_maps_that_cannot_be_labelled_are_rows_too(tmp_path: Path, run: Run) -> 
     code, text, _ = run("doctor", tmp_path / "*" / "map.yaml", "--fix")
     assert code == 3
     rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line}
-    assert rows["gone"] == ["-", "-", "-", "-", "1"]
-    assert rows["full"] == ["0.05", "0.0", "-", "-", "2"]
-    assert rows["huge"][2:] == ["-", "-", "1"]
-    assert rows["good"][2:] == ["1,196", "2", "s", "-"]
-    assert f"gone: {tmp_path / 'gone' / 'map.yaml'}: its image 'map.png' is missing" in text
-    assert "huge: the map has cells of 50 m, the model was trained at 0.05 m: its 2,400" in text
-    assert rows["kept"][2:] == ["1,196", "2", "s", "2"]
-    assert f"kept: {kept}.orig exists and would be lost; move it away first" in text
+    assert rows["gone/map"] == ["-", "-", "-", "-", "1"]
+    assert rows["full/map"] == ["0.05", "0.0", "-", "-", "2"]
+    assert rows["huge/map"][2:] == ["-", "-", "1"]
+    assert rows["good/map"][2:] == ["1,196", "2", "s", "-"]
+    assert f"gone/map: {tmp_path / 'gone' / 'map.yaml'}: its image 'map.png' is missing" in text
+    assert "huge/map: the map has cells of 50 m, the model was trained at 0.05 m: its 2,400" in text
+    assert rows["kept/map"][2:] == ["1,196", "2", "s", "2"]
+    assert f"kept/map: {kept}.orig exists and would be lost; move it away first" in text
     assert "2 of 5 maps can be labelled: 2,392 cells in about 3 s" in text
     assert kept.with_name("map.yaml.orig").read_text() == "mine"
     assert load_map(tmp_path / "good" / "map.yaml").warnings == ()
