@@ -6,7 +6,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
@@ -90,6 +89,8 @@ class Resamples:
 
     def confusions(self, predicted: ArrayLike) -> NDArray[np.int64]:
         """(1 + R, K, K) counts of true and predicted labels: of the whole, then of each draw."""
+        from scipy.sparse import coo_array  # labelling a map does without it
+
         true, chosen, known = paired_labels(self.truth, predicted, self.n_labels)
         pairs = self.n_labels * self.n_labels
         shape = (self.draws.shape[1], pairs)
