@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import sum_basins
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.spaces.basins import Basins
 
@@ -12,6 +13,8 @@ __all__ = ["N_RECTANGLES", "BasinSums", "sum_up"]
 
 N_RECTANGLES = 15
 """Rectangles are tried at steps of 6 degrees over a quarter turn."""
+
+_COLUMNS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +38,9 @@ class BasinSums:
 
 def sum_up(grid: OccupancyGrid, basins: Basins, relief: NDArray[np.int32]) -> BasinSums:
     """The sums of all basins, in one pass over the map."""
-    from pgm_places.spaces._shape_kernels import COLUMNS, sum_basins
-
     directions = _directions()
     n = len(basins.area)
-    total = np.zeros((n, COLUMNS), np.int64)
+    total = np.zeros((n, _COLUMNS), np.int64)
     low, high = np.full((n, len(directions)), np.inf), np.full((n, len(directions)), -np.inf)
     sum_basins(basins.raster, relief, grid.cells, FREE, UNKNOWN, directions, total, low, high)
     return BasinSums(total, low, high)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import gather_basins
 from pgm_places.spaces.basin_sums import N_RECTANGLES
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_rows import SegmentRows
@@ -44,8 +45,6 @@ class Shapes:
 
 def shapes_of(rows: SegmentRows) -> Shapes:
     """The shapes of all segments of some divisions."""
-    from pgm_places.spaces._shape_kernels import gather_basins
-
     resolution_m, count = rows.resolution_m, rows.count
     sums = rows.divisions[0].watershed.sums
     total = np.zeros((count, sums.total.shape[1]), np.int64)
