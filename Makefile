@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-data fuzz faults lint types imports docs wheel bench core current clean
+.PHONY: demo test test-data fuzz faults lint types imports docs wheel bench core current sanitize clean
 
 # The README prints these lines for those without make. Only errors of pip are shown.
 $(VENV)/.package: pyproject.toml
@@ -27,6 +27,10 @@ core:
 
 current: $(VENV)/.package
 	@$(BIN)/python tools/core.py --if-changed
+
+# Kernels that check every access to memory and all arithmetic, compiled once more for it.
+sanitize: $(VENV)/.installed
+	$(BIN)/python -m tests.sanitized
 
 demo: current
 	$(BIN)/pgm-places demo --out demo-report

@@ -93,22 +93,9 @@ def is_current() -> bool:
 
 
 def compile_in_place(python: str, *, tools: str = sys.executable) -> None:
-    """Compile the module for ``python`` with what is installed beside ``tools``."""
-    nanobind = subprocess.run(
-        [tools, "-m", "nanobind", "--cmake_dir"], check=True, capture_output=True, text=True
-    ).stdout.strip()
-    BUILD.mkdir(parents=True, exist_ok=True)
-    configure = ["cmake", "-S", ROOT, "-B", BUILD, f"-DPython_EXECUTABLE={python}"]
-    configure += [f"-Dnanobind_DIR={nanobind}", "-DCMAKE_BUILD_TYPE=Release"]
-    if shutil.which("ninja"):
-        configure += ["-G", "Ninja"]
+    """Compile the module for ``python`` into the checkout."""
     start = time.perf_counter()
-    with compiler(tools):
-        if not has_compiler_of_before():
-            shutil.rmtree(BUILD)
-        _quietly([*configure, *shlex.split(os.environ.get("CMAKE_ARGS", ""))])
-        _quietly(["cmake", "--build", BUILD, "--parallel", str(os.cpu_count() or 1)])
-    [module] = [path for path in BUILD.glob("_core.*") if path.suffix in (".so", ".pyd")]
+    module = built(python, tools, BUILD)
     target = ROOT / "pgm_places" / module.name
     beside = target.with_suffix(".new")
     shutil.copy(module, beside)
@@ -116,9 +103,28 @@ def compile_in_place(python: str, *, tools: str = sys.executable) -> None:
     print(f"Compiled {target.relative_to(ROOT)} in {time.perf_counter() - start:.0f} s.")
 
 
-def has_compiler_of_before() -> bool:
+def built(python: str, tools: str, folder: Path, *options: str) -> Path:
+    """The module for ``python``, made in a folder with what is installed beside ``tools``."""
+    nanobind = subprocess.run(
+        [tools, "-m", "nanobind", "--cmake_dir"], check=True, capture_output=True, text=True
+    ).stdout.strip()
+    folder.mkdir(parents=True, exist_ok=True)
+    configure = ["cmake", "-S", ROOT, "-B", folder, f"-DPython_EXECUTABLE={python}", *options]
+    configure += [f"-Dnanobind_DIR={nanobind}", "-DCMAKE_BUILD_TYPE=Release"]
+    if shutil.which("ninja"):
+        configure += ["-G", "Ninja"]
+    with compiler(tools):
+        if not has_compiler_of_before(folder):
+            shutil.rmtree(folder)
+        _quietly([*configure, *shlex.split(os.environ.get("CMAKE_ARGS", ""))])
+        _quietly(["cmake", "--build", folder, "--parallel", str(os.cpu_count() or 1)])
+    [module] = [path for path in folder.glob("_core.*") if path.suffix in (".so", ".pyd")]
+    return module
+
+
+def has_compiler_of_before(folder: Path) -> bool:
     """Whether the compiler that CMake remembers from the last time is still there."""
-    cache = BUILD / "CMakeCache.txt"
+    cache = folder / "CMakeCache.txt"
     if not cache.exists():
         return True
     for line in cache.read_text().splitlines():
