@@ -240,7 +240,8 @@ class _Raster:
 def _filled(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.bool_]:
     """(H, W) which cells are free or in a small obstacle, as in :func:`open_space`."""
     found = np.empty(cells.shape, np.bool_)
-    open_cells(cells, FREE, FURNITURE_M2 / resolution_m**2, FURNITURE_M / resolution_m, 0.0, found)
+    furniture = (FURNITURE_M2 / resolution_m**2, FURNITURE_M / resolution_m)
+    open_cells(np.ascontiguousarray(cells), FREE, *furniture, 0.0, found)
     return found
 
 
