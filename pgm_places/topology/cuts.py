@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
 from pgm_places.spaces.joining import join
 from pgm_places.spaces.segmentation import Segmentation
@@ -53,8 +54,6 @@ class Parts:
 
 def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) -> Parts:
     """The parts of a place between lines; a single one where they do not divide it."""
-    from scipy.ndimage import distance_transform_edt
-
     grid, cells = topology.grid, topology.cells(place.id)
     centres = grid.cell_centres_m(cells)
     # Wide enough that no step from cell to cell, along a side or a corner, crosses a line.
@@ -69,13 +68,28 @@ def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) ->
     if not len(large):
         return Parts(cells, np.zeros(len(cells), np.int64), np.array([place.area_m2]))
     order = large[np.argsort(-parts.size[large], kind="stable")]
-    outside = ~np.isin(parts.piece, large)
-    near = distance_transform_edt(outside, return_distances=False, return_indices=True)
-    rank = np.zeros(parts.count, np.int64)
+    rank = np.full(parts.count + 1, -1)  # the last for cells of no piece
     rank[order] = np.arange(len(order))
-    number = rank[parts.piece[tuple(near)][tuple((cells - origin).T)]]
+    number = _grown(rank[parts.piece], tuple((cells - origin).T))
     area_m2 = np.bincount(number).astype(np.float64) * grid.resolution_m**2
     return Parts(cells, number, area_m2)
+
+
+def _grown(part: NDArray[np.int64], cells: tuple[NDArray[np.int64], ...]) -> NDArray[np.int64]:
+    """(n,) the part of each cell: its own, or that it meets first as parts grow, larger ones first.
+
+    ``part`` (H, W) is -1 where there is none. Few steps suffice: what is left is thin or small.
+    """
+    grown = np.pad(part, 1, constant_values=-1)
+    at = tuple(axis + 1 for axis in cells)
+    while (left := grown[at] < 0).any():
+        r, c = (axis[left] for axis in at)
+        around = np.stack([grown[r + dr, c + dc] for dr in (-1, 0, 1) for dc in (-1, 0, 1)])
+        met = np.where(around < 0, part.size, around).min(axis=0)
+        if (met == part.size).all():
+            break
+        grown[r, c] = np.where(met == part.size, -1, met)
+    return np.maximum(grown[at], 0)
 
 
 def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float]) -> Line:
@@ -125,23 +139,20 @@ def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
 
 def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
     """Sets of up to three gates that separate neighbouring segments, by their numbers."""
-    import networkx as nx
-
     finest = gates.segmentation.scales[0]
     narrow = gates.width_m <= narrower_than_m
     wide = finest.openings.half_width_m >= MOST_HALF_WIDTH_M
     joined = np.concatenate([finest.openings.segments[wide], gates.segments[~narrow]])
     group = join(finest.count, joined, np.full(len(joined), np.inf))
-    graph: nx.Graph[int] = nx.Graph()
-    for (a, b), width in zip(group[gates.segments].tolist(), gates.width_m.tolist(), strict=True):
-        if a != b:
-            before = graph.get_edge_data(a, b, {"capacity": 0.0})["capacity"]
-            graph.add_edge(a, b, capacity=before + width)
+    sides = group[gates.segments]
+    parting = sides[:, 0] != sides[:, 1]
+    edges, width_m = sides[parting], gates.width_m[parting]
     sets = set()
-    for a, b in graph.edges:
-        side = list(nx.minimum_cut(graph, a, b)[1][0])
-        inside = np.isin(group[gates.segments], side)
-        sets.add(tuple(np.flatnonzero(inside[:, 0] != inside[:, 1]).tolist()))
+    for ends in np.unique(np.sort(edges, axis=1), axis=0):
+        source, sink = (np.zeros(finest.count) for _ in range(2))
+        source[ends[0]] = sink[ends[1]] = 1 + width_m.sum()
+        side = minimum_cut(source, sink, edges, width_m, width_m).source_side
+        sets.add(tuple(np.flatnonzero(side[sides[:, 0]] != side[sides[:, 1]]).tolist()))
     return [list(chosen) for chosen in sorted(sets) if 1 <= len(chosen) <= MOST_TOGETHER]
 
 
