@@ -24,7 +24,7 @@ from pgm_places.spaces.relief import clearance_m, half_width_m, relief_of
 
 __all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
 
-RATIOS = (0.9, 0.75, 0.6)
+RATIOS: tuple[float, ...] = (0.9, 0.75, 0.6)
 """Neighbours are one segment if the pass between them is wider than this share of the smaller
 one's radius: the larger the share, the finer the segments."""
 

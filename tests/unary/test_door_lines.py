@@ -116,7 +116,7 @@ def test_nobody_holds_two_segmentations(monkeypatch: pytest.MonkeyPatch) -> None
 
     class Counted(Segmentation):
         @classmethod
-        def of(cls, *given: Any, **named: Any) -> Segmentation:
+        def of(cls, *given: Any, **named: Any) -> Segmentation:  # type: ignore[override]
             alive.append(sum(item() is not None for item in made))
             found = Segmentation.of(*given, **named)
             made.append(weakref.ref(found))
