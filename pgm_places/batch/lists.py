@@ -257,11 +257,15 @@ def _tagged(table: GrowingTable, *, is_row: bool) -> Iterator[tuple[bool, Row]]:
 
 
 def _merged(*tables: Iterable[tuple[bool, Row]]) -> Iterator[tuple[bool, Row]]:
-    """Of the rows of each map the newest; of two of one second, the one that was appended later."""
+    """Of the rows of each map the newest.
+
+    Of two of one second, that of results, which are there, rather than a failure; else the one that
+    was appended later.
+    """
     for _, rows in groupby(heapq.merge(*tables, key=_key), key=_key):
         *earlier, newest = rows
         for row in reversed(earlier):
-            if row[1]["time"] > newest[1]["time"]:
+            if (row[1]["time"], row[0]) > (newest[1]["time"], newest[0]):
                 newest = row
         yield newest
 

@@ -54,7 +54,7 @@ def split(
         ),
     ] = None,
 ) -> None:
-    """Split a place along a line, at a point, or into the rooms that it looks like.
+    """Split a place: along a line, at a point, or into its rooms.
 
     A point splits it where it is narrowest. The rooms are those that 'label' and check.csv tell of.
     """

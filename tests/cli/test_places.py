@@ -249,7 +249,7 @@ def test_edits_that_make_no_sense_are_refused(places: Path, run: Run) -> None:
     code, _, err = run("rename", places, "attic", "loft")
     assert code == 2 and "there is no place 'attic'" in err
     code, _, err = run("split", places, 1, 1.0, 2.0, 3.0)
-    assert code == 2 and "a point X Y or a line X1 Y1 X2 Y2, got 3 numbers" in err
+    assert code == 2 and "a point X Y, a line X1 Y1 X2 Y2 or nothing, got 3 numbers" in err
     regions = json.loads((places / "topology.json").read_text())["regions"]
     one, other = [region["name"] for region in regions if region["label"] == "room"][:2]
     code, _, err = run("rename", places, one, other)
