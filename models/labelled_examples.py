@@ -14,7 +14,6 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 __all__ = [
     "CLASS_WEIGHTS",
     "ClassWeight",
-    "Example",
     "best_value",
     "held_out_parts",
     "labelled_parts",

@@ -15,7 +15,6 @@ from pgm_places.graph.raster_edges import RasterEdges
 
 __all__ = [
     "EdgeList",
-    "Part",
     "check_links",
     "checked_pairs",
     "empty_pairs",
