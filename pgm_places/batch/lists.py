@@ -238,7 +238,8 @@ def _area_columns(row: LabelledRow) -> tuple[str, ...]:
 
 def _time(when: float | None) -> str:
     moment = datetime.now(UTC) if when is None else datetime.fromtimestamp(when, UTC)
-    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+    # Small maps fail and are labelled within a second: what came later must show.
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _tagged(table: GrowingTable, *, is_row: bool) -> Iterator[tuple[bool, Row]]:
@@ -259,7 +260,7 @@ def _tagged(table: GrowingTable, *, is_row: bool) -> Iterator[tuple[bool, Row]]:
 def _merged(*tables: Iterable[tuple[bool, Row]]) -> Iterator[tuple[bool, Row]]:
     """Of the rows of each map the newest.
 
-    Of two of one second, that of results, which are there, rather than a failure; else the one that
+    Of two of one millisecond, that of results, which are there, rather than a failure; else the one that
     was appended later.
     """
     for _, rows in groupby(heapq.merge(*tables, key=_key), key=_key):
