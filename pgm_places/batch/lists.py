@@ -260,8 +260,8 @@ def _tagged(table: GrowingTable, *, is_row: bool) -> Iterator[tuple[bool, Row]]:
 def _merged(*tables: Iterable[tuple[bool, Row]]) -> Iterator[tuple[bool, Row]]:
     """Of the rows of each map the newest.
 
-    Of two of one millisecond, that of results, which are there, rather than a failure; else the one that
-    was appended later.
+    Of two of one millisecond, that of results, which are there, rather than a failure; else the one
+    that was appended later.
     """
     for _, rows in groupby(heapq.merge(*tables, key=_key), key=_key):
         *earlier, newest = rows
