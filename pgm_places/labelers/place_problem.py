@@ -62,10 +62,9 @@ def along_spaces(
         assert doorway is not None  # the list of gates has learned it
         unary = with_doorway_depth(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
     if whole_spaces and scores.segments is not None:
-        place = None
-        doorways = scores.doorways if scores.spaces is None else scores.spaces.doorways
-        if problem.known is not None and doorways is not None:
-            place = layout.from_raster(doorways.place)
+        place, has_gates = None, scores.doorways is not None or scores.spaces is not None
+        if problem.known is not None and has_gates:
+            place = layout.from_raster(scores.accepted_gates.place)
         unary = with_whole_spaces(
             unary, scores.segments, layout, tuple(problem.label_names), problem.known, place
         )
