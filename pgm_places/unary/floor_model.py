@@ -64,6 +64,11 @@ class FloorModel:
         shares = np.where(columns == LABELS.index("doorway"), self.doorway_share, self.share)
         return np.where(columns < 0, 0.0, shares)
 
+    def mean(self, log_z: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(..., K) the weighted mean of a list's log-odds and the networks', normalised."""
+        mixed = (1 - self.shares) * log_z + self.shares * seen
+        return np.asarray(mixed - np.logaddexp.reduce(mixed, axis=-1, keepdims=True))
+
     def with_more(self, n_labels: int) -> "FloorModel":
         """The same beside so many more labels that the networks do not know."""
         return replace(self, columns=(*self.columns, *(-1,) * n_labels))
@@ -155,7 +160,7 @@ def with_floor(
     Halls are among the corridors. ``hall`` (N,), the probability that circulation is a hall,
     becomes the mean of its log-odds and those of the networks.
     """
-    found, share = np.empty_like(log_z), model.shares
+    found = np.empty_like(log_z)
     for first in range(0, len(log_z), ROWS_AT_ONCE):
         some = slice(first, first + ROWS_AT_ONCE)
         cells = layout.cells[some]
@@ -163,9 +168,7 @@ def with_floor(
             log_p = seen.of(cells).astype(np.float64)
             of_hall = log_p[:, _HALL] - np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
             hall[some] = _mean_probability(hall[some], of_hall, model.share)
-        mixed = (1 - share) * log_z[some] + share * model.evidence(seen, cells)
-        mixed -= np.logaddexp.reduce(mixed.T, axis=0)[:, None]
-        found[some] = mixed
+        found[some] = model.mean(log_z[some], model.evidence(seen, cells))
     return found
 
 

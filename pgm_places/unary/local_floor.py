@@ -83,7 +83,4 @@ def with_local_floor(
     Steps at which they saw nothing (nan) keep the list's; see
     :func:`pgm_places.unary.floor_model.with_floor`.
     """
-    share = model.shares
-    mixed = (1 - share) * log_z + share * np.nan_to_num(seen)
-    mixed -= np.logaddexp.reduce(mixed, axis=-1, keepdims=True)
-    return np.where(np.isnan(seen), log_z, mixed)
+    return np.where(np.isnan(seen), log_z, model.mean(log_z, np.nan_to_num(seen)))
