@@ -12,6 +12,7 @@ from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, sealed
 from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.solvers.kept_field import current_field
 from pgm_places.solvers.mean_field import check_schedule, normalised
 
 __all__ = ["GridMeanField", "grid_mean_field"]
@@ -104,11 +105,27 @@ def grid_mean_field(
         given = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
         table = np.ascontiguousarray(given)
     cells, start = _rows_of(cells_rc, n_nodes)
+    threads = min(resolve_threads(n_threads), -(-n_nodes // _NODES_PER_TASK) or 1)
+    reach = 1 if connectivity == 8 else 0
+    kept = current_field(n_nodes, n_labels, max_iterations)
+    if kept is not None:
+        beliefs, history = kept.solved(
+            nodes,
+            table,
+            cells,
+            start,
+            _start,
+            reach=reach,
+            damping=damping,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            n_threads=threads,
+            on_iteration=on_iteration,
+        )
+        return _found(beliefs, history, tolerance)
     beliefs = _start(nodes)
     tasks = _split(start)
     largest = np.zeros(len(tasks))
-    threads = min(resolve_threads(n_threads), -(-n_nodes // _NODES_PER_TASK) or 1)
-    reach = 1 if connectivity == 8 else 0
 
     def update(parity: int, task: int) -> None:
         first, last = tasks[task]
@@ -116,7 +133,7 @@ def grid_mean_field(
         change = update_rows(nodes, table, cells, start, *rows, reach, damping, beliefs)
         largest[task] = max(largest[task], change)
 
-    history: list[float] = []
+    history = []
     while len(history) < max_iterations:
         largest[:] = 0.0
         for parity in (0, 1):
@@ -126,6 +143,10 @@ def grid_mean_field(
             on_iteration(len(history), history[-1])
         if history[-1] <= tolerance:
             break
+    return _found(beliefs, history, tolerance)
+
+
+def _found(beliefs: NDArray[np.float32], history: list[float], tolerance: float) -> GridMeanField:
     return GridMeanField(
         labels=sealed(beliefs.argmax(axis=1)),
         beliefs=sealed(beliefs),

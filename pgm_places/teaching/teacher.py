@@ -18,6 +18,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.alone import learned_alone
 from pgm_places.teaching.cell_paint import CellPaint
 from pgm_places.teaching.cell_table import CellTable
@@ -107,6 +108,7 @@ class Teacher:
         self.known_places, self.n_threads = known_places, n_threads
         self._turns = Turns()
         self._kept: KeptTable | None = None
+        self._field = KeptField()
 
     def blank(self) -> Paint:
         """No paint on this map."""
@@ -238,7 +240,7 @@ class Teacher:
             )
 
         unary = placed(infer(Independent(), problem), "independent")
-        with progress.stage(f"labelling with {method}"):
+        with progress.stage(f"labelling with {method}"), kept_in(self._field):
             found = placed(infer(chosen.backend, problem), method)
         with progress.stage("places"):
             topology = topological_map(
