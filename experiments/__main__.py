@@ -11,16 +11,16 @@ import sys
 from pathlib import Path
 
 from experiments.own_sections import ABLATIONS, BUILDINGS
+from experiments.paper.figures import BORDER_M, away_from_borders, percent
+from experiments.paper.markdown import markdown_section, markdown_table, overview_table
+from experiments.paper.run import RECORD, finished_section, reproduce
+from experiments.paper.section import Section
+from experiments.paper.sections import SECTIONS as OF_THE_PAPER
 from pgm_places.cli.progress import LineProgress
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
-from pgm_places.reproduce.figures import BORDER_M, away_from_borders, percent
-from pgm_places.reproduce.markdown import markdown_section, markdown_table, overview_table
-from pgm_places.reproduce.run import RECORD, finished_section, reproduce
-from pgm_places.reproduce.section import Section
-from pgm_places.reproduce.sections import SECTIONS as OF_THE_PAPER
 
 FOLDER = Path(__file__).resolve().parent
 DOCS = FOLDER.parent / "docs"

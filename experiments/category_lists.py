@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.categories import CATEGORY_NAMES, Building79
 from experiments.tracking_model.drives import BEAMS, SENSOR
 from experiments.tracking_model.learning import OPTIONS
 from pgm_places.evaluation.evaluation import evaluate
@@ -23,7 +24,6 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.mrf import PottsField
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.reproduce.categories import CATEGORY_NAMES, Building79
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.list_learning import RAREST_FIRST
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along

@@ -6,10 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.front_laser import (
+from experiments.paper.front_laser import (
     CLASSES,
     NAMES,
     PLACES,
@@ -17,6 +14,9 @@ from pgm_places.reproduce.front_laser import (
     load_cold_folder,
     place_classes,
 )
+from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory
 
 CELLS_KEPT = 0.2

@@ -17,13 +17,13 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from experiments.paper.markdown import markdown_table
+from experiments.paper.section import Table
 from pgm_places import LabelGraph, LabelingProblem, LabelledMap
 from pgm_places.datasets import generate_building
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.models.hmm import MODES, HiddenMarkovModel
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.section import Table
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 
 OBSERVATIONS: tuple[Literal["hard", "soft", "posterior"], ...] = ("hard", "soft", "posterior")

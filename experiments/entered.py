@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from experiments.paper.front_laser import PLACES, load_cold_folder, place_classes
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.reproduce.front_laser import PLACES, load_cold_folder, place_classes
 from pgm_places.spaces.unentered import find_unentered
 
 ALIKE = (

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.paper.categories import CATEGORY_NAMES, Building79
 from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Silent
-from pgm_places.reproduce.categories import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.list_learning import (
     RAREST_FIRST,

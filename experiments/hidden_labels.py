@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 
+from experiments.paper.markdown import markdown_table
+from experiments.paper.section import Table
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, build
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.section import Table
 
 SEEDS = range(10, 15)
 """Options were chosen on seeds 0 to 4."""

@@ -20,9 +20,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from experiments.paper.markdown import markdown_table
+from experiments.paper.section import Table
 from pgm_places import LabelGraph, LabelingProblem, build, evaluate
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.section import Table
 
 ROLES = ("defined", "parameter", "called", "attribute", "keyword", "assigned", "used")
 LEARNING = ("argparse", "configparser", "difflib", "ftplib")

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.categories import PLACES, Building79
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.categories import PLACES, Building79
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.trajectories.segments import Segments
 

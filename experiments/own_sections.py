@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from pgm_places.reproduce.sections import PaperSection
+from experiments.paper.sections import PaperSection
 
 __all__ = ["ABLATIONS", "BUILDINGS"]
 

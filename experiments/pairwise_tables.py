@@ -16,9 +16,9 @@ from scipy.ndimage import gaussian_filter
 from sklearn.linear_model import LogisticRegression
 
 from experiments.defaults import Labelled, digit_chains, scored
+from experiments.paper.markdown import markdown_table
+from experiments.paper.section import Table
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, build
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.section import Table
 
 SEEDS = range(5)
 SIDE = 40

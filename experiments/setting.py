@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
+from experiments.paper.setting import Setting, data_folder
 from pgm_places.cli.progress import LineProgress
-from pgm_places.reproduce.setting import Setting, data_folder
 
 __all__ = ["asked_setting"]
 

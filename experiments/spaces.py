@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.paper.front_laser import PLACES, load_cold_folder, place_classes
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.front_laser import PLACES, load_cold_folder, place_classes
 from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.door_truth import DoorScores, match_doors
 from pgm_places.spaces.gate_features import gate_features

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.paper.markdown import markdown_table
+from experiments.paper.topology import topology_table
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.report.topology_pictures import topology_picture
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.topology import topology_table
 
 
 def main() -> None:

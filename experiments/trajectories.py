@@ -22,9 +22,9 @@ from experiments.drives.methods import graphs_table, kinds_table, methods_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
+from experiments.paper.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.reproduce.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 

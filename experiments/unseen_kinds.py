@@ -27,12 +27,12 @@ from experiments.buildings.maps import (
 )
 from experiments.buildings.scores import SHIPPED, doors_of, places_of, rescaled
 from experiments.kept import KeptArrays
+from experiments.paper.setting import Setting
 from experiments.setting import asked_setting
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.space_model import with_gates
 

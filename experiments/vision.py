@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.furnished_floors import DETECTORS, NAMES, Floor, make_floor
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.reproduce.furnished_floors import DETECTORS, NAMES, Floor, make_floor
 from pgm_places.vision.detector import PAPER_OBJECTS
 
 LEARN, LABEL = (1, 2, 3, 4), (11, 12)

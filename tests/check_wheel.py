@@ -18,8 +18,8 @@ assert not (here.parent / "models").is_symlink()
 from pgm_places.datasets import generate_building
 from pgm_places.trained import NAMES, trained_labeler, trained_tracker
 assert generate_building(size="small").grid.free.any()
-from pgm_places.reproduce.html_page import html_page
-assert "</html>" in html_page([], here.parent)
+from pgm_places.report.page import render
+assert "</html>" in render("base.html", title="a page", links=[])
 for name in NAMES:
     assert trained_labeler(name).label_names_ == ("corridor", "room", "doorway")
 assert trained_tracker().label_names_ == ("corridor", "room", "doorway")

@@ -1,13 +1,13 @@
 """Options chosen on held-out training cells, compared with all others on the test half."""
 
+from experiments.paper.figures import DOORWAY, finding, percent
+from experiments.paper.section import Finding, Outcome, Table
+from experiments.paper.setting import Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.selection import Selection, select
 from pgm_places.experiment.sources import Sources
-from pgm_places.reproduce.figures import DOORWAY, finding, percent
-from pgm_places.reproduce.section import Finding, Outcome, Table
-from pgm_places.reproduce.setting import Setting
 
 __all__ = ["run"]
 

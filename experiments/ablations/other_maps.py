@@ -2,6 +2,11 @@
 
 import numpy as np
 
+from experiments.paper.categories import load_building79
+from experiments.paper.comparison_pictures import label_sheet
+from experiments.paper.figures import method_findings, method_table
+from experiments.paper.section import Outcome, Picture
+from experiments.paper.setting import Setting
 from pgm_places.datasets import generate_building
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
@@ -13,11 +18,6 @@ from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
-from pgm_places.reproduce.categories import load_building79
-from pgm_places.reproduce.comparison_pictures import label_sheet
-from pgm_places.reproduce.figures import method_findings, method_table
-from pgm_places.reproduce.section import Outcome, Picture
-from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory

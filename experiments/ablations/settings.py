@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import clone
 
+from experiments.paper.figures import DOORWAY, method_findings, method_table, percent
+from experiments.paper.section import Finding, Outcome, Table
+from experiments.paper.setting import Setting
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
@@ -15,9 +18,6 @@ from pgm_places.experiment.runs import Trained, compare, compare_fitted
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.figures import DOORWAY, method_findings, method_table, percent
-from pgm_places.reproduce.section import Finding, Outcome, Table
-from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.training_cells import training_features
 

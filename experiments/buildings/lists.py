@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from experiments.buildings.maps import DRAWN, GENERATED, NAMES, SIMULATED, Sample
 from experiments.kept import Arrays, KeptArrays, fingerprint
+from experiments.paper.setting import Setting
 from pgm_places._version import __version__
 from pgm_places.graph.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.list_average import list_average
 from pgm_places.progress import Progress, Stage
-from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.kept import KeptArrays, fingerprint
+from experiments.paper.front_laser import PLACES, place_classes
+from experiments.paper.setting import Setting
 from pgm_places._version import __version__
 from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.io.maps.label_image import load_labels
@@ -18,8 +20,6 @@ from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
-from pgm_places.reproduce.front_laser import PLACES, place_classes
-from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.training_cells import training_features

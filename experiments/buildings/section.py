@@ -25,12 +25,12 @@ from experiments.buildings.scores import (
     map_results,
     means,
 )
+from experiments.paper.figures import percent
+from experiments.paper.section import Finding, Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
-from pgm_places.reproduce.figures import percent
-from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 
 __all__ = ["run"]
 

@@ -15,8 +15,8 @@ lists held out, too, and ``kinds --kept FOLDER`` for generated kinds that neithe
 import argparse
 from pathlib import Path
 
+from experiments.paper.setting import data_folder
 from pgm_places.cli.progress import LineProgress
-from pgm_places.reproduce.setting import data_folder
 
 STEPS = ("floors", "train", "measure", "doors", "plans", "kinds", "ship")
 

@@ -13,11 +13,11 @@ from experiments.buildings.scores import SHIPPED, rescaled
 from experiments.floor_network.doors import MapDoors, door_table
 from experiments.floor_network.floors import all_floors, fold_of, held_out_with
 from experiments.floor_network.held_out import networks
+from experiments.paper.setting import Setting
 from experiments.unseen_kinds import _RECIPES, scored_unseen
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.progress import Progress
-from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates

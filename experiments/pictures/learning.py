@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.patches import Circle, Wedge
 from numpy.typing import NDArray
 
+from experiments.paper.furnished_floors import make_floor
+from experiments.paper.placement import place_objects
 from experiments.pictures.kept import (
     COLOURS,
     NAMES,
@@ -25,9 +27,7 @@ from pgm_places.features.laser import laser_feature_names
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.report.figure import INK
-from pgm_places.reproduce.furnished_floors import make_floor
 from pgm_places.sensing.ray_casting import cast_cells
-from pgm_places.vision.placement import place_objects
 
 ROUNDS = (1, 2, 5, 10, 20, 50, 100, 200)
 

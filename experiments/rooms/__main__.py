@@ -5,9 +5,9 @@ import json
 import sys
 from pathlib import Path
 
+from experiments.paper.markdown import markdown_table
 from experiments.rooms.results import room_results, room_tables
 from pgm_places.errors import PgmPlacesError
-from pgm_places.reproduce.markdown import markdown_table
 from pgm_places.trained import stored_labeler
 
 

@@ -19,11 +19,11 @@ from experiments.buildings.maps import GENERATED, NAMES, KnownMap, known_maps
 from experiments.floor_network.floors import all_floors, fold_of, held_out_with
 from experiments.floor_network.held_out import networks
 from experiments.kept import KeptArrays, fingerprint
+from experiments.paper.setting import data_folder
 from experiments.tracking_model.drives import BEAMS, SENSOR, Laser, Observed
 from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table, folds, learned
 from experiments.tracking_model.unseen import ALONE, Answer, merged
 from pgm_places._version import __version__
-from pgm_places.reproduce.setting import data_folder
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.local_floor import with_local_floor

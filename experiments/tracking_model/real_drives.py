@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from experiments.buildings.maps import CELLS_M
 from experiments.kept import KeptArrays, fingerprint
+from experiments.paper.categories import load_building79
+from experiments.paper.front_laser import PLACES, STEP_M, load_cold_folder, place_classes
 from experiments.tracking_model.drives import Laser, Observed, observed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.reproduce.categories import load_building79
-from pgm_places.reproduce.front_laser import PLACES, STEP_M, load_cold_folder, place_classes
 from pgm_places.sensing.simulated_robot import scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 

@@ -20,13 +20,17 @@ _NONE = "–"
 _MOST_ITEMS, _MOST_NUMBERS = 24, 12
 
 
-def render(template: str, *, script: str | None = None, **values: object) -> str:
+def render(
+    template: str, *, folder: Path = _TEMPLATES, script: str | None = None, **values: object
+) -> str:
     """The page rendered from a template and its values; all text is escaped.
 
     Parameters
     ----------
     template : str
-        File name in the package's folder of templates.
+        File name in the folder, or in the package's folder of templates.
+    folder : Path
+        A folder of further templates, which may extend those of the package.
     script : str or None
         File name of the page's only script; the page's content policy allows this one by its hash.
     values : object
@@ -35,7 +39,7 @@ def render(template: str, *, script: str | None = None, **values: object) -> str
     code = "" if script is None else template_text(script)
     digest = base64.b64encode(hashlib.sha256(code.encode("utf-8")).digest()).decode("ascii")
     page = (
-        _environment()
+        _environment(folder)
         .get_template(template)
         .render(script=code, script_digest=digest, version=__version__, **values)
     )
@@ -52,10 +56,10 @@ def data_uri(content: bytes, kind: str = "image/png") -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-@lru_cache(maxsize=1)
-def _environment() -> Environment:
+@lru_cache(maxsize=2)
+def _environment(folder: Path) -> Environment:
     environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
+        loader=FileSystemLoader([folder, _TEMPLATES]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from experiments.paper.section import Finding, Outcome
+from experiments.paper.setting import Setting
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.reproduce.section import Finding, Outcome
-from pgm_places.reproduce.setting import Setting
 from tests.cli.conftest import Run
 
 
@@ -24,7 +24,7 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
         return Outcome("a setting", (Finding("single poses", 0.981, 0.9, 0.7, 0.973),))
 
     monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
-    monkeypatch.setattr("pgm_places.reproduce.poses.run", fake)
+    monkeypatch.setattr("experiments.paper.poses.run", fake)
     out = tmp_path / "out"
     code, text, error = run("reproduce", "7.1", "--out", out, "--threads", 1)
     assert code == 0

@@ -8,9 +8,9 @@ import pytest
 from experiments.ablations.other_maps import seen_part
 from experiments.ablations.settings import stripe
 from experiments.own_sections import ABLATIONS, BUILDINGS
+from experiments.paper.setting import with_stand_ins
 from pgm_places.experiment.config import load_config
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.setting import with_stand_ins
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.report.comparisons import small_map

@@ -26,12 +26,12 @@ from experiments.buildings.scores import (
     tempered_fields,
 )
 from experiments.kept import KeptArrays, fingerprint
+from experiments.paper.setting import Setting
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 
 

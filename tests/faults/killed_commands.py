@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from experiments.paper.section import Outcome
+from experiments.paper.sections import PaperSection
 from pgm_places.cli.entry import main
 from pgm_places.datasets import generate_building
 from pgm_places.io.atomic import tidy
@@ -22,8 +24,6 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.persistence.model_folder import load_folder
-from pgm_places.reproduce.section import Outcome
-from pgm_places.reproduce.sections import PaperSection
 from tests.drives import drive
 from tests.faults.sets import check_record
 from tests.faults.steps import count_steps, killed_at, leftovers

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from experiments.paper import poses, resolutions, topology
+from experiments.paper.setting import Setting
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.reproduce import poses, resolutions, topology
-from pgm_places.reproduce.setting import Setting
-from tests.reproduce.small_data import write_small_data
+from tests.experiments.paper.small_data import write_small_data
 
 QUICK = {"classifier.n_rounds": 5, "classifier.n_folds": 2, "space.n_rounds": 5}
 

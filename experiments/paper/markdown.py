@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from pgm_places.reproduce.figures import percent
-from pgm_places.reproduce.section import Finding, Section, Table
+from experiments.paper.figures import percent
+from experiments.paper.section import Finding, Section, Table
 
 __all__ = [
     "OVERVIEW",

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.placement import place_objects
+from experiments.paper.simulated_detector import SimulatedDetector
 from pgm_places.datasets import generate_building
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.components import connected_components
@@ -16,8 +18,6 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.detector import PAPER_OBJECTS
-from pgm_places.vision.placement import place_objects
-from pgm_places.vision.simulated_detector import SimulatedDetector
 
 __all__ = ["DETECTORS", "FURNISHING", "NAMES", "Floor", "make_floor", "used_rooms"]
 
@@ -60,7 +60,7 @@ class Floor:
     names : tuple of str
         The uses.
     furnishing : mapping
-        How many of an object a place has, see :func:`pgm_places.vision.placement.place_objects`.
+        How many of an object a place has, see :func:`experiments.paper.placement.place_objects`.
     """
 
     grid: OccupancyGrid

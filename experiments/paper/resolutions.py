@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+from experiments.paper.comparison_pictures import error_sheet, label_sheet
+from experiments.paper.figures import finding, method_table
+from experiments.paper.section import Finding, Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.runs import compare
-from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet
-from pgm_places.reproduce.figures import finding, method_table
-from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 
 __all__ = ["fine", "run"]
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from experiments.paper import categories, front_laser, furnished_floors
+from experiments.paper.scored_steps import ALONE, MODES
+from experiments.paper.setting import Setting
 from pgm_places.datasets import generate_building
 from pgm_places.maps.components import connected_components
-from pgm_places.reproduce import categories, front_laser, furnished_floors
-from pgm_places.reproduce.scored_steps import ALONE, MODES
-from pgm_places.reproduce.setting import Setting
 
 SMALL = functools.partial(generate_building, size="small")
 

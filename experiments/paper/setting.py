@@ -3,7 +3,6 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +70,8 @@ def _stand_in(item: MapConfig) -> MapConfig:
     return MapConfig(generated=STAND_INS[folder], half=half, building=item.building)  # type: ignore[arg-type]
 
 
-CONFIGS = Path(str(files("pgm_places.reproduce"))) / "configs"
-"""The configurations of the paper's sections, part of the package."""
+CONFIGS = Path(__file__).resolve().parent / "configs"
+"""The configurations of the paper's sections."""
 
 
 def data_folder() -> Path | None:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from experiments.paper.run import RECORD, data_for, finished_section, reproduce
+from experiments.paper.section import Finding, Outcome, Picture, Section, Table
+from experiments.paper.sections import SECTIONS, PaperSection, chosen_sections
+from experiments.paper.setting import CONFIGS, Setting, with_stand_ins
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import load_config
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.reproduce.run import RECORD, data_for, finished_section, reproduce
-from pgm_places.reproduce.section import Finding, Outcome, Picture, Section, Table
-from pgm_places.reproduce.sections import SECTIONS, PaperSection, chosen_sections
-from pgm_places.reproduce.setting import CONFIGS, Setting, with_stand_ins
 
 CALLS: list[bool] = []
 
@@ -33,9 +33,9 @@ def fake_run(setting: Setting) -> Outcome:
 def fake(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Section 7.1 is replaced; whether each run had real data."""
     CALLS.clear()
-    spec = PaperSection("Poses", "97.3 %.", "pgm_places.reproduce.poses:run", ("freiburg079",))
-    monkeypatch.setattr("pgm_places.reproduce.poses.run", fake_run)
-    monkeypatch.setattr("pgm_places.reproduce.run.SECTIONS", {"7.1": spec, "7.3": SECTIONS["7.3"]})
+    spec = PaperSection("Poses", "97.3 %.", "experiments.paper.poses:run", ("freiburg079",))
+    monkeypatch.setattr("experiments.paper.poses.run", fake_run)
+    monkeypatch.setattr("experiments.paper.run.SECTIONS", {"7.1": spec, "7.3": SECTIONS["7.3"]})
     monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
     return CALLS
 
@@ -82,7 +82,7 @@ def test_an_experiment_that_fails_leaves_the_finished_ones(
     def interrupted(setting: Setting) -> Outcome:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pgm_places.reproduce.topology.run", interrupted)
+    monkeypatch.setattr("experiments.paper.topology.run", interrupted)
     with pytest.raises(KeyboardInterrupt):
         list(reproduce(["7.1", "7.3"], tmp_path))
     assert sorted(path.name for path in tmp_path.iterdir()) == [

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.paper.markdown import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING, overview_table
+from experiments.paper.section import Section, Table
 from pgm_places.report.page import data_uri, render
-from pgm_places.reproduce.markdown import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING, overview_table
-from pgm_places.reproduce.section import Section, Table
 
 __all__ = ["html_page"]
 
@@ -24,6 +24,7 @@ def html_page(sections: Sequence[Section], *folders: Path) -> str:
     """
     return render(
         "reproduce.html",
+        folder=Path(__file__).resolve().parent,
         title=TITLE,
         sections=sections,
         links=[("overview", OVERVIEW), *((_anchor(item), item.heading) for item in sections)],

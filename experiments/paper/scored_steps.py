@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.figures import finding_of
+from experiments.paper.section import Finding
 from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, evaluate
 from pgm_places.experiment.labelled_items import stretches
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.reproduce.figures import finding_of
-from pgm_places.reproduce.section import Finding
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]

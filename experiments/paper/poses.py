@@ -4,15 +4,15 @@ from itertools import permutations
 
 import numpy as np
 
+from experiments.paper.comparison_pictures import confusion_of, error_sheet, label_sheet
+from experiments.paper.figures import DOORWAY, finding, percent
+from experiments.paper.section import Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare, compare_fitted, train
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
-from pgm_places.reproduce.figures import DOORWAY, finding, percent
-from pgm_places.reproduce.section import Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 
 __all__ = ["run"]
 

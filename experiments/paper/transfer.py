@@ -1,5 +1,9 @@
 """Section 7.4: classifiers in buildings that they were not trained on."""
 
+from experiments.paper.comparison_pictures import confusion_of, error_sheet, label_sheet
+from experiments.paper.figures import DOORWAY, method_findings, method_table, percent
+from experiments.paper.section import Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
@@ -8,10 +12,6 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.report.topology_pictures import topology_picture
-from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
-from pgm_places.reproduce.figures import DOORWAY, method_findings, method_table, percent
-from pgm_places.reproduce.section import Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 from pgm_places.topology.from_labels import topological_map
 
 __all__ = ["run"]

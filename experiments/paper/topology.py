@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.comparison_pictures import label_sheet, window_grid
+from experiments.paper.region_scores import RegionScores, fill_labels, score_regions
+from experiments.paper.section import Finding, Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.report.topology_pictures import topology_picture
-from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
-from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["run", "topology_table"]

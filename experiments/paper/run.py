@@ -5,15 +5,15 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from experiments.paper.html_page import html_page
+from experiments.paper.markdown import markdown_page
+from experiments.paper.section import Section
+from experiments.paper.sections import SECTIONS, PaperSection
+from experiments.paper.setting import Setting, data_folder
 from pgm_places._version import __version__
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.output_set import claim, output_set
 from pgm_places.progress import Progress, Silent
-from pgm_places.reproduce.html_page import html_page
-from pgm_places.reproduce.markdown import markdown_page
-from pgm_places.reproduce.section import Section
-from pgm_places.reproduce.sections import SECTIONS, PaperSection
-from pgm_places.reproduce.setting import Setting, data_folder
 
 __all__ = ["finished_section", "reproduce"]
 

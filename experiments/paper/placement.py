@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from experiments.paper.simulated_detector import PlacedObjects
 from pgm_places._checks import label_raster, nearest_name
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.vision.simulated_detector import PlacedObjects
 
 __all__ = ["place_objects"]
 

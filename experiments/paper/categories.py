@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.figures import percent
+from experiments.paper.furnished_floors import DETECTORS, Floor, make_floor
+from experiments.paper.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
+from experiments.paper.section import Outcome, Picture, Table
+from experiments.paper.setting import Setting
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -18,11 +23,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.report.confusion_picture import confusion_picture
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.track_pictures import belief_plot
-from pgm_places.reproduce.figures import percent
-from pgm_places.reproduce.furnished_floors import DETECTORS, Floor, make_floor
-from pgm_places.reproduce.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
-from pgm_places.reproduce.section import Outcome, Picture, Table
-from pgm_places.reproduce.setting import Setting
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.detector import PAPER_OBJECTS

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from experiments.paper.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.errors import InputError
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.region_scores import RegionScores, fill_labels, score_regions
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
 
 

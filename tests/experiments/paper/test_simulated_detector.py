@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.paper.placement import place_objects
+from experiments.paper.simulated_detector import PlacedObjects, SimulatedDetector
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.vision.detector import Detector, count_objects
-from pgm_places.vision.placement import place_objects
-from pgm_places.vision.simulated_detector import PlacedObjects, SimulatedDetector
 
 
 def hall(yaw_rad: float = 0.0) -> OccupancyGrid:

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from experiments.paper.section import Finding, Table
 from pgm_places.evaluation.evaluation import Evaluation, Interval, border_tolerant_mask
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.reproduce.section import Finding, Table
 
 __all__ = [
     "BORDER_M",

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.paper.figures import DOORWAY, percent
+from experiments.paper.scored_steps import ALONE, ScoredSteps, scored_modes
+from experiments.paper.section import Outcome, Picture, Table
+from experiments.paper.setting import STAND_INS, Setting
 from pgm_places.datasets import generate_building
 from pgm_places.io.logs.pose_csv import read_pose_csv
 from pgm_places.io.maps.map_server import load_map
@@ -18,10 +22,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.track_pictures import belief_plot
-from pgm_places.reproduce.figures import DOORWAY, percent
-from pgm_places.reproduce.scored_steps import ALONE, ScoredSteps, scored_modes
-from pgm_places.reproduce.section import Outcome, Picture, Table
-from pgm_places.reproduce.setting import STAND_INS, Setting
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.scan import ScanGeometry

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.paper.comparison_pictures import error_sheet, label_sheet, window_grid
+from experiments.paper.figures import away_from_borders, finding, method_table, percent
+from experiments.paper.markdown import overview_table
+from experiments.paper.scored_steps import scored_steps
+from experiments.paper.section import Finding, Section
 from pgm_places.experiment.comparison import score_intervals
 from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import UNKNOWN
-from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid
-from pgm_places.reproduce.figures import away_from_borders, finding, method_table, percent
-from pgm_places.reproduce.markdown import overview_table
-from pgm_places.reproduce.scored_steps import scored_steps
-from pgm_places.reproduce.section import Finding, Section
 from pgm_places.trajectories.trajectory import Trajectory
 from tests.report.comparisons import NAMES, small_comparison, small_map
 

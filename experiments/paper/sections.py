@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+from experiments.paper.section import Outcome
+from experiments.paper.setting import CONFIGS, Setting
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
-from pgm_places.reproduce.section import Outcome
-from pgm_places.reproduce.setting import CONFIGS, Setting
 
 __all__ = ["SECTIONS", "PaperSection", "chosen_sections"]
 
@@ -63,28 +63,28 @@ SECTIONS: Mapping[str, PaperSection] = {
         "Single poses",
         "Building 79, left half to right half, simulated scans, three places: 97.3 % with the "
         "optimal list, room - doorway.",
-        "pgm_places.reproduce.poses:run",
+        "experiments.paper.poses:run",
         ("freiburg079",),
     ),
     "7.2": PaperSection(
         "Trajectories with a hidden Markov model",
         "Building 79, right half to left half, real laser and vision, six categories: 75.4 % for "
         "single observations, 91.2 % with the hidden Markov model.",
-        "pgm_places.reproduce.categories:run",
+        "experiments.paper.categories:run",
         ("freiburg079",),
     ),
     "7.3": PaperSection(
         "Topological map",
         "The right half of building 79, labelled, relaxed and corrected: a picture, in which one "
         "doorway between two rooms was not detected.",
-        "pgm_places.reproduce.topology:run",
+        "experiments.paper.topology:run",
         ("freiburg079",),
     ),
     "7.4": PaperSection(
         "Unknown environments",
         "Building 52 to the Intel Research Lab, and buildings 79 and 52 to the topological map of "
         "SDR site B: pictures, no figures.",
-        "pgm_places.reproduce.transfer:run",
+        "experiments.paper.transfer:run",
         (
             "freiburg079",
             "freiburg052",
@@ -96,20 +96,20 @@ SECTIONS: Mapping[str, PaperSection] = {
         "Associative Markov network against relaxation",
         "Building 79 at 20 cm: 92.1 % with relaxation, 98.8 % with an AMN; finer cells did not fit "
         "into memory.",
-        "pgm_places.reproduce.resolutions:run",
+        "experiments.paper.resolutions:run",
         ("freiburg079",),
     ),
     "7.5-fine": PaperSection(
         "The same down to 2 cm",
         "nothing finer than 20 cm, for lack of memory.",
-        "pgm_places.reproduce.resolutions:fine",
+        "experiments.paper.resolutions:fine",
         ("cold_freiburg_seq2",),
     ),
     "7.6": PaperSection(
         "Restricted field of view",
         "A front laser, rear beams from a local map, the 6th floor to the 7th of a building at "
         "KTH: 84.4 %.",
-        "pgm_places.reproduce.front_laser:run",
+        "experiments.paper.front_laser:run",
         tuple(f"cold_saarbrucken_seq{number}" for number in range(1, 5)),
     ),
 }

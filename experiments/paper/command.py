@@ -1,0 +1,46 @@
+"""What ``pgm-places reproduce`` runs: sections of the paper, and the table of their figures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.paper.markdown import STAND_IN_WARNING, overview_table
+from experiments.paper.run import data_for
+from experiments.paper.run import reproduce as run_sections
+from experiments.paper.sections import SECTIONS, chosen_sections
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import text_table
+from pgm_places.cli.terminal import say
+from pgm_places.cli.warm_up import WarmUp
+from pgm_places.io.output_set import claim
+
+__all__ = ["reproduce"]
+
+
+def reproduce(
+    names: Sequence[str],
+    out: Path,
+    *,
+    again: bool,
+    force: bool,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """Run the sections that are named, or all, and say what they found beside the paper's."""
+    progress = make_progress(quiet=quiet)
+    ids = chosen_sections(tuple(names))
+    claim(out, force=force)
+    if any(data_for(SECTIONS[key]) is None for key in ids):
+        progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
+    finished = []
+    with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
+        sections = run_sections(
+            ids, out, again=again, force=force, progress=progress, n_threads=n_threads
+        )
+        for section in sections:
+            finished.append(section)
+            if not quiet:
+                say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
+    table = overview_table(finished)
+    say(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
+    for name in ("reproduce.md", "reproduce.html"):
+        say(f"wrote {out / name}")
