@@ -1,7 +1,6 @@
-"""Run benchmarks and write ``docs/benchmarks.md``: ``python -m benchmarks [topics] [--quick]``.
+"""Run benchmarks and write their tables into docs/benchmarks.md: python -m benchmarks [topics].
 
-Each topic's section is kept, so that the page always contains all of them; with ``--quick`` nothing
-is kept.
+With ``--quick``, sizes are small and nothing is written.
 """
 
 import argparse
@@ -14,7 +13,9 @@ from typing import Any
 
 from llvmlite import binding
 
+from experiments.page_tables import SideBySide, text_of, write_table
 from pgm_places.experiment.runs import versions
+from pgm_places.reproduce.section import Table
 
 TOPICS = (
     "first_use",
@@ -40,28 +41,8 @@ TOPICS = (
     "live_dating",
     "live_updates",
 )
-FOLDER = Path(__file__).resolve().parent
-SECTIONS = FOLDER / "sections"  # what each topic wrote last
-KERNELS = FOLDER / "kernels.md"  # those in C++ beside numba's, which they replaced
-NOTES = FOLDER / "notes.md"  # the targets, and what limits those that were missed
-PAGE = FOLDER.parent / "docs" / "benchmarks.md"
-HEAD = """\
-# Benchmarks
-
-Each table compares methods side by side in one run on the same data.
-Machines differ and shared ones are noisy: look at ratios, and compare only within a table. The
-sections were measured at different times on a shared machine whose speed varied by a factor of 3.
-Times are medians of repeated runs after a warm-up that compiles the kernels: processor time on one
-thread, wall clock on several, unless a column says otherwise. A section that names no machine was
-measured on two cores of an AMD EPYC with Python 3.11, NumPy 2.4 and numba 0.68.
-
-"""
-HOW_TO_RUN = """\
-To run all of them: `make bench` or `python -m benchmarks`. Peers that are not installed are omitted
-from the tables; `pip install lightgbm "opencv-python-headless<5" hmmlearn PyMaxflow gco-wrapper
-ortools pgmax "jax<0.7"` installs them all (some are GPL: used for comparison only, never as
-dependencies).
-"""
+TABLES = TOPICS
+"""Their names in the marks of docs/benchmarks.md."""
 
 
 def processor() -> str:
@@ -83,21 +64,23 @@ def vectors() -> str:
 
 
 def machine() -> str:
-    """What the figures of a section were measured with."""
-    known = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"Machine: {processor()} ({vectors()}), {os.cpu_count()} cores. Versions: {known}."
+    """What the figures of a table were measured with."""
+    known = versions()
+    named = f"Python {known['python']}, NumPy {known['numpy']}, pgm_places {known['pgm-places']}"
+    return f"*{processor()} ({vectors()}), {os.cpu_count()} cores; {named}.*"
 
 
-def markdown_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Rows as a table; a row with other columns than the one before starts another table."""
-    lines: list[str] = []
-    columns: list[str] = []
+def markdown_tables(rows: Sequence[dict[str, Any]], shown: Sequence[SideBySide] = ()) -> str:
+    """Rows as tables: one for those of the same columns."""
+    groups: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
     for row in rows:
-        if list(row) != columns:
-            columns = list(row)
-            lines += ["", "| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-        lines.append("| " + " | ".join(_text(row[name]) for name in columns) + " |")
-    return "\n".join(lines)
+        groups.setdefault(tuple(row), []).append(tuple(map(_text, row.values())))
+    tables = []
+    for columns, texts in groups.items():
+        table = Table("", columns, tuple(texts))
+        fitting = next((item for item in shown if item.fits(table.heading)), None)
+        tables.append(table if fitting is None else fitting.of(table))
+    return text_of(tables)
 
 
 def _text(value: Any) -> str:
@@ -110,43 +93,32 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def section(topic: str, *, quick: bool) -> str:
-    """One topic's heading, explanation, command and table."""
+def measured(topic: str, *, quick: bool) -> str:
+    """A topic's tables and the machine."""
     module = importlib.import_module(f"benchmarks.{topic}")
-    text = (module.__doc__ or "").strip()
-    title, _, body = text.partition("\n")
-    rows = module.run(quick)
-    return (
-        f"## {title.rstrip('.')}\n\n{body.strip()}\n\n"
-        f"```console\n$ python -m benchmarks.{topic}\n```\n\n{machine()}\n{markdown_table(rows)}\n"
+    tables = markdown_tables(module.run(quick), getattr(module, "SHOWN", ()))
+    return f"{tables}\n{machine()}"
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    found = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    found.add_argument(
+        "topics", nargs="*", choices=[*TOPICS, []], metavar="topic", help=", ".join(TOPICS)
     )
+    found.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    return found
 
 
 def main() -> None:
-    """Parse arguments, run, write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("topics", nargs="*", help=f"some of {', '.join(TOPICS)}; all by default")
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    arguments = parser.parse_args()
-    for topic in arguments.topics or TOPICS:
+    """Run all topics, or those that are named, and write their tables."""
+    given = parser().parse_args()
+    for topic in given.topics or TOPICS:
         print(f"== {topic}", flush=True)
-        text = section(topic, quick=arguments.quick)
+        text = measured(topic, quick=given.quick)
         print(text, flush=True)
-        if not arguments.quick:
-            SECTIONS.mkdir(exist_ok=True)
-            (SECTIONS / f"{topic}.md").write_text(text, encoding="utf-8")
-    if not arguments.quick:
-        PAGE.write_text(page(), encoding="utf-8")
-        print(f"wrote {PAGE}")
-
-
-def page() -> str:
-    """The page of all sections that were kept."""
-    parts = [HEAD + HOW_TO_RUN]
-    files = (*(SECTIONS / f"{topic}.md" for topic in TOPICS), KERNELS, NOTES)
-    return "\n".join(
-        [*parts, *(file.read_text(encoding="utf-8") for file in files if file.exists())]
-    )
+        if not given.quick:
+            write_table(topic, text)
 
 
 if __name__ == "__main__":

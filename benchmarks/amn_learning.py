@@ -9,7 +9,6 @@ the largest lower bound of all rows. Seconds are processor time, without feature
 take minutes and gigabytes.
 """
 
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -153,12 +152,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
         title, task = training_problem(0.05, quick=quick)
         rows += compare(title, task)
     return [*rows, memory_row(title, task)]
-
-
-if __name__ == "__main__":
-    for row in run("--quick" in sys.argv):
-        print(
-            "  ".join(
-                f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()
-            )
-        )

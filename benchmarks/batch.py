@@ -285,7 +285,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Measure what is asked for."""
-    from benchmarks.__main__ import markdown_table
+    from benchmarks.__main__ import markdown_tables
 
     known = [*TITLES, "kills"]
     parser = argparse.ArgumentParser(description=__doc__)
@@ -299,7 +299,7 @@ def main() -> None:
     if unknown:
         parser.error(f"no stage {unknown[0]}; there are {', '.join(known)}")
     found = measured(given.maps, given.kills, chosen, given.folder)
-    print(markdown_table(rows_of(found, given.maps)))
+    print(markdown_tables(rows_of(found, given.maps)))
 
 
 if __name__ == "__main__":

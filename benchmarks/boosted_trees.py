@@ -101,9 +101,3 @@ def run(quick: bool) -> list[Row]:
     for depth in (1, *DEPTHS):
         boosted(warm, depth, 2).scores(X[:200])
     return training(X, own, n_rounds, repeats) + prediction(X, own, 5 * n_rounds, repeats)
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

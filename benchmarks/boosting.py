@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks import boosting_peers as peers
 from benchmarks.labelling import NAMES, map_files
+from experiments.page_tables import SideBySide
 from pgm_places.features.extraction import extract
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -33,6 +34,9 @@ from pgm_places.sensing.sensor import Sensor
 
 Row = dict[str, Any]
 Matrix = NDArray[np.float32]
+
+SHOWN = (SideBySide(("method", "threads"), "{class}", "{all s} s ({scikit-learn's time / own})"),)
+"""How long tables are made short and wide."""
 
 
 def training_data(n_rows: int) -> tuple[str, Matrix, NDArray[np.int64]]:
@@ -231,9 +235,3 @@ def run(quick: bool) -> list[Row]:
     for k in (1,) if quick else (1, 2):
         rows += binary(X, y, k, n_rounds, repeats)
     return rows + scaling(X, y, repeats, n_rounds) + prediction(X, y, n_rounds, repeats)
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

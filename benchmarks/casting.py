@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
 from pgm_places.datasets.tiling import building_tiled
 from pgm_places.io.maps.map_server import load_map
@@ -33,6 +34,9 @@ from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing._cells import Cells
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from pgm_places.sensing.sensor import Sensor
+
+SHOWN = (SideBySide(("method",), "{map}, threads: {threads}", "{Mrays/s} ({times DDA})"),)
+"""How long tables are made short and wide."""
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLE = 16  # every so manieth cell is enough for the slow methods
@@ -256,11 +260,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     rows = [row for title, grid in chosen for row in method_rows(title, grid, repeats)]
     title, grid = chosen[0]
     return [*rows, *scaling_rows(title, grid, repeats), *streaming_rows(quick)]
-
-
-if __name__ == "__main__":
-    import sys
-
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick="--quick" in sys.argv)))

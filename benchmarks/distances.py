@@ -6,7 +6,6 @@ A grid with four neighbours each and random unaries, ``-min(0.3 |k - l|, 2)`` or
 one thread, the least of three runs in turn; both columns find the same labels.
 """
 
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,11 +13,15 @@ from unittest.mock import patch
 
 import numpy as np
 
+from experiments.page_tables import SideBySide
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.solvers import pairwise
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.trws import trws
+
+SHOWN = (SideBySide(("table", "solver"), "{labels} labels", "{by distance (s)} / {by table (s)}"),)
+"""How long tables are made short and wide."""
 
 SIDE = 40
 BY_DISTANCE, BY_TABLE = {1.0: 0, 2.0: 0}, {1.0: 10**9, 2.0: 10**9}
@@ -70,9 +73,3 @@ def _seconds(work: Callable[[], Any], *ways: dict[float, int]) -> list[float]:
                 best[number] = min(best[number], spent)
         assert all((found == labels[0]).all() for found in labels)
     return best
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

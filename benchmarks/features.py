@@ -24,11 +24,19 @@ from numpy.typing import NDArray
 from benchmarks.features_numpy import features
 from benchmarks.features_plain import fourier_orders, spreads
 from benchmarks.labelling import map_files
+from experiments.page_tables import SideBySide
 from pgm_places.features.extraction import DIRECTIONS, extract
 from pgm_places.features.laser import FOURIER_ORDERS, LASER_FEATURES
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
+
+SHOWN = (
+    SideBySide(
+        ("columns", "number"), "threads: {threads}", "{us a scan} us ({times NumPy for all})"
+    ),
+)
+"""How long tables are made short and wide."""
 
 MAX_RANGE_M = 80.0
 NUMPY_BLOCK = 64
@@ -244,11 +252,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
         *scaling_rows(scans, repeats),
         *lane_rows(few, repeats),
     ]
-
-
-if __name__ == "__main__":
-    import sys
-
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick="--quick" in sys.argv)))

@@ -157,6 +157,6 @@ if __name__ == "__main__":
     if MEASURE in sys.argv:
         print(json.dumps(measure(sys.argv[-1])))
     else:
-        from benchmarks.__main__ import markdown_table
+        from benchmarks.__main__ import markdown_tables
 
-        print(markdown_table(run("--quick" in sys.argv)))
+        print(markdown_tables(run("--quick" in sys.argv)))

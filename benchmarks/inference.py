@@ -13,7 +13,6 @@ nodes that are on the same side as ours.
 """
 
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from scipy.ndimage import gaussian_filter
 
 from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
 from benchmarks.labelling import NAMES, map_files
+from experiments.page_tables import SideBySide
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
@@ -42,6 +42,14 @@ from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
+
+SHOWN = (
+    SideBySide(("decoder",), "{instance}", "{processor s} s / {gap} / {accuracy %} %"),
+    SideBySide(("expansion by",), "{instance}", "{processor s} ({ratio})"),
+    SideBySide(("TRW-S to a gap of 1e-5",), "{instance}", "{processor s} s ({iterations})"),
+    SideBySide(("minimum cut by",), "{instance}", "{processor s} ({ratio})"),
+)
+"""How long tables are made short and wide."""
 
 TRAINING_COLUMNS = 366
 LP_NODES = 20_000
@@ -248,9 +256,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     tables = (decoder_rows, expansion_rows, bound_rows, propagation_rows)
     rows = [row for table in tables for model in models for row in table(model, repeats)]
     return rows + cut_rows(200 if quick else 1000, repeats)
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

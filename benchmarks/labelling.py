@@ -7,7 +7,6 @@ gates and places around a cell.
 
 import os
 import statistics
-import sys
 import tempfile
 import time
 from itertools import product
@@ -88,9 +87,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
                 }
             )
     return rows
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

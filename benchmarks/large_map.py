@@ -89,13 +89,13 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Print the table, or measure one map for it."""
-    from benchmarks.__main__ import markdown_table
+    from benchmarks.__main__ import markdown_tables
 
     if MEASURE in sys.argv:
         map_yaml, model, method, out = sys.argv[sys.argv.index(MEASURE) + 1 :]
         print(json.dumps(measure(Path(map_yaml), Path(model), method, Path(out))))
     else:
-        print(markdown_table(run("--quick" in sys.argv)))
+        print(markdown_tables(run("--quick" in sys.argv)))
 
 
 if __name__ == "__main__":

@@ -138,9 +138,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the tables."""
     side, seconds = (400, 3.0) if quick else (2000, 60.0)
     return [latency(side, seconds, with_maps=which) for which in (False, True)]
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick=False)))

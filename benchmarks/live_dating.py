@@ -112,9 +112,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     settings = SETTINGS[-1:] if quick else SETTINGS
     drives = [(dating, *item) for dating in ("amcl", "slam_toolbox") for item in settings]
     return [row(drive, DOMAIN + k) for k, drive in enumerate(drives)]
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick=False)))

@@ -166,9 +166,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     if log.exists():
         rows += growing(labeler, read_trajectory(log).trajectory, 40.0, "log of building 79")
     return [*rows, *growing(labeler, simulated(), 20.0, "simulated drive")]
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick=False)))

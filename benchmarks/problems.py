@@ -11,7 +11,6 @@ is compiled in it.
 """
 
 import os
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -224,10 +223,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of peers that do not converge
         return [*chain_rows(quick), *few_label_rows(quick), *marginal_rows(quick)]
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import main
-
-    sys.argv[1:1] = ["problems"]
-    main()

@@ -10,7 +10,6 @@ first method.
 """
 
 import statistics
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -198,9 +197,3 @@ def measured(name: str, case: Case, *, quick: bool, peers: bool) -> list[dict[st
             }
         )
     return rows
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

@@ -5,7 +5,6 @@ a square of 10,000 m2 filled with generated floors; every second gate is accepte
 one thread. Cells are looked up row by row, as when a map is labelled, and in random order.
 """
 
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.labelling import map_files, median_seconds
+from experiments.page_tables import SideBySide
 from pgm_places.datasets import building_tiled
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -22,6 +22,12 @@ from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
+
+SHOWN = (
+    SideBySide(("step",), "{map}", "{ms} ({ms a million cells})"),
+    SideBySide(("order", "columns"), "{map}", "{ms} ({us a cell})"),
+)
+"""How long tables are made short and wide."""
 
 MOST_CELLS = 200_000
 """Free cells that are looked up at most."""
@@ -97,9 +103,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     divided = [row for title, grid in maps.items() for row in division_rows(title, grid, repeats)]
     looked_up = [row for title, grid in maps.items() for row in lookup_rows(title, grid, repeats)]
     return divided + looked_up
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run("--quick" in sys.argv)))

@@ -10,7 +10,6 @@ of labelling the 500 sentences, whose features are there. Needs ``pip install py
 """
 
 import re
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -155,10 +154,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
             }
         )
     return rows
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import main
-
-    sys.argv[1:1] = ["tagging"]
-    main()

@@ -61,9 +61,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
             "clamp s": statistics.median(clamped[1:]),
         }
     ]
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick=False)))

@@ -94,9 +94,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     grid = OccupancyGrid(cells, building.grid.resolution_m)
     rows.append(rows_of("generated, tiled", grid, noisy(labels, 0.001), 1))
     return rows
-
-
-if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    print(markdown_table(run(quick=False)))

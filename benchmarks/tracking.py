@@ -101,8 +101,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
     per_scan = 1e3 * (time.perf_counter() - started) / n_scans
     whole = {"part": "a whole log, per scan", "scans": n_scans, "median ms": round(per_scan, 3)}
     return [*rows, {**whole, "99 % ms": None, "processor ms": None, "processor 99 % ms": None}]
-
-
-if __name__ == "__main__":
-    for row in run(quick=False):
-        print(row)

@@ -1,12 +1,9 @@
-"""The tables of features in the manual: ``python -m experiments.feature_tables``.
-
-It rewrites what lies between the marks of each table in docs/features.md and docs/spaces.md.
-"""
+"""The tables of features in docs/features.md and docs/spaces.md: their rows are the code's own."""
 
 from collections.abc import Callable, Sequence
 from itertools import groupby
-from pathlib import Path
 
+from experiments.page_tables import write_table
 from pgm_places.features.laser import LASER_FEATURES, FeatureSpec
 from pgm_places.spaces.space_spec import (
     CELL_FEATURES,
@@ -16,14 +13,12 @@ from pgm_places.spaces.space_spec import (
     SpaceSpec,
 )
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 SPACES: dict[str, tuple[SpaceSpec, ...]] = {
     "segments": SEGMENT_FEATURES,
     "cells": CELL_FEATURES,
     "gates": GATE_FEATURES,
     "places": PLACE_EXTRA_FEATURES,
 }
-END = "<!-- end of table -->"
 LONG_RUN = 20
 
 
@@ -52,32 +47,14 @@ def spaces_table(specs: tuple[SpaceSpec, ...]) -> str:
     return _table(rows)
 
 
-TABLES: dict[str, dict[str, Callable[[], str]]] = {
-    "features.md": {"laser": laser_table},
-    "spaces.md": {
+TABLES: dict[str, Callable[[], str]] = {
+    "laser": laser_table,
+    **{
         name: lambda specs=specs: spaces_table(specs)  # type: ignore[misc]
         for name, specs in SPACES.items()
     },
 }
-"""What writes each table of a page, by the name in its mark."""
-
-
-def updated_page(name: str, text: str) -> str:
-    """A page with its tables renewed.
-
-    Raises
-    ------
-    ValueError
-        It lacks the marks of a table.
-    """
-    for table, write in TABLES[name].items():
-        start = f"<!-- table: {table} -->"
-        before, found, rest = text.partition(start)
-        _, end, after = rest.partition(END)
-        if not found or not end:
-            raise ValueError(f"{name} must hold the marks {start!r} and {END!r}")
-        text = f"{before}{start}\n\n{write()}\n\n{END}{after}"
-    return text
+"""What writes each table, by the name in its mark."""
 
 
 def _columns(first: int, last: int) -> str:
@@ -101,10 +78,9 @@ def _table(rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def main() -> None:
-    """Rewrite the tables of all pages."""
-    for name in TABLES:
-        page = DOCS / name
-        page.write_text(updated_page(name, page.read_text(encoding="utf-8")), encoding="utf-8")
+    """Rewrite all tables."""
+    for name, table in TABLES.items():
+        print(write_table(name, table()))
 
 
 if __name__ == "__main__":

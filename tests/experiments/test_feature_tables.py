@@ -1,13 +1,17 @@
 import pytest
 
-from experiments.feature_tables import DOCS, SPACES, TABLES, laser_table, updated_page
+from experiments.feature_tables import SPACES, TABLES, laser_table
+from experiments.page_tables import marks, with_table
 from pgm_places.features.laser import LASER_FEATURES
 
 
 @pytest.mark.parametrize("name", TABLES)
 def test_the_manuals_tables_are_up_to_date(name: str) -> None:
-    text = (DOCS / name).read_text(encoding="utf-8")
-    assert updated_page(name, text) == text, "run: python -m experiments.feature_tables"
+    [page] = [mark.page for mark in marks() if mark.name == name]
+    text = page.read_text(encoding="utf-8")
+    assert with_table(text, name, TABLES[name]()) == text, (
+        "run: python -m experiments.feature_tables"
+    )
 
 
 def test_every_family_and_column_is_in_the_table() -> None:
@@ -22,15 +26,3 @@ def test_every_family_and_column_is_in_the_table() -> None:
 def test_names_are_unique(table: str) -> None:
     ids = [spec.id for spec in SPACES[table]]
     assert len(set(ids)) == len(ids)
-
-
-def test_a_page_is_rewritten_between_the_marks_only() -> None:
-    page = "before\n<!-- table: laser -->\nold\n<!-- end of table -->\nafter\n"
-    text = updated_page("features.md", page)
-    assert text.startswith("before\n") and text.endswith("\nafter\n")
-    assert "old" not in text and "f16" in text
-
-
-def test_a_page_without_marks_is_refused() -> None:
-    with pytest.raises(ValueError, match="must hold the marks"):
-        updated_page("features.md", "nothing")

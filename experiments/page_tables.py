@@ -1,0 +1,153 @@
+"""Tables of the documentation: a command writes its own between two marks of a page.
+
+``<!-- table: NAME, by python -m MODULE ARGUMENTS -->`` begins a table and says what renews it;
+``<!-- end of table -->`` ends it.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pgm_places.reproduce.markdown import markdown_table
+from pgm_places.reproduce.section import Table
+
+__all__ = [
+    "DOCS",
+    "Mark",
+    "SideBySide",
+    "marks",
+    "parsed_tables",
+    "text_of",
+    "with_table",
+    "write_table",
+]
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+END = "<!-- end of table -->"
+_MARK = re.compile(r"<!-- table: (?P<name>[^,>]+), by python -m (?P<command>[^>]+?) -->\n")
+_FIELD = re.compile(r"\{([^}]*)\}")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Where a table begins, and the command that writes it.
+
+    Parameters
+    ----------
+    name : str
+    page : Path
+    module : str
+        What ``python -m`` runs.
+    arguments : tuple of str
+    """
+
+    name: str
+    page: Path
+    module: str
+    arguments: tuple[str, ...]
+
+
+def marks(docs: Path = DOCS) -> Iterator[Mark]:
+    """Every mark of every page, in the order of the pages."""
+    for page in sorted(docs.glob("*.md")):
+        for found in _MARK.finditer(page.read_text(encoding="utf-8")):
+            module, *arguments = found["command"].split()
+            yield Mark(found["name"], page, module, tuple(arguments))
+
+
+def with_table(page: str, name: str, table: str) -> str:
+    """The text of a page with one of its tables renewed.
+
+    Raises
+    ------
+    ValueError
+        It lacks the marks of that table.
+    """
+    for start in _MARK.finditer(page):
+        if start["name"] == name:
+            _, end, after = page[start.end() :].partition(END)
+            if end:
+                return f"{page[: start.end()]}\n{table.strip()}\n\n{END}{after}"
+    raise ValueError(f"the page lacks the marks '<!-- table: {name}, by ... -->' and '{END}'")
+
+
+def write_table(name: str, table: str, docs: Path = DOCS) -> Path:
+    """Renew a table in the page that has its marks; the page.
+
+    Raises
+    ------
+    ValueError
+        No page has them.
+    """
+    for mark in marks(docs):
+        if mark.name == name:
+            text = mark.page.read_text(encoding="utf-8")
+            mark.page.write_text(with_table(text, name, table), encoding="utf-8")
+            return mark.page
+    raise ValueError(f"no page of {docs} has the mark '<!-- table: {name}, by ... -->'")
+
+
+def parsed_tables(text: str) -> list[Table]:
+    """The pipe tables of a text, without captions."""
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, re.MULTILINE)
+    tables = []
+    for block in blocks:
+        heading, _, *rows = (
+            tuple(cell.strip() for cell in line.strip().strip("|").split(" | "))
+            for line in block.strip().splitlines()
+        )
+        tables.append(Table("", heading, tuple(rows)))
+    return tables
+
+
+@dataclass(frozen=True)
+class SideBySide:
+    """A long table made short and wide: some columns go down, the values of others across.
+
+    Parameters
+    ----------
+    down : tuple of str
+        Columns whose values begin a row.
+    across : str
+        What heads a column, with columns of the long table in braces: ``"{map}, {cells}"``.
+    cell : str
+        What an entry says, likewise: ``"{accuracy} / {balanced}"``.
+    """
+
+    down: tuple[str, ...]
+    across: str
+    cell: str
+
+    def fits(self, heading: Sequence[str]) -> bool:
+        """Whether a table has all columns that are named."""
+        named = _FIELD.findall(self.across + self.cell)
+        return {*self.down, *named} <= {*heading}
+
+    def of(self, table: Table) -> Table:
+        """The table by rows and columns; ``-`` where there is nothing."""
+        rows = [dict(zip(table.heading, row, strict=True)) for row in table.rows]
+        found: dict[tuple[str, ...], dict[str, str]] = {}
+        columns: dict[str, None] = {}
+        for row in rows:
+            column = _filled(self.across, row)
+            columns[column] = None
+            key = tuple(row[name] for name in self.down)
+            found.setdefault(key, {})[column] = _filled(self.cell, row)
+        return Table(
+            table.caption,
+            (*self.down, *columns),
+            tuple(
+                (*key, *(entries.get(column, "-") for column in columns))
+                for key, entries in found.items()
+            ),
+        )
+
+
+def _filled(template: str, row: Mapping[str, str]) -> str:
+    return _FIELD.sub(lambda field: row[field[1]], template)
+
+
+def text_of(tables: Sequence[Table]) -> str:
+    """Tables one below the other."""
+    return "\n".join(map(markdown_table, tables))
