@@ -14,8 +14,8 @@ from typing import Any
 from llvmlite import binding
 
 from experiments.page_tables import SideBySide, text_of, write_table
+from experiments.paper.section import Table
 from pgm_places.experiment.runs import versions
-from pgm_places.reproduce.section import Table
 
 TOPICS = (
     "first_use",

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgm_places.reproduce.markdown import markdown_table
-from pgm_places.reproduce.section import Table
+from experiments.paper.markdown import markdown_table
+from experiments.paper.section import Table
 
 __all__ = [
     "DOCS",

@@ -13,7 +13,7 @@ from experiments.page_tables import (
     with_table,
     write_table,
 )
-from pgm_places.reproduce.section import Table
+from experiments.paper.section import Table
 
 MARKS = list(marks())
 PAGE = (
