@@ -94,15 +94,14 @@ def _grown(part: NDArray[np.int64], cells: tuple[NDArray[np.int64], ...]) -> NDA
 
 def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float]) -> Line:
     """The shortest line through a point of a place that ends where the place does."""
+    angle = np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS
+    way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     middle = np.asarray(at_m, np.float64)
-    lines = []
-    for angle in np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS:
-        way = np.array([np.cos(angle), np.sin(angle)])
-        start, end = (
-            middle + side * _reach(topology, place.id, middle, side * way) * way for side in (-1, 1)
-        )
-        lines.append(_line(start, end))
-    return min(lines, key=line_width_m)
+    start, end = (
+        middle + side * _reach(topology, place.id, middle, side * way) * way for side in (-1, 1)
+    )
+    shortest = np.argmin(np.hypot(*(end - start).T))
+    return _line(start[shortest], end[shortest])
 
 
 def line_width_m(line: Line) -> float:
@@ -163,16 +162,18 @@ def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
 
 def _reach(
     topology: TopologicalMap, number: int, start: NDArray[np.float64], way: NDArray[np.float64]
-) -> float:
-    """How far one gets from a point in a direction until the region has ended."""
-    step = topology.grid.resolution_m / 4
-    far = float(np.hypot(*topology.grid.shape)) * topology.grid.resolution_m
-    along = np.arange(0.0, far, step)
-    cells = topology.grid.cells_at_m(start + along[:, None] * way)
-    inside = ((cells >= 0) & (cells < topology.grid.shape)).all(axis=1)
-    here = np.zeros(len(along), np.bool_)
+) -> NDArray[np.float64]:
+    """(D, 1) how far one gets from a point in each direction (D, 2) until the region has ended."""
+    grid, window = topology.grid, topology.window(number)
+    step = grid.resolution_m / 4
+    farthest = np.hypot(*(axis.stop - axis.start + 1 for axis in window)) * grid.resolution_m
+    along = np.arange(0.0, farthest + step, step)
+    points = start + along[:, np.newaxis, np.newaxis] * way
+    cells = grid.cells_at_m(points.reshape(-1, 2))
+    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+    here = np.zeros(len(cells), np.bool_)
     here[inside] = topology.region[tuple(cells[inside].T)] == number
-    return float(along[np.argmin(here)])
+    return along[np.argmin(here.reshape(len(along), -1), axis=0)][:, np.newaxis]
 
 
 def _distance_to_line(
