@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets._plan_kernels import largest_rectangle
+from pgm_places._core import largest_rectangle
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
 from pgm_places.maps.components import connected_components
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets._plan_kernels import drive, steps_from
+from pgm_places._core import drive, steps_from
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Rect, Scale
 from pgm_places.datasets.raster import main_component
@@ -75,7 +75,7 @@ def draw_routes(
         The share of the places to visit; those farthest from the start are left out.
     """
     stride = max(1, scale.cells(_PLANNING_CM))
-    drivable = ~crowded(scale, solid)[::stride, ::stride]
+    drivable = np.ascontiguousarray(~crowded(scale, solid)[::stride, ::stride])
     ground = main_component(drivable)
     in_passages, in_rooms = _all_stops(scale, ground, rooms, passages, stride)
     if len(in_passages) + len(in_rooms) == 0:  # the largest piece may lie behind closed doors
@@ -86,8 +86,10 @@ def draw_routes(
     if len(stops) == 0:
         raise InputError("the robot fits into no labelled place of the plan; check its resolution")
     start = dice.choice((in_passages if len(in_passages) else in_rooms).tolist())
-    steps = steps_from(ground, start).ravel()[stops]
-    visited = stops[np.lexsort((stops, steps))][: max(1, round(coverage * len(stops)))]
+    steps = np.full(ground.shape, -1, np.int64)
+    steps_from(ground, start, steps)
+    nearest_first = stops[np.lexsort((stops, steps.ravel()[stops]))]
+    visited = nearest_first[: max(1, round(coverage * len(stops)))]
     shared = np.intersect1d(in_passages, visited)
     spacing = max(1, scale.cells(_STATION_CM) // stride)
     drives = []

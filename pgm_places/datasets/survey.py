@@ -5,12 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets._survey_kernels import GLASS, HALF_SIDE, RIM, SOLID, follow_rays
+from pgm_places._core import follow_rays
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 __all__ = ["N_RAYS", "Tour", "budgets", "crowded", "grid_in", "mapped", "survey", "wider"]
+
+SOLID, GLASS, RIM = 1, 2, 4
+"""What a cell is, in bits."""
+
+HALF_SIDE = 128
+"""Rays go to the edge of a square of so many half-cells around the laser: 8 x this many rays."""
 
 _GLASS_OPACITY = 6
 """One ray in so many goes through a pane."""
@@ -85,14 +91,14 @@ def mapped(
     ``reach`` cells at most. A cell is occupied where at least one in ``occupied_share`` of the rays
     that reached it ended there.
     """
-    kind = solid * np.uint8(SOLID) | glass * np.uint8(GLASS)
+    kind = np.ascontiguousarray(solid * np.uint8(SOLID) | glass * np.uint8(GLASS))
     kind[[0, -1]] = kind[:, [0, -1]] = RIM
     passed, ended = np.zeros(solid.shape, np.int32), np.zeros(solid.shape, np.int32)
     follow_rays(
         kind,
         _FAN,
-        tour.stations,
-        tour.offsets,
+        np.ascontiguousarray(tour.stations),
+        np.ascontiguousarray(tour.offsets),
         tour.through,
         tour.late,
         reach,

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
 from pgm_places.kernels.threads import run_tasks
-from pgm_places.live._stale_kernels import mark_stale
 from pgm_places.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
@@ -149,6 +149,7 @@ class GrowingFeatures:
         squares: NDArray[np.float64],
         stale: NDArray[np.bool_],
     ) -> None:
+        cells_rc = np.ascontiguousarray(cells_rc)
         reached = (row_of, self._reach, self._farthest)
 
         def work(task: int) -> None:

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.studio._run_kernels import differing_runs, write_runs
+from pgm_places._core import differing_runs, write_runs
 
 __all__ = ["PaintedPart", "Repaint"]
 

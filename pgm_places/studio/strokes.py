@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import mark_brush
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.regions import rasterize_polygon
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
-from pgm_places.studio._run_kernels import mark_brush
 from pgm_places.studio.door_line import Limits, doorway_ends
 from pgm_places.studio.runs import runs_of_mask
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import mark_deepest
 from pgm_places.maps.clearance import squared_clearance
 
 __all__ = ["deepest_cells", "squared_depth"]
@@ -21,8 +22,7 @@ def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
     >>> deepest_cells(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], np.int32), 2)[1].tolist()
     [False, True, False, True]
     """
-    from pgm_places.topology._region_kernels import mark_deepest
-
+    piece = np.ascontiguousarray(piece, np.int32)
     deepest = np.empty(piece.shape, np.bool_)
     mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), deepest)
     return deepest

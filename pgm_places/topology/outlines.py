@@ -6,11 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import simplify_arcs, trace_rings
 from pgm_places.errors import InputError
 
 __all__ = ["Outline", "outlines"]
 
 Ring = NDArray[np.int32]
+
+VERTEX = 1
+"""The bit of a corner of cells where an outline turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +63,6 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     >>> outline.polygons[0][0].tolist()
     [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0], [0, 0], [0, 2]]
     """
-    from pgm_places.topology._outline_kernels import (
-        VERTEX,
-        simplify_arcs,
-        trace_rings,
-    )
-
     if not tolerance >= 0:
         raise InputError(f"tolerance must be at least 0 cells, got {tolerance}")
     piece = np.ascontiguousarray(piece, np.int32)

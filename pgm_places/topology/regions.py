@@ -144,16 +144,15 @@ def describe_regions(
 
 def _anchors(
     pieces: Components, deepest: NDArray[np.bool_], clearance: NDArray[np.int32]
-) -> NDArray[np.int32]:
-    from pgm_places.topology._region_kernels import anchor_cells
-
-    anchor = np.full((pieces.count, 2), -1, np.int32)
-    anchor_cells(pieces.piece, deepest, clearance, anchor)
-    return anchor
+) -> NDArray[np.int64]:
+    """(P, 2) the deepest cell of each piece: that farthest from any wall, then the first."""
+    cells, piece = np.argwhere(deepest), pieces.piece[deepest]
+    order = np.lexsort((-clearance[deepest], piece))
+    return cells[order[np.searchsorted(piece[order], np.arange(pieces.count))]]
 
 
 def _keep_anchors(
-    anchors: NDArray[np.int32],
+    anchors: NDArray[np.int64],
     pieces: Components,
     grid: OccupancyGrid,
     ids: Sequence[int],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import needed_edges
 from pgm_places.topology.route_space import RouteSpace
 from pgm_places.topology.skeleton import skeleton_of
 from pgm_places.topology.topological_map import TopologicalMap
@@ -279,8 +280,6 @@ class _Roads:
     def connect(self) -> None:
         """Replace the edges by those, shortcuts included, without which ways would be longer."""
         from scipy.spatial import cKDTree
-
-        from pgm_places.topology._route_kernels import needed_edges
 
         kept = np.array(sorted(self.links), np.int64)
         tree = cKDTree(self.at[kept])

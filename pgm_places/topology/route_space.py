@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from pgm_places._core import segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -48,16 +49,12 @@ class RouteSpace:
 
     def clearances(self, ends: NDArray[np.float64], most: float) -> NDArray[np.float64]:
         """Distance in cells from segments (M, 4) to the nearest obstacle, up to ``most``."""
-        from pgm_places.topology._route_kernels import segment_clearances
-
         found = np.empty(len(ends))
         segment_clearances(self.blocked, ends, np.full(len(ends), most), found)
         return found
 
     def are_good(self, ends: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which segments (M, 4) have room (M,), in cells, and stay in the places of their ends."""
-        from pgm_places.topology._route_kernels import segment_clearances, stays_between
-
         found, good = np.empty(len(ends)), np.empty(len(ends), np.bool_)
         segment_clearances(self.blocked, ends, room + 1e-9, found)
         stays_between(self.region, ends, good)

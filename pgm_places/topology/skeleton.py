@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import thin
 from pgm_places.maps.components import connected_components
 
 __all__ = ["Skeleton", "skeleton_of"]
@@ -52,8 +53,7 @@ def skeleton_of(
     >>> found.points, found.ways[0].tolist()
     ([(2, 1), (2, 7)], [[2, 1], [2, 2], [2, 3], [2, 4], [2, 5], [2, 6], [2, 7]])
     """
-    from pgm_places.topology._skeleton_kernels import thin
-
+    clearance = np.ascontiguousarray(clearance, np.int32)
     thinned, kept = inside.copy(), np.zeros(inside.shape, np.bool_)
     kept[targets[:, 0], targets[:, 1]] = True
     thin(thinned, clearance, kept)

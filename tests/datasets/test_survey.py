@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pgm_places.datasets._plan_kernels import drive, largest_rectangle, steps_from
-from pgm_places.datasets._survey_kernels import GLASS, RIM, SOLID, follow_rays
+from pgm_places._core import drive, follow_rays, largest_rectangle, steps_from
+from pgm_places.datasets.survey import GLASS, RIM, SOLID
 from tests.reference import surveys
 
 FAN = np.array([(128, 0), (128, 50), (-128, 127), (17, -128), (-128, -128), (128, -1), (0, 128)])
@@ -44,7 +44,9 @@ def test_no_rectangle_is_larger(seed: int) -> None:
 def test_least_steps(seed: int) -> None:
     drivable = np.random.default_rng(seed).random((13, 17)) < 0.7
     drivable[6, 8] = True
-    np.testing.assert_array_equal(steps_from(drivable, 6 * 17 + 8), surveys.steps(drivable, (6, 8)))
+    steps = np.full(drivable.shape, -1, np.int64)
+    steps_from(drivable, 6 * 17 + 8, steps)
+    np.testing.assert_array_equal(steps, surveys.steps(drivable, (6, 8)))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,11 +1,10 @@
-"""Arrays of any layout in memory: kernels take one, so functions have to bring all others to it."""
+"""Solvers take arrays of any layout in memory."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.expansion import alpha_expansion
@@ -19,27 +18,7 @@ from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from pgm_places.solvers.semi_markov import SemiMarkovChain
 from pgm_places.solvers.trws import trws
-
-Array = NDArray[Any]
-
-
-def fortran(array: Array) -> Array:
-    return np.asfortranarray(array)
-
-
-def strided(array: Array) -> Array:
-    return np.repeat(array, 2, axis=-1)[..., ::2]
-
-
-def reversed_twice(array: Array) -> Array:
-    return np.ascontiguousarray(array[::-1])[::-1]
-
-
-def read_only(array: Array) -> Array:
-    array = array.copy()
-    array.flags.writeable = False
-    return array
-
+from tests.layouts import CHANGES, Array, check_any_layout
 
 N, K = 6, 3
 RNG = np.random.default_rng(0)
@@ -97,15 +76,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("change", [fortran, strided, reversed_twice, read_only])
+@pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_any_layout_gives_the_same(name: str, change: Callable[[Array], Array]) -> None:
-    function, arguments = FUNCTIONS[name]
-    plain = function(*arguments)
-    changed = function(*map(change, arguments))
-    if isinstance(plain, np.ndarray):
-        np.testing.assert_array_equal(changed, plain)
-        return
-    for field, value in vars(plain).items():
-        if isinstance(value, np.ndarray | float | list):
-            np.testing.assert_array_equal(getattr(changed, field), value, err_msg=field)
+    check_any_layout(*FUNCTIONS[name], change)

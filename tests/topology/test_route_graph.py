@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from experiments.routes import cell_lengths, ratios
+from pgm_places._core import needed_edges, segment_clearances, stays_between
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology._route_kernels import needed_edges, segment_clearances, stays_between
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places._core import thin
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology._skeleton_kernels import thin
 from pgm_places.topology.skeleton import skeleton_of
 from tests.reference.routes import counts, is_simple
 
