@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.tiling import building_tiled
 from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
-from pgm_places.datasets.tiling import building_tiled
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.jit import njit
 from pgm_places.kernels.threads import run_tasks

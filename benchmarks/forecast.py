@@ -21,7 +21,7 @@ from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.map_task import MapTask, label_one
 from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.labelers.model_resolution import at_model_resolution
+from pgm_places.labelers.label_map import at_model_resolution
 
 OPTIONS = LabelOptions()
 

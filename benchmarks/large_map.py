@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.memory import peak_bytes
-from pgm_places.datasets import building_tiled, generate_building
+from benchmarks.tiling import building_tiled
+from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.label_map import label_map

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.tiling import building_tiled
 from pgm_places import trained_labeler
-from pgm_places.datasets import building_tiled
 from pgm_places.io.logs.bag_poses import planar
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_node import LiveNode

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.labelling import map_files, median_seconds
+from benchmarks.tiling import building_tiled
 from experiments.page_tables import SideBySide
-from pgm_places.datasets import building_tiled
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.cell_features import CellFeatures

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from experiments.paper.furnished_floors import DETECTORS, NAMES, Floor, make_floor
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.vision.detector import PAPER_OBJECTS
+from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 LEARN, LABEL = (1, 2, 3, 4), (11, 12)
 """Seeds of the buildings to learn from, and of those to label."""

@@ -28,11 +28,7 @@ from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_l
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
-from pgm_places.models.labelled_examples import (
-    labelled_parts,
-    labelled_weights,
-    penalties_of,
-)
+from pgm_places.models.labelled_examples import labelled_parts, labelled_weights, penalties_of
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
     edge_feature_count,

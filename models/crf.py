@@ -41,11 +41,7 @@ from pgm_places.models.labelled_examples import (
     penalties_of,
 )
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
-from pgm_places.models.linear_features import (
-    edge_features,
-    node_features,
-    parse_node_features,
-)
+from pgm_places.models.linear_features import edge_features, node_features, parse_node_features
 from pgm_places.models.linear_model import (
     LinearModel,
     TermSizes,

@@ -14,10 +14,9 @@ from pgm_places._checks import finite_array
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import learned
+from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
-from pgm_places.inference.traits import Traits
 from pgm_places.models.chain_statistics import (
     count_chains,
     counted_tables,

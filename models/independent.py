@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from pgm_places._checks import sealed
+from pgm_places.inference.backends import Traits
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary
-from pgm_places.inference.traits import Traits
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["Independent"]

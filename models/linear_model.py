@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pgm_places._checks import finite_array, integer_array, require_type
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.errors import InputError, NotFittedError
-from pgm_places.inference.backends import learned
+from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
-from pgm_places.inference.traits import Traits
 from pgm_places.models.cliques import check_clique_weights, clique_sizes, learned_rewards
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.labelled_examples import ClassWeight, node_losses

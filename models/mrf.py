@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pgm_places._option_marks import Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.backends import Traits
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.inference.temperature import Temperature, tempered
-from pgm_places.inference.traits import Traits
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.options import AtLeastZero, Whole, check_options

@@ -13,10 +13,9 @@ from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.inference.backends import learned
+from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
-from pgm_places.inference.traits import Traits
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,

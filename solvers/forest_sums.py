@@ -10,13 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._core import (
-    collect_sums,
-    distribute_sums,
-    pass_back,
-    pass_forest,
-    subtract_peaks,
-)
+from pgm_places._core import collect_sums, distribute_sums, pass_back, pass_forest, subtract_peaks
 from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_from_all
 from pgm_places.solvers.mean_field import normalised

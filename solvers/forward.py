@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, number_array
-from pgm_places._core import (
-    filter_chain,
-    smooth_chain,
-    subtract_best,
-    trace_back,
-    viterbi_chain,
-)
+from pgm_places._core import filter_chain, smooth_chain, subtract_best, trace_back, viterbi_chain
 from pgm_places.errors import InputError
 from pgm_places.solvers.chain_logs import beliefs_in_logs, exceeds_floats
 from pgm_places.solvers.chain_tables import SUM_TOLERANCE, Chain, check_chain, check_tables

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.confusion_picture import confusion_picture
 from experiments.paper.figures import percent
 from experiments.paper.furnished_floors import DETECTORS, Floor, make_floor
 from experiments.paper.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
@@ -20,12 +21,11 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.report.confusion_picture import confusion_picture
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.track_pictures import belief_plot
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.detector import PAPER_OBJECTS
+from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 __all__ = ["run"]
 

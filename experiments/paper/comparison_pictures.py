@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.paper.confusion_picture import confusion_picture
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.confusion_picture import confusion_picture
 from pgm_places.report.sheet import Panel, sheet_png
 
 __all__ = ["confusion_of", "error_sheet", "label_sheet", "window_grid"]

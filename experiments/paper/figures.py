@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
+from experiments.paper.borders import border_tolerant_mask
 from experiments.paper.section import Finding, Table
-from pgm_places.evaluation.evaluation import Evaluation, Interval, border_tolerant_mask
+from pgm_places.evaluation.evaluation import Evaluation, Interval
 from pgm_places.experiment.comparison import Comparison, MethodResult
 
 __all__ = [

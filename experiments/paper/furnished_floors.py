@@ -17,7 +17,7 @@ from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.vision.detector import PAPER_OBJECTS
+from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 __all__ = ["DETECTORS", "FURNISHING", "NAMES", "Floor", "make_floor", "used_rooms"]
 

@@ -18,7 +18,7 @@ from pgm_places.options import (
     check_options,
 )
 from pgm_places.sensing.ray_casting import cast_poses
-from pgm_places.vision.detector import N_IMAGES
+from pgm_places.vision.object_counts import N_IMAGES
 
 __all__ = ["PlacedObjects", "SimulatedDetector"]
 

@@ -25,8 +25,7 @@ from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table,
 from experiments.tracking_model.unseen import ALONE, Answer, merged
 from pgm_places._version import __version__
 from pgm_places.sensing.simulated_robot import SimulatedRobot
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import with_local_floor
+from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import observed_along
 
 LENGTH_M, EVERY_M = 60.0, 0.5

@@ -13,7 +13,7 @@ from pgm_places.batch.ready_model import ready_model
 from pgm_places.datasets.building import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import save_map
-from pgm_places.labelers.model_resolution import at_model_resolution
+from pgm_places.labelers.label_map import at_model_resolution
 
 __all__ = ["Forecast", "Speed"]
 

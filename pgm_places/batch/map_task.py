@@ -22,8 +22,8 @@ from pgm_places.io.maps.map_server import MapFile, load_map
 from pgm_places.io.output_set import output_set
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Silent, duration
-from pgm_places.report.file_names import label_names
 from pgm_places.report.map_pictures import thumbnail
+from pgm_places.report.outputs import label_names
 from pgm_places.topology.checks import doubtful_share, places_to_check
 
 __all__ = ["THUMBNAIL_FILE", "MapTask", "NoSpaceError", "label_one"]

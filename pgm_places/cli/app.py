@@ -24,7 +24,7 @@ COMMANDS = {
     "split": "place_edits",
     "explain": "explain",
     "simulate": "simulate",
-    "simulate-map": "simulate_map",
+    "simulate-map": "simulate",
     "track": "track",
     "live": "live",
     "reproduce": "reproduce",

@@ -34,7 +34,7 @@ def check_map(
         Its file cannot be written, or one that is kept would be lost.
     """
     from pgm_places.io.maps.map_server import load_map
-    from pgm_places.labelers.model_resolution import at_model_resolution
+    from pgm_places.labelers.label_map import at_model_resolution
     from pgm_places.spaces.unentered import find_unentered
 
     loaded = load_map(path, unknown_value=unknown_value)
@@ -151,7 +151,7 @@ def _row(
 ) -> _Row:
     from pgm_places.batch.forecast import Forecast
     from pgm_places.io.maps.map_server import load_map
-    from pgm_places.labelers.model_resolution import at_model_resolution
+    from pgm_places.labelers.label_map import at_model_resolution
     from pgm_places.spaces.unentered import find_unentered
 
     problems = []
@@ -182,9 +182,8 @@ def _row(
 
 def _corrected(path: Path, loaded: "MapFile") -> "MapFile":
     """The map with another threshold in its file, if its own calls unknown cells free."""
-    from pgm_places.io.maps.map_correction import correct_free_thresh
     from pgm_places.io.maps.map_pixels import FREE_THRESH
-    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.io.maps.map_server import correct_free_thresh, load_map
 
     if not loaded.corrects_free_thresh:
         return loaded

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Option
+from pgm_places.cli.label_many import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.options import Seed
 
@@ -77,7 +77,7 @@ def compare(
     if workers.given and not by_building:
         raise InputError("--jobs, --scheduler and --memory are for compare --by-building")
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import COMPARISON
+    from pgm_places.report.outputs import COMPARISON
 
     shared_out = workers if by_building else None
     with (
@@ -120,7 +120,7 @@ def demo(
     """Train and label on a generated building; needs no data."""
     from pgm_places.datasets.demo import write_demo
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import DEMO
+    from pgm_places.report.outputs import DEMO
 
     if not quiet:
         say("Three methods learn from the left part of a generated building, and label the right.")

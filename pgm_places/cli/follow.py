@@ -48,7 +48,7 @@ def run_follow(
 ) -> None:
     """Label scans as they are written, until interrupted: a line on standard output for each."""
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import TRACK
+    from pgm_places.report.outputs import TRACK
 
     if options.mode != "filter":
         raise ConfigError("--follow labels scan by scan, which only --mode filter can do")

@@ -6,12 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
-from pgm_places.cli.label_many import BatchOptions, label_many
+from pgm_places.cli.label_many import (
+    BatchOptions,
+    Jobs,
+    Memory,
+    Scheduler,
+    WorkerOptions,
+    label_many,
+)
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions
 from pgm_places.errors import InputError
 from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -173,7 +179,7 @@ def _label_one(
         from pgm_places.inference.backends import METHODS
         from pgm_places.io.maps.map_server import load_map
         from pgm_places.io.output_set import output_set
-        from pgm_places.report.file_names import label_names
+        from pgm_places.report.outputs import label_names
         from pgm_places.report.topology_output import places_summary
 
         model = _read(options, progress)

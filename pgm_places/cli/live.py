@@ -145,7 +145,7 @@ def _run_replay(
     from pgm_places.io.output_set import output_set
     from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.session_file import read_session, write_session
-    from pgm_places.report.file_names import LIVE
+    from pgm_places.report.outputs import LIVE
     from pgm_places.trained import trained_labeler
 
     progress = make_progress(quiet=quiet)

@@ -59,7 +59,7 @@ def topology(
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
-    from pgm_places.report.file_names import PLACES, SETTINGS
+    from pgm_places.report.outputs import PLACES, SETTINGS
     from pgm_places.report.topology_output import places_summary, write_places
 
     progress = make_progress(quiet=quiet)

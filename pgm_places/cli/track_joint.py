@@ -33,7 +33,7 @@ def run_joint(
     """Label a complete log, and the map beneath it if there is one, which is written as well."""
     from pgm_places.batch.map_files import write_labelled
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import TRACK, label_names
+    from pgm_places.report.outputs import TRACK, label_names
     from pgm_places.report.topology_output import places_summary
 
     out, progress = folder_for(log, out), make_progress(quiet=quiet)

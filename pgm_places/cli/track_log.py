@@ -40,7 +40,7 @@ def run_track(
 ) -> None:
     """Label a complete log with a model of drives, or one of maps."""
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import TRACK
+    from pgm_places.report.outputs import TRACK
 
     out, progress = folder_for(log, out), make_progress(quiet=quiet)
     labeler = track_labeler(stored, options, progress)

@@ -9,14 +9,12 @@ if TYPE_CHECKING:
     from pgm_places.datasets.building import generate_building as generate_building
     from pgm_places.datasets.map_simulation import MapSimulation as MapSimulation
     from pgm_places.datasets.simulated_map import simulate_map as simulate_map
-    from pgm_places.datasets.tiling import building_tiled as building_tiled
 
 __all__ = [
     "LABEL_NAMES",
     "STYLES",
     "LabelledBuilding",
     "MapSimulation",
-    "building_tiled",
     "generate_building",
     "simulate_map",
 ]
@@ -26,7 +24,6 @@ _HOMES = {
     "STYLES": "building",
     "LabelledBuilding": "building",
     "MapSimulation": "map_simulation",
-    "building_tiled": "tiling",
     "generate_building": "building",
     "simulate_map": "simulated_map",
 }

@@ -31,12 +31,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
-from pgm_places.unary.options import (
-    ClassifierOptions,
-    ContextOptions,
-    HallsAs,
-    SpaceOptions,
-)
+from pgm_places.unary.options import ClassifierOptions, ContextOptions, HallsAs, SpaceOptions
 
 __all__ = [
     "NO_MODEL",

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation import confusion
-from pgm_places.evaluation.bootstrap import Interval, Resamples, numbered_apart
-from pgm_places.evaluation.sign_test import SignTest
+from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, numbered_apart
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.inference.labeling import Labeling
 

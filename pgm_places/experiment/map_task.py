@@ -1,10 +1,10 @@
-"""Experiments on the cells of maps."""
+"""Experiments on the cells of maps, and labelers taught further on each of them."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
 from pgm_places.experiment.doors import door_scores
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.floor_teaching import taught_floor
@@ -12,15 +12,62 @@ from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.experiment.setup import check_labeler, make_labeler
 from pgm_places.experiment.sources import Sources
 from pgm_places.experiment.task import Evidence, Task
-from pgm_places.experiment.taught import taught_labeler
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.io.input_file import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.persistence.model_folder import MANIFEST
 from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.teacher import Teacher
+from pgm_places.trained import NAMES, model_folder, trained_labeler
 from pgm_places.unary.halls import HallNames
 
-__all__ = ["CELLS", "tested_map"]
+__all__ = ["CELLS", "taught_labeler", "tested_map"]
+
+
+def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
+    """The base model of the configuration, taught the labels of training maps in their order.
+
+    Without a base model (``"none"``), only the first map is learned from.
+
+    Raises
+    ------
+    ModelFileError
+        There is no such model.
+    LabelError
+        A label of the model is not among the configuration's; without a model, the first map has
+        fewer than two labels.
+    """
+    config = experiment.config
+    labeler = _base_model(experiment)
+    with experiment.learning():
+        for item in maps:
+            teacher = Teacher(
+                item.grid,
+                labeler,
+                classes=config.labels.names,
+                options=config.teaching,
+                n_threads=experiment.n_threads,
+            )
+            labels = item.labels
+            if item.window is not None:
+                labels = np.where(item.window, labels, np.int16(-1))
+            paint = Paint(labels, config.labels.names)
+            labeler = teacher.learned(paint, experiment.progress)
+    assert labeler is not None  # there is at least one training map
+    return labeler
+
+
+def _base_model(experiment: Experiment) -> PlaceLabeler | None:
+    name = str(experiment.config.base_model)
+    if name == NO_MODEL:
+        return None
+    folder = model_folder(name if name in NAMES else experiment.resolve(name))
+    found = trained_labeler(folder)
+    experiment.inputs[f"{name}/{MANIFEST}"] = sha256_of(folder / MANIFEST)
+    return found
 
 
 def _learn(experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:

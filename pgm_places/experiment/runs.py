@@ -26,7 +26,7 @@ from pgm_places.experiment.sources import Source, Sources, load_sources
 from pgm_places.experiment.task import Labelers
 from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests_of
 from pgm_places.inference.labeling import Labeling
-from pgm_places.labelers.shared_learning import learned_with
+from pgm_places.labelers.labeler import learned_with
 from pgm_places.options import option_values
 
 __all__ = ["Trained", "compare", "compare_fitted", "method_result", "train", "versions"]

@@ -11,6 +11,7 @@ from pgm_places._core import (
     centroid_features,
     cut_features,
     fourier_features,
+    fourier_rows,
     gap_features,
     load_tiles,
     minima_features,
@@ -21,8 +22,6 @@ from pgm_places._core import (
     write_rows,
 )
 from pgm_places.errors import InputError
-from pgm_places.features._tiles import LANES, N_BEAMS, TILE_ROWS
-from pgm_places.features._workspace import Workspace
 from pgm_places.features.beams import (
     InvalidBeams,
     check_invalid,
@@ -31,18 +30,52 @@ from pgm_places.features.beams import (
     clean_beams,
     resample_beams,
 )
-from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
+from pgm_places.kernels.lanes import aligned_planes
 from pgm_places.kernels.threads import run_tasks
 
-Columns = Sequence[int] | NDArray[np.integer[Any]]
+__all__ = ["ScanExtractor", "Workspace", "extract", "extract_one", "resample_beams"]
 
-__all__ = ["ScanExtractor", "extract", "extract_one", "resample_beams"]
+
+N_BEAMS = CANONICAL_BEAMS
+
+N_FEATURES = len(LASER_FEATURES)
+
+LANES = 16
+
+TILE_ROWS = N_BEAMS + 1
+"""Row ``TILE_ROWS tile + k`` holds beam ``k`` of a tile's scans, one a lane; beam 360 is beam 0."""
+
+SHAPE_ROWS = 4
+"""Rows a tile has in ``shape``: area, perimeter and centroid, which later kernels need."""
+
+
+class Workspace:
+    """Planes for a number of tiles; a tenth of a megabyte for each and a little more.
+
+    ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
+    the features; the others are room for single kernels.
+    """
+
+    def __init__(self, n_tiles: int) -> None:
+        self.rho = aligned_planes(n_tiles * TILE_ROWS, np.float64)
+        self.edges = aligned_planes(n_tiles * TILE_ROWS, np.float64)
+        self.shape = aligned_planes(n_tiles * SHAPE_ROWS, np.float64)
+        self.values = aligned_planes(n_tiles * N_FEATURES, np.float32)
+        self.ahead = aligned_planes(N_BEAMS + 1, np.float64)
+        self.kept = aligned_planes(N_BEAMS + 1, np.float64)
+        self.series = aligned_planes(fourier_rows(), np.float32)
+        self.beams = np.zeros(N_BEAMS + 1, np.int64)
+
+
+Columns = Sequence[int] | NDArray[np.integer[Any]]
 
 TILES_PER_GROUP = 8
 """Tiles that one kernel call handles: their planes, about a megabyte, stay in a near cache."""
 
 SCANS_PER_GROUP = TILES_PER_GROUP * LANES
+
 SCANS_PER_TASK = 2 * SCANS_PER_GROUP
 
 
@@ -57,7 +90,9 @@ def _chords() -> NDArray[np.float64]:
 
 
 ALL_COLUMNS = tuple(range(len(LASER_FEATURES)))
+
 DIRECTIONS = _directions()
+
 CHORDS = _chords()
 
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.floor.inputs import network_inputs, open_cells
+from pgm_places.floor.raster import network_inputs, open_cells
 
 __all__ = ["N_TARGETS", "SIDE", "LabelledFloor", "batch", "crop"]
 

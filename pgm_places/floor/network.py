@@ -45,7 +45,7 @@ class FloorNetwork:
         Parameters
         ----------
         inputs : (h, w, 10) float32
-            From :func:`~pgm_places.floor.inputs.network_inputs`; h and w multiples of 16.
+            From :func:`~pgm_places.floor.raster.network_inputs`; h and w multiples of 16.
         """
         found: Array = forward(inputs, self)
         return found

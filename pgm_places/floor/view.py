@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from pgm_places.floor.architecture import DEEPEST, LABELS
-from pgm_places.floor.inputs import FARTHEST, network_inputs, open_cells
 from pgm_places.floor.network import FloorNetwork
-from pgm_places.floor.raster import FloorRaster, holders
+from pgm_places.floor.raster import FARTHEST, FloorRaster, holders, network_inputs, open_cells
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid

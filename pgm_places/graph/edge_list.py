@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, integer_array, number_array
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.edge_order import EdgeOrder
 from pgm_places.graph.raster_edges import RasterEdges
 
 __all__ = [
@@ -24,8 +25,9 @@ __all__ = [
     "mapped_nodes",
     "matrix_edges",
     "nearest_pairs",
+    "order_among",
+    "path_edges",
     "require_canonical",
-    "require_same",
     "require_sparse",
     "sparse_pairs",
 ]
@@ -65,38 +67,18 @@ def require_canonical(edges: NDArray[np.int64]) -> None:
         raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
 
 
-def require_same(pairs: NDArray[np.integer[Any]], edges: NDArray[np.int32]) -> None:
-    """Raise InputError unless sorted pairs (E, 2) are the edges of a graph."""
+def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> EdgeOrder:
+    """Where pairs (E, 2) are among the edges of a graph; refuses any that are others."""
+    order = EdgeOrder.of(pairs)
+    pairs = np.sort(pairs[order.rows], axis=1)
     if pairs.shape == edges.shape and (pairs == edges).all():
-        return
+        return order
     given, there = set(map(tuple, pairs.tolist())), set(map(tuple, edges.tolist()))
     odd, missing = sorted(given - there), sorted(there - given)
     told = f"the pair {odd[0]} is no edge of it" if odd else f"its edge {missing[0]} is missing"
     raise InputError(
         f"pairs must be the {len(edges)} edges of the graph, each once, got {len(pairs)}; {told}"
     )
-
-
-def lattice_edges(
-    mask: NDArray[np.bool_], *, diagonals: bool
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(E, 2) pairs of cells of a mask that differ by one step, and (E,) along how many axes."""
-    number = np.full(tuple(size + 2 for size in mask.shape), -1, np.int64)
-    inner = (slice(1, -1),) * mask.ndim
-    number[inner][mask] = np.arange(int(mask.sum()))
-    pairs, n_axes = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)]
-    for step in product((-1, 0, 1), repeat=mask.ndim):
-        moved = sum(map(abs, step))
-        if step <= (0,) * mask.ndim or (moved > 1 and not diagonals):
-            continue  # the other half of the steps are these, seen from the other end
-        shifted = tuple(
-            slice(1 + by, 1 + by + size) for by, size in zip(step, mask.shape, strict=True)
-        )
-        first, second = number[inner], number[shifted]
-        both = (first >= 0) & (second >= 0)
-        pairs.append(np.stack([first[both], second[both]], axis=1))
-        n_axes.append(np.full(int(both.sum()), moved))
-    return np.concatenate(pairs), np.concatenate(n_axes)
 
 
 def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.int64]:
@@ -218,6 +200,18 @@ class EdgeList:
             kinds = integer_array("edge_kind", self.kinds, (len(pairs),), low=0, high=128)
             object.__setattr__(self, "kinds", frozen(kinds.astype(np.int8)))
 
+    @classmethod
+    def of(cls, n_nodes: int, edges: ArrayLike, edge_kind: ArrayLike | None = None) -> Self:
+        """Those of pairs (E, 2) in any order and direction, whose kinds (E,) follow them."""
+        pairs = checked_pairs(edges, n_nodes)
+        rows = EdgeOrder.of(pairs).rows
+        kind = None if edge_kind is None else np.asarray(edge_kind)
+        if kind is not None and len(kind) != len(pairs):
+            raise InputError(
+                f"edge_kind must have one entry per edge ({len(pairs)}), got {len(kind)}"
+            )
+        return cls(np.sort(pairs[rows], axis=1), None if kind is None else kind[rows])
+
     @property
     def n_edges(self) -> int:
         """E, the number of edges."""
@@ -262,10 +256,41 @@ def check_links(n_nodes: int, links: EdgeList | RasterEdges) -> None:
         )
 
 
-def joined_edges(
-    first: Part, second: Part, links: ArrayLike
-) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """(E, 2) the edges of both graphs and the links (L, 2) between them, and (E,) their kinds."""
+def lattice_edges(mask: NDArray[np.bool_], *, diagonals: bool) -> EdgeList:
+    """The pairs of cells of a mask that differ by one step, AXIS or DIAGONAL."""
+    number = np.full(tuple(size + 2 for size in mask.shape), -1, np.int64)
+    inner = (slice(1, -1),) * mask.ndim
+    number[inner][mask] = np.arange(int(mask.sum()))
+    pairs, kinds = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int8)]
+    for step in product((-1, 0, 1), repeat=mask.ndim):
+        moved = sum(map(abs, step))
+        if step <= (0,) * mask.ndim or (moved > 1 and not diagonals):
+            continue  # the other half of the steps are these, seen from the other end
+        shifted = tuple(
+            slice(1 + by, 1 + by + size) for by, size in zip(step, mask.shape, strict=True)
+        )
+        first, second = number[inner], number[shifted]
+        both = (first >= 0) & (second >= 0)
+        pairs.append(np.stack([first[both], second[both]], axis=1))
+        kind = EdgeKind.DIAGONAL if moved > 1 else EdgeKind.AXIS
+        kinds.append(np.full(int(both.sum()), kind, np.int8))
+    return EdgeList.of(int(mask.sum()), np.concatenate(pairs), np.concatenate(kinds))
+
+
+def path_edges(n_steps: int, loops: ArrayLike | None) -> EdgeList:
+    """The edges of a path: TIME from step to step, LOOP between pairs (L, 2) of steps."""
+    steps = np.arange(n_steps, dtype=np.int32)
+    edges = np.stack([steps[:-1], steps[1:]], axis=1)
+    kinds = np.full(len(edges), EdgeKind.TIME, np.int8)
+    extra = empty_pairs(() if loops is None else loops)
+    if not len(extra):
+        return EdgeList(edges, kinds)
+    both = np.append(kinds, np.full(len(extra), EdgeKind.LOOP, np.int8))
+    return EdgeList.of(n_steps, np.concatenate([edges, extra]), both)
+
+
+def joined_edges(first: Part, second: Part, links: ArrayLike) -> EdgeList:
+    """The edges of both graphs, and LINK between nodes (L, 2) of the first and of the second."""
     pairs = integer_array("links", empty_pairs(links, "links"), ("L", 2), low=0, high=2**31)
     integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first[0], 1))
     integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second[0], 1))
@@ -277,7 +302,7 @@ def joined_edges(
         _kinds_or(second[1], EdgeKind.TIME),
         np.full(len(pairs), EdgeKind.LINK, np.int8),
     ]
-    return edges.astype(np.int64), np.concatenate(kinds)
+    return EdgeList.of(first[0] + second[0], edges.astype(np.int64), np.concatenate(kinds))
 
 
 def _kinds_or(links: EdgeList | RasterEdges, default: EdgeKind) -> NDArray[np.int8]:

@@ -10,29 +10,23 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import (
-    finite_array,
-    frozen,
-    number_array,
-    require_type,
-)
+from pgm_places._checks import finite_array, frozen, number_array, require_type
 from pgm_places.errors import InputError
 from pgm_places.graph._masks import grid_layout, lattice_mask
 from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph.cliques import Cliques
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import (
     EdgeList,
     check_links,
     checked_pairs,
-    empty_pairs,
     joined_edges,
     lattice_edges,
     mapped_edges,
     mapped_nodes,
     matrix_edges,
     nearest_pairs,
-    require_same,
+    order_among,
+    path_edges,
     sparse_pairs,
 )
 from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
@@ -102,8 +96,8 @@ class LabelGraph:
             )
 
     def __repr__(self) -> str:
-        kind = type(self.layout).__name__.removesuffix("Layout").lower() if self.layout else ""
-        suffix = f", {kind}" if kind else ""
+        kind = type(self.layout).__name__.removesuffix("Layout").lower()
+        suffix = "" if self.layout is None else f", {kind}"
         if self.cliques is not None:
             suffix = f", {len(self.cliques.sizes)} cliques{suffix}"
         return f"LabelGraph({self.n_nodes} nodes, {self.n_edges} edges{suffix})"
@@ -132,19 +126,8 @@ class LabelGraph:
         """
         if not isinstance(n_nodes, Integral):
             raise InputError(f"n_nodes must be a whole number, got {n_nodes!r}")
-        pairs = checked_pairs(edges, int(n_nodes))
-        rows = EdgeOrder.of(pairs).rows
-        kind = None if edge_kind is None else np.asarray(edge_kind)
-        if kind is not None and len(kind) != len(pairs):
-            raise InputError(
-                f"edge_kind must have one entry per edge ({len(pairs)}), got {len(kind)}"
-            )
-        return cls(
-            int(n_nodes),
-            EdgeList(np.sort(pairs[rows], axis=1), None if kind is None else kind[rows]),
-            None if positions_m is None else number_array("positions_m", positions_m),
-            layout,
-        )
+        points = None if positions_m is None else number_array("positions_m", positions_m)
+        return cls(int(n_nodes), EdgeList.of(int(n_nodes), edges, edge_kind), points, layout)
 
     @classmethod
     def from_grid(
@@ -194,9 +177,7 @@ class LabelGraph:
         mask = lattice_mask(nodes)
         if mask.ndim == 2:
             return cls.from_grid(mask, connectivity=8 if diagonals else 4)
-        edges, n_axes = lattice_edges(mask, diagonals=diagonals)
-        kind = np.where(n_axes > 1, EdgeKind.DIAGONAL, EdgeKind.AXIS)
-        return cls.from_edges(int(mask.sum()), edges, edge_kind=kind)
+        return cls(int(mask.sum()), lattice_edges(mask, diagonals=diagonals))
 
     @classmethod
     def from_points(cls, points: ArrayLike, *, n_neighbours: int = 8) -> Self:
@@ -219,10 +200,9 @@ class LabelGraph:
         where = finite_array("points", points, ("N", "D"))
         if n_neighbours < 1:
             raise InputError(f"n_neighbours must be at least 1, got {n_neighbours}")
+        positions_m = where if where.shape[1] in (2, 3) else None
         pairs = nearest_pairs(where, int(n_neighbours))
-        return cls.from_edges(
-            len(where), pairs, positions_m=where if where.shape[1] in (2, 3) else None
-        )
+        return cls.from_edges(len(where), pairs, positions_m=positions_m)
 
     @classmethod
     def from_sparse(cls, matrix: Any, *, positions_m: ArrayLike | None = None) -> Self:
@@ -235,8 +215,7 @@ class LabelGraph:
         InputError
             The matrix is not square, or its diagonal is not 0.
         """
-        n_nodes, pairs = sparse_pairs(matrix)
-        return cls.from_edges(n_nodes, pairs, positions_m=positions_m)
+        return cls.from_edges(*sparse_pairs(matrix), positions_m=positions_m)
 
     @classmethod
     def from_trajectory(cls, positions_m: ArrayLike, *, loops: ArrayLike | None = None) -> Self:
@@ -255,20 +234,8 @@ class LabelGraph:
         poses = number_array("positions_m", positions_m)
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
-        steps = np.arange(len(poses), dtype=np.int32)
-        edges = np.stack([steps[:-1], steps[1:]], axis=1)
-        kinds = np.full(len(edges), EdgeKind.TIME, np.int8)
-        layout = StepLayout(len(poses))
-        if loops is None or not len(empty_pairs(loops)):
-            return cls(len(poses), EdgeList(edges, kinds), poses[:, :2].copy(), layout)
-        extra = np.asarray(loops)
-        return cls.from_edges(
-            len(poses),
-            np.concatenate([edges, extra]),
-            edge_kind=np.append(kinds, np.full(len(extra), EdgeKind.LOOP, np.int8)),
-            positions_m=poses[:, :2],
-            layout=layout,
-        )
+        n = len(poses)
+        return cls(n, path_edges(n, loops), poses[:, :2], StepLayout(n))
 
     @classmethod
     def from_networkx(
@@ -301,16 +268,14 @@ class LabelGraph:
 
         ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
         """
-        edges, kinds = joined_edges(
-            (first.n_nodes, first.links), (second.n_nodes, second.links), links
-        )
+        both = (first.n_nodes, first.links), (second.n_nodes, second.links)
         positions = None
         if first.positions_m is not None and second.positions_m is not None:
             positions = np.concatenate([first.positions_m, second.positions_m])
-        n_nodes = first.n_nodes + second.n_nodes
-        both = cls.from_edges(n_nodes, edges, edge_kind=kinds, positions_m=positions)
         sets = [(g.cliques, at) for g, at in ((first, 0), (second, first.n_nodes)) if g.cliques]
-        return both.with_cliques(Cliques.beside(*zip(*sets, strict=True))) if sets else both
+        cliques = Cliques.beside(*zip(*sets, strict=True)) if sets else None
+        n_nodes = first.n_nodes + second.n_nodes
+        return cls(n_nodes, joined_edges(*both, links), positions, cliques=cliques)
 
     def with_cliques(self, cliques: Cliques) -> Self:
         """The graph with sets of nodes that want to have one label.
@@ -370,10 +335,7 @@ class LabelGraph:
         >>> order.values(["of 2 and 1", "of 0 and 1"]).tolist(), order.flipped.tolist()
         (['of 0 and 1', 'of 2 and 1'], [False, True])
         """
-        given = checked_pairs(pairs, self.n_nodes, "pairs")
-        order = EdgeOrder.of(given)
-        require_same(np.sort(given[order.rows], axis=1), self.edges)
-        return order
+        return order_among(self.edges, checked_pairs(pairs, self.n_nodes, "pairs"))
 
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
@@ -424,10 +386,8 @@ class LabelGraph:
     @cached_property
     def is_chain(self) -> bool:
         """Whether the edges are exactly 0-1-2-...-(N-1)."""
-        if self.n_edges != max(self.n_nodes - 1, 0):
-            return False
-        steps = np.arange(self.n_edges)
-        return bool((self.edges == np.stack([steps, steps + 1], axis=1)).all())
+        n = max(self.n_nodes - 1, 0)
+        return self.n_edges == n and bool((self.edges == np.arange(n)[:, None] + (0, 1)).all())
 
     @cached_property
     def degree(self) -> NDArray[np.int64]:

@@ -3,16 +3,18 @@
 A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
 are NumPy arrays or None; they are saved with the model and are no options. What labelers may take
-for granted of it, it declares as :class:`~pgm_places.inference.traits.Traits`.
+for granted of it, it declares as :class:`~pgm_places.inference.backends.Traits`.
 """
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import ConfigError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.plugins import Registry
@@ -22,10 +24,74 @@ __all__ = [
     "METHODS",
     "Backend",
     "Learnable",
+    "Traits",
     "backend_names",
     "build",
     "learned",
+    "traits_of",
 ]
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What a method can do without, and what it cannot do; the defaults hold for any method.
+
+    Parameters
+    ----------
+    uses_node_features : bool
+        Whether it looks at a problem's node features; they need not be computed for one that does
+        not.
+    chains_only : bool
+        Whether it labels nothing but chains, such as trajectories; it is refused for other graphs
+        before anything is learned.
+    learns_from_labels : bool
+        Whether ``fit`` looks at labels alone, not at what classifiers say of the nodes.
+    takes_single_precision : bool
+        Whether log-probabilities in single precision are good enough for its labels.
+    sees_parts_alone : bool
+        Whether the scores of a part of a graph do not depend on other parts that no edge leads to:
+        many small problems may then be labelled as one. A weight by the mean degree of the whole
+        graph does depend on them.
+    labelling_options : tuple of str
+        Options that only ``infer`` reads: methods that differ in nothing else learn the same, and
+        are fitted once.
+
+    Examples
+    --------
+    >>> from pgm_places.inference.backends import build
+    >>> traits_of(build("hmm")).chains_only, traits_of(build("potts")).chains_only
+    (True, False)
+    """
+
+    uses_node_features: bool = True
+    chains_only: bool = False
+    learns_from_labels: bool = False
+    takes_single_precision: bool = False
+    sees_parts_alone: bool = False
+    labelling_options: tuple[str, ...] = ()
+
+
+def traits_of(method: Any) -> Traits:
+    """The traits that a method or its class declares as ``traits``; the defaults without any.
+
+    Raises
+    ------
+    ConfigError
+        It declares one by itself, as methods for earlier versions did.
+    """
+    declared = getattr(method, "traits", None)
+    if isinstance(declared, Traits):
+        return declared
+    for item in fields(Traits):
+        if hasattr(method, item.name):
+            cls = method if isinstance(method, type) else type(method)
+            value = getattr(method, item.name)
+            raise ConfigError(
+                f"{cls.__name__} declares {item.name} by itself; declare "
+                f"traits: ClassVar[Traits] = Traits({item.name}={value!r}) instead"
+            )
+    return Traits()
+
 
 BACKENDS: Mapping[str, str] = {
     "hmm": "pgm_places.models.hmm:HiddenMarkovModel",

@@ -9,14 +9,7 @@ from pathlib import Path
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import tidy, write_text
-from pgm_places.io.folder_swap import (
-    NEW,
-    UNFINISHED,
-    can_be_exchanged,
-    file_names,
-    finish,
-    swap_in,
-)
+from pgm_places.io.folder_swap import NEW, UNFINISHED, can_be_exchanged, file_names, finish, swap_in
 from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 

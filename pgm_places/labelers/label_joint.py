@@ -6,8 +6,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.labelers.label_map import LabelledPlaces, on_own_raster
-from pgm_places.labelers.model_resolution import at_model_resolution
+from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.trajectories.trajectory import Trajectory

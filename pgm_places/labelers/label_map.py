@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places.errors import MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
-from pgm_places.labelers.model_resolution import at_model_resolution
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
@@ -23,7 +23,75 @@ from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
 from pgm_places.unary.kept_table import KeptTable
 
-__all__ = ["LabelledPlaces", "label_map", "on_own_raster"]
+__all__ = ["SAME_RESOLUTION", "LabelledPlaces", "at_model_resolution", "label_map", "on_own_raster"]
+
+
+SAME_RESOLUTION = 0.02
+"""Resolutions that differ by less than this share are taken as equal."""
+
+MAX_REFINED_CELLS = 100_000_000
+"""As many as of the largest map whose labelling is measured: 500 x 500 m with cells of 5 cm. A map
+that has as many itself is no slip of its maker; one of half a metre that is refined may be."""
+
+
+def at_model_resolution(
+    labeler: PlaceLabeler, grid: OccupancyGrid, *, max_cells: int | None = None
+) -> tuple[OccupancyGrid, list[str]]:
+    """The map with the model's cells, and what there is to say about it.
+
+    Parameters
+    ----------
+    labeler : PlaceLabeler
+    grid : OccupancyGrid
+    max_cells : int, optional
+        No map is refined to more cells than this; ``MAX_REFINED_CELLS`` by default.
+
+    Raises
+    ------
+    MapError
+        The map has no free cell, or none that is left at the model's resolution, or would have to
+        be refined to too many cells.
+    """
+    if not grid.free.any():
+        raise MapError(
+            "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
+        )
+    wanted = labeler.resolution_m_
+    if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
+        return grid, []
+    note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
+    if wanted > grid.resolution_m:
+        used = coarsen(grid, wanted)
+        how = f"coarsened by {used.resolution_m / grid.resolution_m:g}"
+        back = "labels are painted back"
+    else:
+        _check_size(grid, wanted, max_cells or MAX_REFINED_CELLS, note)
+        used = refine(grid, wanted)
+        how = f"split by {grid.resolution_m / used.resolution_m:g}"
+        back = "each cell takes the most frequent label of its parts"
+    n_free = int(np.count_nonzero(used.free))
+    if n_free == 0:
+        raise MapError(
+            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
+            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
+            "MAP'), or use a model of a finer resolution"
+        )
+    note += (
+        f"{how}, from {grid.cells.size:,} cells to {used.cells.size:,}, {n_free:,} of them free "
+        f"to be labelled; {back}"
+    )
+    return used, [note]
+
+
+def _check_size(grid: OccupancyGrid, wanted_m: float, max_cells: int, note: str) -> None:
+    height, width = refined_shape(grid, wanted_m)
+    if height * width > max_cells:
+        raise MapError(
+            f"{note}its {grid.cells.size:,} cells would be split into {height * width:,}, more "
+            f"than {max_cells:,}; crop the map, use a model of a coarser resolution, or raise "
+            "max_cells (label --max-cells) and expect it to take long"
+        )
+
 
 ENTERED = EnteredOptions()
 

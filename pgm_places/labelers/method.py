@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import ConfigError
-from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
-from pgm_places.inference.evidence import keep_evidence
-from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build, traits_of
+from pgm_places.inference.labeling import Labeling, keep_evidence
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.inference.traits import traits_of
 from pgm_places.models.decoders import named_decoder
 from pgm_places.options import check_options
 

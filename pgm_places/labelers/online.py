@@ -11,8 +11,7 @@ from pgm_places.labelers.map_prior import PositionPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import with_local_floor
+from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
 from pgm_places.unary.scan_observer import ScanObserver
 

@@ -10,16 +10,11 @@ from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import (
-    PlaceMethod,
-    check_labels_maps,
-    infer,
-    place_methods,
-)
+from pgm_places.labelers.method import PlaceMethod, check_labels_maps, infer, place_methods
 from pgm_places.labelers.place_problem import along_spaces, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -90,7 +85,7 @@ class PlaceLabeler(Labeler):
     doorway_depth_m : float, optional
         How deep doorways with gates are labelled along the passage, for methods that see gates; by
         default as in the maps that were learned from: see
-        :mod:`pgm_places.labelers.doorway_depth`.
+        :mod:`pgm_places.labelers.place_problem`.
     floor : FloorModel, optional
         Networks that see the whole floor, for methods with ``unary = "floor"``:
         :func:`pgm_places.trained.trained_floor` are those that ship with the package. They should

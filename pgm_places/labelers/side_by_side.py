@@ -9,9 +9,9 @@ from pgm_places._checks import stacked_rows
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.method import infer
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest_order import is_forest

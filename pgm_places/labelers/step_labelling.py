@@ -20,8 +20,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import with_local_floor
+from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
 __all__ = ["StepLabelling"]

@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import stacked_rows
 from pgm_places.errors import ConfigError, InputError, LearningWarning
 from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.inference.problem import (
-    LabelingProblem,
-    labelled_problems,
-)
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
 __all__ = [
     "Truth",

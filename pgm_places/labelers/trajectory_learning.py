@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
 from pgm_places.features.own import feature_values
-from pgm_places.inference.backends import Learnable
+from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.inference.traits import traits_of
-from pgm_places.labelers.movement import learn_movement
+from pgm_places.labelers.place_learning import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel

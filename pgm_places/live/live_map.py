@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pgm_places.errors import MapError
-from pgm_places.inference.traits import traits_of
+from pgm_places.inference.backends import traits_of
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.live.growing_features import GrowingFeatures, Update

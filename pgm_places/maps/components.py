@@ -10,7 +10,18 @@ from pgm_places._core import label_components
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["Components", "connected_components"]
+__all__ = ["Components", "connected_components", "number_type"]
+
+
+def number_type(count: int) -> np.dtype[Any]:
+    """The type that holds the numbers 0 to ``count`` and -1 for none.
+
+    Examples
+    --------
+    >>> str(number_type(32_767)), str(number_type(32_768))
+    ('int16', 'int32')
+    """
+    return np.dtype(np.int16 if count <= np.iinfo(np.int16).max else np.int32)
 
 
 @dataclass(frozen=True, eq=False)

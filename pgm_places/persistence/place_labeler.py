@@ -16,13 +16,14 @@ from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import check_option
 from pgm_places.persistence.backend import dump_backend, load_backend
-from pgm_places.persistence.floor import dump_floor, load_floor
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
     check_feature_set,
     dump_features,
+    dump_floor,
     dump_list,
     load_features,
+    load_floor,
     load_list,
     load_sensor,
 )

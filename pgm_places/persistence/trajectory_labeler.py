@@ -8,13 +8,14 @@ from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import n_columns
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.persistence.backend import dump_backend, load_backend
-from pgm_places.persistence.floor import dump_shared_floor, load_floor
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
     check_feature_set,
     dump_features,
     dump_list,
+    dump_shared_floor,
     load_features,
+    load_floor,
     load_list,
     load_sensor,
 )

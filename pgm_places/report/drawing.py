@@ -2,25 +2,28 @@
 
 import io
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places.io.atomic import write_bytes
+from pgm_places.kernels.threads import resolve_threads
 from pgm_places.report.canvas import Canvas
 from pgm_places.report.figure import INK
 
 if TYPE_CHECKING:
     from PIL import ImageDraw, ImageFont
 
-__all__ = ["Drawing", "text_width"]
+__all__ = ["Drawing", "Packing", "text_width"]
+
 
 _FINER = 4
 """Shapes are drawn this many times as large and averaged, which gives them smooth edges."""
-
 
 _Scaling: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -207,3 +210,43 @@ def _font(size: float, bold: bool = False) -> "ImageFont.FreeTypeFont | ImageFon
 def text_width(content: str, size: float, *, bold: bool = False) -> float:
     """Width in pixels of a line of text of a size in pixels."""
     return float(_font(size, bold).getlength(content))
+
+
+class Packing:
+    """A second thread that makes PNG files of drawings; they are written at the end of the block.
+
+    After an exception nothing more is written. With a single thread, or outside a ``with`` block,
+    each picture is written at once.
+
+    Parameters
+    ----------
+    n_threads : int, optional
+        As many as may be used; all cores by default.
+    """
+
+    def __init__(self, n_threads: int | None = None) -> None:
+        self._n_threads = resolve_threads(n_threads)
+        self._pool: ThreadPoolExecutor | None = None
+        self._waiting: list[tuple[Path, Future[bytes]]] = []
+
+    def __enter__(self) -> Self:
+        if self._n_threads > 1:
+            self._pool = ThreadPoolExecutor(1)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        try:
+            for path, packed in self._waiting if kind is None else ():
+                write_bytes(path, packed.result())
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def write(self, path: Path, picture: Drawing) -> Path:
+        """The path to which the picture is written, at the end of the block at the latest."""
+        if self._pool is None:
+            return write_bytes(path, picture.png())
+        self._waiting.append((path, self._pool.submit(picture.png)))
+        return path

@@ -16,8 +16,8 @@ from pgm_places.io.places.label_probabilities import probability_file
 from pgm_places.io.raster_png import raster_png
 from pgm_places.io.text_file import read_json
 from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.report.drawing import Packing
 from pgm_places.report.outputs import Outputs
-from pgm_places.report.packing import Packing
 
 __all__ = ["labelled_map", "write_labels"]
 

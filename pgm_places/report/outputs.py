@@ -1,11 +1,14 @@
-"""Which files of a labelled map are written, besides its labels and places."""
+"""The files that commands write, known beforehand, and which of them may be left out."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Self
 
 from pgm_places.errors import InputError, nearest_name
+from pgm_places.io.places.label_probabilities import probability_file
 
-__all__ = ["Outputs"]
+__all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "SETTINGS", "TRACK", "Outputs", "label_names"]
+
 
 _NONE = "none"
 
@@ -48,3 +51,27 @@ class Outputs:
                     f"got {text!r}. {nearest_name(name, known)}"
                 )
         return cls(**{name: name in names for name in cls.__dataclass_fields__})
+
+
+COMPARISON = ("results.json", "report.html")
+
+DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
+
+PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
+
+TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
+
+LIVE = ("places.jsonl", "check.csv", *PLACES)
+
+_PICTURES = ("overview.png", "topology.png")
+
+SETTINGS = ("places.json", "gate_places.png")
+
+
+def label_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
+    """The files of a labelled map with these labels, its places included."""
+    outputs = outputs or Outputs()
+    probabilities = map(probability_file, labels) if outputs.probabilities else ()
+    files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
+    names = (*files, *probabilities, *PLACES, *SETTINGS)
+    return names if outputs.pictures else tuple(name for name in names if name not in _PICTURES)

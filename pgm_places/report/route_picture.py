@@ -15,11 +15,8 @@ from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swat
 from pgm_places.report.canvas import view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK
-from pgm_places.report.name_spots import name_spots
 from pgm_places.report.sheet import Panel, sheet
-from pgm_places.report.topology_pictures import (
-    paled_canvas,
-)
+from pgm_places.report.topology_pictures import name_spots, paled_canvas
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 

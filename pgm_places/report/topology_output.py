@@ -14,7 +14,7 @@ from pgm_places.io.places.topology_files import (
     save_topology,
 )
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.packing import Packing
+from pgm_places.report.drawing import Packing
 from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.cuts import line_width_m

@@ -10,12 +10,7 @@ from pgm_places._checks import finite_array
 from pgm_places._core import cast_rays, coarse_cells, write_disc, write_scan
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.options import (
-    AtLeastZero,
-    AtLeastZeroOrInfinite,
-    Positive,
-    check_options,
-)
+from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, check_options
 
 __all__ = ["LocalMap"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.maps._blocks import factor_between, holders
-from pgm_places.maps.number_type import number_type
+from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.raster_runs import RasterRuns
 from pgm_places.spaces.gate import Gate

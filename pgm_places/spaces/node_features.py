@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.maps.number_type import number_type
+from pgm_places.maps.components import number_type
 from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_lookup import Lookups, SegmentLookup

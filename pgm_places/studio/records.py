@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.io.places.gate_record import gate_record
-from pgm_places.io.places.region_features import region_features
+from pgm_places.io.places.region_features import gate_record, region_features
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.pyramid import TILE
 from pgm_places.studio.tiles import GROUNDS, value_colours

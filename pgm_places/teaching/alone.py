@@ -12,8 +12,7 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
-from pgm_places.teaching.cell_paint import CellPaint
-from pgm_places.teaching.cell_table import CellTable
+from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.learning import POTTS
 from pgm_places.teaching.lesson import TeachingOptions, chosen_cells
 from pgm_places.unary.map_model import UnaryModel

@@ -11,8 +11,7 @@ from pgm_places.features.own import column_names, feature_values, n_columns, val
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import LabelledPlaces
-from pgm_places.labelers.model_resolution import at_model_resolution
+from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts

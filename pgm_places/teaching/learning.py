@@ -15,8 +15,7 @@ from pgm_places.models.mrf import PottsField
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
-from pgm_places.teaching.cell_paint import CellPaint
-from pgm_places.teaching.cell_table import CellTable
+from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.space_model import GateJudge, SpaceModel

@@ -1,38 +1,120 @@
 """Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
 
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache, cached_property, partial
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import LabelError
+from pgm_places.errors import LabelError, PgmPlacesError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import LabelledPlaces, on_own_raster
+from pgm_places.labelers.label_map import (
+    SAME_RESOLUTION,
+    LabelledPlaces,
+    at_model_resolution,
+    on_own_raster,
+)
 from pgm_places.labelers.method import infer
-from pgm_places.labelers.model_resolution import SAME_RESOLUTION, at_model_resolution
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.alone import learned_alone
-from pgm_places.teaching.cell_paint import CellPaint
-from pgm_places.teaching.cell_table import CellTable
+from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.learning import Learning
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
-from pgm_places.teaching.turns import Turns
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.kept_table import KeptTable
 
-__all__ = ["Teacher"]
+__all__ = ["SupersededError", "Teacher", "Turns"]
+
+
+class SupersededError(PgmPlacesError):
+    """A newer request has taken the place of this one, whose result nobody needs any more."""
+
+
+class Turns:
+    """Requests that supersede each other: threads ask for a turn, and the newest gets it.
+
+    Examples
+    --------
+    >>> from pgm_places.progress import Silent
+    >>> turns = Turns()
+    >>> with turns.turn(Silent()) as progress, progress.stage("work"):
+    ...     pass
+    """
+
+    def __init__(self) -> None:
+        self._running, self._counting = threading.Lock(), threading.Lock()
+        self._newest = 0
+
+    @contextmanager
+    def turn(self, progress: Progress) -> "Iterator[Progress]":
+        """Wait until no other runs; the progress raises SupersededError once there is a newer turn.
+
+        Raises
+        ------
+        SupersededError
+            From this method, or from the stages and updates of what it yields.
+        """
+        number = self._next()
+        with self._running:
+            watched = _Watched(progress, self, number)
+            watched.check()
+            yield watched
+
+    def cancel(self) -> None:
+        """End whatever runs or waits, at its next stage or update."""
+        self._next()
+
+    def is_newest(self, number: int) -> bool:
+        """Whether nobody has asked since."""
+        return number == self._newest
+
+    def _next(self) -> int:
+        with self._counting:
+            self._newest += 1
+            return self._newest
+
+
+class _Watched:
+    """Progress that ends work that nobody waits for any more."""
+
+    def __init__(self, progress: Progress, turns: Turns, number: int) -> None:
+        self._progress, self._turns, self._number = progress, turns, number
+
+    def check(self) -> None:
+        if not self._turns.is_newest(self._number):
+            raise SupersededError("a newer request has superseded this one")
+
+    @contextmanager
+    def stage(self, name: str) -> "Iterator[Stage]":
+        self.check()
+        with self._progress.stage(name) as stage:
+            yield _WatchedStage(stage, self)
+
+    def warn(self, message: str) -> None:
+        self._progress.warn(message)
+
+
+class _WatchedStage:
+    def __init__(self, stage: Stage, watched: _Watched) -> None:
+        self._stage, self._watched = stage, watched
+
+    def update(self, fraction: float, note: str = "") -> None:
+        self._watched.check()
+        self._stage.update(fraction, note)
+
 
 FINEST_M = 0.05
 """Without a labeler to say at which resolution, finer maps are labelled at this one."""
@@ -42,7 +124,7 @@ class Teacher:
     """Labels one map again and again, as fast as a person paints on it.
 
     Calls supersede each other: while one runs, a newer one from another thread ends it with
-    :class:`~pgm_places.teaching.turns.SupersededError` at its next stage, and takes its place.
+    :class:`~pgm_places.teaching.teacher.SupersededError` at its next stage, and takes its place.
 
     Parameters
     ----------

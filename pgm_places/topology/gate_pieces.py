@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.maps.components import Components, connected_components
-from pgm_places.maps.number_type import number_type
+from pgm_places.maps.components import Components, connected_components, number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.corrections import (

@@ -21,8 +21,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.cell_lists import aligned_log_proba
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import LocalFloor
+from pgm_places.unary.floor_model import FloorModel, LocalFloor
 from pgm_places.unary.scan_observer import Observations, ScanObserver, surroundings_along
 from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
 

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.sensing.scan_completion import ScanCompletion
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import LocalFloor
+from pgm_places.unary.floor_model import FloorModel, LocalFloor
 from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
 
 __all__ = ["Observation", "Observations", "ScanObserver", "surroundings_along"]

@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pgm_places.datasets import LABEL_NAMES, LabelledBuilding, building_tiled, generate_building
+from benchmarks.tiling import building_tiled
+from pgm_places.datasets import LABEL_NAMES, LabelledBuilding, generate_building
 from pgm_places.datasets.building import fair_split
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import draw_style

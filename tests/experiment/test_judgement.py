@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.bootstrap import Interval
-from pgm_places.evaluation.sign_test import SignTest
+from pgm_places.evaluation.bootstrap import Interval, SignTest
 from pgm_places.experiment.judgement import Difference, judge
 from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.graph.layout import GridLayout

@@ -14,12 +14,7 @@ from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import train
-from pgm_places.experiment.selection import (
-    Candidate,
-    Selection,
-    held_out_splits,
-    select,
-)
+from pgm_places.experiment.selection import Candidate, Selection, held_out_splits, select
 from pgm_places.experiment.sources import Sources
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.simulated_robot import SimulatedRobot

@@ -40,14 +40,7 @@ from pgm_places.trajectories.scan import ScanGeometry
 from tests.fuzz.mutation import json_bytes
 from tests.io.logs.bag_files import BagFile
 from tests.io.logs.detection_files import detection_bag
-from tests.io.logs.log_files import (
-    HEADER,
-    drive,
-    flaser,
-    packed_chunks,
-    packed_files,
-    robotlaser,
-)
+from tests.io.logs.log_files import HEADER, drive, flaser, packed_chunks, packed_files, robotlaser
 from tests.topology.floors import gated_floor_map, gates_of
 
 __all__ = ["MODELS", "NAMES", "seeds"]

@@ -8,8 +8,15 @@ import pytest
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
 from pgm_places.errors import ConfigError, ModelFileError
-from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
-from pgm_places.inference.traits import Traits, traits_of
+from pgm_places.inference.backends import (
+    BACKENDS,
+    METHODS,
+    Backend,
+    Traits,
+    backend_names,
+    build,
+    traits_of,
+)
 from pgm_places.models.decoders import Decoder
 from pgm_places.options import AtLeastZero, Positive, Whole, option_hints, option_values
 

@@ -23,7 +23,7 @@ from pgm_places import (
 )
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import Backend
-from pgm_places.inference.evidence import keep_evidence
+from pgm_places.inference.labeling import keep_evidence
 from pgm_places.models.built_in_decoders import DECODERS as BUILT_IN
 from pgm_places.models.decoding import decode
 from pgm_places.models.hmm import MODES

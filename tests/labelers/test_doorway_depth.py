@@ -8,7 +8,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.doorway_depth import with_doorway_depth
+from pgm_places.labelers.place_problem import with_doorway_depth
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate

@@ -9,8 +9,7 @@ import pytest
 from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, topological_map
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
-from pgm_places.inference.backends import BACKENDS, METHODS, build
-from pgm_places.inference.traits import traits_of
+from pgm_places.inference.backends import BACKENDS, METHODS, build, traits_of
 from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces

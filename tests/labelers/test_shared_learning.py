@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, build
+from pgm_places.labelers.labeler import as_fitted, learned_with
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.place_learning import LabelledNodes, learn_methods
-from pgm_places.labelers.shared_learning import as_fitted, learned_with
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.progress import Silent
 from pgm_places.unary.map_model import CellScores

@@ -7,15 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places import (
-    LabelGraph,
-    Labeling,
-    LabelingProblem,
-    Status,
-    build,
-    load,
-    save,
-)
+from pgm_places import LabelGraph, Labeling, LabelingProblem, Status, build, load, save
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.inference.backends import BACKENDS, METHODS, Learnable, backend_names
 from pgm_places.persistence.model_folder import load_folder, save_folder

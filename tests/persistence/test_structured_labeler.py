@@ -13,13 +13,7 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, StandardScaler
 
-from pgm_places import (
-    LabelGraph,
-    LabelingProblem,
-    StructuredLabeler,
-    load,
-    save,
-)
+from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, load, save
 from pgm_places.errors import ModelFileError, NotFittedError, OutputError
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField

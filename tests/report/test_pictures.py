@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from experiments.paper.confusion_picture import confusion_picture
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.confusion_picture import confusion_picture
 from pgm_places.report.map_pictures import entropy, label_map, overview
 from pgm_places.report.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
@@ -135,7 +135,7 @@ def test_pictures_of_maps_are_drawn_without_matplotlib() -> None:
 
 def test_no_window_system_is_touched() -> None:
     code = (
-        "import sys; from pgm_places.report.confusion_picture import confusion_picture;"
+        "import sys; from experiments.paper.confusion_picture import confusion_picture;"
         "confusion_picture([[3, 1], [0, 2]], ['room', 'corridor']);"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )

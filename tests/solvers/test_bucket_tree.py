@@ -8,14 +8,7 @@ from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree, Factor, bucket_order
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
-from tests.reference.energy import (
-    Model,
-    best_score,
-    distribution,
-    labelings,
-    pair_marginals,
-    score,
-)
+from tests.reference.energy import Model, best_score, distribution, labelings, pair_marginals, score
 from tests.strategies import models, ruled_models
 
 

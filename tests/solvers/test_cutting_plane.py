@@ -16,12 +16,7 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 from tests.reference import max_margin as reference
-from tests.solvers.max_margin_problems import (
-    grid_problem,
-    relabelled,
-    renumbered,
-    tiny_problem,
-)
+from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered, tiny_problem
 
 MASTERS = ["active-set", "osqp"]
 

@@ -10,11 +10,7 @@ from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.max_margin import hinge, objective
 from pgm_places.solvers.table_field import TableField
-from pgm_places.solvers.table_margin import (
-    TableMarginProblem,
-    certify_tables,
-    table_oracle,
-)
+from pgm_places.solvers.table_margin import TableMarginProblem, certify_tables, table_oracle
 from tests.reference.max_margin import all_labelings, constrained_optimum
 
 

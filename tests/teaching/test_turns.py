@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from pgm_places.progress import Silent
-from pgm_places.teaching.turns import SupersededError, Turns
+from pgm_places.teaching.teacher import SupersededError, Turns
 
 
 def test_a_newer_request_ends_a_running_one_and_all_that_wait() -> None:

@@ -15,8 +15,7 @@ from pgm_places.persistence.stored import load, save
 from pgm_places.persistence.trajectory_labeler import dump
 from pgm_places.persistence.trajectory_labeler import load as labeler_of
 from pgm_places.trained import trained_floor
-from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.local_floor import LocalFloor, with_local_floor
+from pgm_places.unary.floor_model import FloorModel, LocalFloor, with_local_floor
 from pgm_places.unary.scan_model import BeamOptions
 from pgm_places.unary.surroundings import square_around
 from tests.drives import building, drive

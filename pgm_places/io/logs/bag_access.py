@@ -12,9 +12,7 @@ from typing import Any
 from pgm_places._extras import needed
 from pgm_places.errors import LogError, PgmPlacesError, printable
 from pgm_places.io.input_file import file_kind, user_path
-from pgm_places.io.logs.mcap_sizes import check_mcap
-from pgm_places.io.logs.ros1_sizes import check_ros1
-from pgm_places.io.logs.unpacking import plain_storage
+from pgm_places.io.logs.unpacking import check_mcap, check_ros1, plain_storage
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 

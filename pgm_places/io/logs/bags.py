@@ -12,13 +12,8 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
 from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
-from pgm_places.io.logs.loaded_log import (
-    LoadedLog,
-    ScanColumns,
-    code_warnings,
-    order_warnings,
-)
-from pgm_places.io.logs.scan_messages import ScanMessages
+from pgm_places.io.logs.loaded_log import LoadedLog, ScanColumns, code_warnings, order_warnings
+from pgm_places.io.logs.map_messages import ScanMessages
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["read_bag"]

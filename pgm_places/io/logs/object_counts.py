@@ -11,8 +11,7 @@ from pgm_places.errors import LogError, printable, shown
 from pgm_places.io.csv_table import MAX_VALUES, open_table
 from pgm_places.io.input_file import user_path
 from pgm_places.io.text_file import read_json
-from pgm_places.vision.detector import MOST
-from pgm_places.vision.object_counts import ObjectCounts
+from pgm_places.vision.object_counts import MOST, ObjectCounts
 
 __all__ = ["read_object_counts"]
 

@@ -75,7 +75,7 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
     """The path, once the trajectory is written in the format that its name asks for.
 
     ``.log`` and ``.log.gz`` are CARMEN logs
-    (:func:`~pgm_places.io.logs.carmen_writer.write_carmen`), ``.csv`` a table of times, poses and
+    (:func:`~pgm_places.io.logs.carmen.write_carmen`), ``.csv`` a table of times, poses and
     labels (:func:`~pgm_places.io.logs.pose_csv.write_pose_csv`), ``.bag``, ``.mcap`` and names
     without an ending ROS bags (:func:`~pgm_places.io.logs.bag_writer.write_bag`).
 
@@ -89,7 +89,7 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
     path = Path(path)
     check_name(path)
     if _is_carmen(path):
-        from pgm_places.io.logs.carmen_writer import write_carmen
+        from pgm_places.io.logs.carmen import write_carmen
 
         return write_carmen(path, trajectory)
     if path.suffix.lower() == ".csv":

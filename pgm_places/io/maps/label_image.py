@@ -13,16 +13,14 @@ from pgm_places.errors import LabelError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.label_palette import (
-    colours_are_wanted,
-    palette_of,
-    values_of_colours,
-)
 from pgm_places.io.maps.label_values import (
     LabelValues,
+    colours_are_wanted,
     default_values,
     listed_names,
+    palette_of,
     read_label_values,
+    values_of_colours,
 )
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
 from pgm_places.io.raster_png import raster_png

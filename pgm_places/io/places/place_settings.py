@@ -14,7 +14,7 @@ from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.raster_png import raster_png
 from pgm_places.io.text_file import read_json
-from pgm_places.maps.number_type import number_type
+from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
 from pgm_places.spaces.doorways import Doorways

@@ -10,7 +10,7 @@ from experiments.paper.simulated_detector import PlacedObjects, SimulatedDetecto
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.vision.detector import Detector, count_objects
+from pgm_places.vision.object_counts import Detector, count_objects
 
 
 def hall(yaw_rad: float = 0.0) -> OccupancyGrid:

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from pgm_places import ScanGeometry
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.logs import loaded_log
-from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans, read_carmen
-from pgm_places.io.logs.carmen_writer import write_carmen
+from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans, read_carmen, write_carmen
 from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
 from tests.real_data import real_data_folder
 

@@ -9,9 +9,8 @@ from backports import zstd
 from pgm_places import ScanGeometry
 from pgm_places.errors import LogError
 from pgm_places.io.logs.bags import read_bag
-from pgm_places.io.logs.mcap_sizes import check_mcap
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES
+from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, check_mcap
 from tests.io.logs.log_files import drive
 
 MAGIC = b"\x89MCAP0\r\n"

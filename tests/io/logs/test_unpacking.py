@@ -17,10 +17,8 @@ from pgm_places import ScanGeometry
 from pgm_places.errors import LogError
 from pgm_places.io.logs import unpacking
 from pgm_places.io.logs.bags import read_bag
-from pgm_places.io.logs.mcap_sizes import check_mcap
-from pgm_places.io.logs.ros1_sizes import check_ros1
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, unpacked_size
+from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, check_mcap, check_ros1, unpacked_size
 from tests.io.logs.log_files import drive, packed_chunks, packed_files
 from tests.io.logs.test_mcap_sizes import MAGIC, chunk
 

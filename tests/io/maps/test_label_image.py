@@ -13,8 +13,7 @@ from PIL import Image
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError
 from pgm_places.io.maps.label_image import load_labels, save_labels
-from pgm_places.io.maps.label_palette import LABEL_COLOURS, palette_of
-from pgm_places.io.maps.label_values import default_values
+from pgm_places.io.maps.label_values import LABEL_COLOURS, default_values, palette_of
 
 NAMES = ["corridor", "room"]
 PIXELS = np.array([[77, 77, 0], [115, 0, 0]], np.uint8)  # the top row first

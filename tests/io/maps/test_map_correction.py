@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.maps.map_correction import correct_free_thresh
-from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.map_server import correct_free_thresh, load_map
 from tests.io.files import write_map
 
 PIXELS = np.array([[254, 205, 0]], np.uint8)

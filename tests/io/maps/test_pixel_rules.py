@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules, grey_of
+from pgm_places.io.maps.map_pixels import Compat, Mode, PixelRules, grey_of
 from tests.reference.map_pixels import nav2_occupancy, ros1_occupancy
 
 thresholds = st.tuples(st.floats(0.0, 0.5), st.floats(0.5001, 1.0))

@@ -16,13 +16,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.nav2_folder import write_nav2
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
-from tests.io.places.nav2_loaders import (
-    SERVERS,
-    check_parameters,
-    float_of,
-    graph_of,
-    map_of,
-)
+from tests.io.places.nav2_loaders import SERVERS, check_parameters, float_of, graph_of, map_of
 from tests.topology.floors import NAMES, floor_grid, floor_map
 
 
