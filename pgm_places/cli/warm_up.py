@@ -184,7 +184,7 @@ def _warm_up_space() -> None:
 
     none, one = np.zeros(1, np.int64), np.zeros((1, 1), np.float32)
     lookup = SegmentLookup(
-        none.astype(np.int32), one, np.ones(1), np.zeros(2, np.int64), np.zeros((0, 5)), 0, 1.0
+        none.astype(np.int32), one, np.ones(1), np.zeros(2, np.int64), np.zeros((0, 5)), 1.0
     )
     cells = np.zeros((1, 2), np.int32)
     lookup.write(cells, cells[0, :1], np.zeros(1), none, none, one)

@@ -129,7 +129,7 @@ class CellFeatures:
 
         def take(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
-            places = cells[some].copy()  # never read-only, so that one kernel is compiled
+            places = cells[some]
             basin, clearance = self.divisions[0].watershed.read(places)
             self.lookups.write(places, basin, clearance, chosen, found[some], first)
 

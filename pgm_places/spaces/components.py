@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import number_components
+
 __all__ = ["components", "neighbour_lists"]
 
 
@@ -45,8 +47,6 @@ def components(start: NDArray[np.int32], neighbour: NDArray[np.int32]) -> NDArra
     >>> components(*neighbour_lists(np.array([[3, 1], [0, 2]]), 5)).tolist()
     [0, 1, 0, 1, 2]
     """
-    from pgm_places.spaces._graph_kernels import number_components
-
     component = np.empty(len(start) - 1, np.int32)
     number_components(start, neighbour, component)
     return component

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import distances_to_others
 from pgm_places.spaces.gates import Gates
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, SEGMENT_FEATURES
@@ -62,8 +63,6 @@ def _shape_columns(gates: Gates, radius: NDArray[np.float64]) -> dict[str, NDArr
 
 def _others(gates: Gates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(G,) distance to the nearest other candidate, and the number of others nearby."""
-    from pgm_places.spaces._gate_kernels import distances_to_others
-
     nearest, near = np.full(len(gates), _FARTHEST_M), np.zeros(len(gates))
     if len(gates):
         # No gate beyond the next field is nearer than the farthest that counts.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import narrowest_chords, width_profiles
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.openings import Openings, find_openings
@@ -105,8 +106,6 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
     >>> round(gate.width_m, 3), round(gate.heading_rad, 3)
     (0.8, 0.0)
     """
-    from pgm_places.spaces._gate_kernels import narrowest_chords, width_profiles
-
     grid, openings = segmentation.watershed.grid, _narrow_openings(segmentation)
     longest = _LONGEST_M / grid.resolution_m
     directions = chord_directions()

@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import number_openings
 from pgm_places.spaces.relief import half_width_m
 
 __all__ = ["Borders", "Openings", "find_openings"]
@@ -119,44 +120,65 @@ def _all_openings(
     resolution_m: float,
 ) -> Openings:
     """The openings of all divisions, whose segments are numbered one division after the other."""
-    from pgm_places.spaces import _opening_kernels as kernels
-
-    sites = kernels.Sites(borders.halves_rc, borders.basins, borders.relief, borders.is_side)
-    room, n = np.empty((3, len(divisions) * len(borders.relief)), np.int64), 0
-    # Copied, because numba compiles a kernel anew for arrays that cannot be written.
-    for segment_of, start in zip(np.array(divisions), first.tolist(), strict=False):
-        n += kernels.keep_sites(sites, segment_of, start, *room[:, n:])
-    kept, pair, place = room[:, :n]
-    opening = np.empty(n, np.int64)
-    order = np.lexsort((place, pair))
-    count = kernels.number_openings(sites.halves, kept, pair, order, _REACH, opening)
-    sums = kernels.Sums(
-        segments=np.zeros((count, 2), np.int32),
-        top=np.zeros(count, np.int32),
-        saddle=np.zeros((count, 2)),
-        centre=np.zeros((count, 2)),
-        moments=np.zeros((count, 3)),
-        sides=np.zeros(count, np.int64),
-        basins=np.zeros((count, 2), np.int32),
-    )
-    kernels.sum_openings(sites, kept, pair, opening, sums)
-    direction, extent = _directions(sums.moments), np.empty(count)
-    kernels.measure_extents(sites.halves, kept, opening, sums.centre, direction, extent)
+    one, other = (divisions[:, basins] for basins in borders.basins.T)
+    division, site = np.nonzero((one != other) & (one >= 0) & (other >= 0))
+    segments = np.stack([np.minimum(one, other), np.maximum(one, other)], axis=2)[division, site]
+    segments += first[division, np.newaxis].astype(np.int32)
+    halves, relief = borders.halves_rc[site], borders.relief[site]
+    opening = np.empty(len(site), np.int64)
+    count = number_openings(segments, halves, _REACH, opening)
+    place = halves / 2.0
+    top = np.zeros(count, np.int32)
+    np.maximum.at(top, opening, relief)
+    highest = np.flatnonzero(relief == top[opening])
+    at_top = opening[highest]
+    centre = _means(place, opening, count)
+    offset = place - centre[opening]
+    direction = _directions(offset, opening, count)
     return Openings(
-        segments=sums.segments,
-        half_width_m=half_width_m(sums.top, resolution_m),
-        saddle_rc=sums.saddle,
-        centre_rc=sums.centre,
+        segments=segments[_first(opening)],
+        half_width_m=half_width_m(top, resolution_m),
+        saddle_rc=_means(place[highest], at_top, count),
+        centre_rc=centre,
         direction_rc=direction,
-        length_m=(extent + 1) * resolution_m,
-        sides=sums.sides,
-        basins=sums.basins,
+        length_m=(_extents(offset, direction, opening) + 1) * resolution_m,
+        sides=np.bincount(opening[borders.is_side[site]], minlength=count),
+        basins=borders.basins[site[highest[_first(at_top)]]],
     )
 
 
-def _directions(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+def _first(opening: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(O,) the index of the first site of each opening."""
+    return np.unique(opening, return_index=True)[1]
+
+
+def _means(
+    values: NDArray[np.float64], opening: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """(O, D) means of values (n, D) over the sites of each opening."""
+    sums = [np.bincount(opening, column, count) for column in values.T]
+    return np.stack(sums, axis=1) / np.bincount(opening, minlength=count)[:, np.newaxis]
+
+
+def _extents(
+    offset: NDArray[np.float64], direction: NDArray[np.float64], opening: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """(O,) how far the sites of each opening reach along its direction."""
+    along = offset[:, 0] * direction[opening, 0] + offset[:, 1] * direction[opening, 1]
+    low, high = np.zeros((2, len(direction)))
+    np.minimum.at(low, opening, along)
+    np.maximum.at(high, opening, along)
+    return high - low
+
+
+def _directions(
+    offset: NDArray[np.float64], opening: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
     """(O, 2) principal axis of each opening's sites; (0, 0) where they have none."""
-    rr, rc, cc = moments.T
+    row, column = offset.T
+    rr, rc, cc = (
+        np.bincount(opening, m, count) for m in (row * row, row * column, column * column)
+    )
     # The principal eigenvector of [[rr, rc], [rc, cc]] is at half this angle.
     angle = 0.5 * np.arctan2(2 * rc, cc - rr)
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)

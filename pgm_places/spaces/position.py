@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import add_paths, largest_rests
 from pgm_places.spaces.components import components
 
 __all__ = ["area_cut_off", "betweenness"]
@@ -32,8 +33,6 @@ def betweenness(
     >>> betweenness(*chain, np.ones(3)).tolist()
     [0.0, 1.0, 0.0]
     """
-    from pgm_places.spaces._graph_kernels import add_paths
-
     component = components(start, neighbour)
     sources = np.argsort(-area_m2, kind="stable")
     share = np.zeros(len(area_m2))
@@ -55,10 +54,8 @@ def area_cut_off(
     >>> area_cut_off(*chain, np.array([1.0, 5.0, 3.0])).tolist()
     [0.0, 0.25, 0.0]
     """
-    from pgm_places.spaces._graph_kernels import largest_rests
-
     rest, whole = np.zeros(len(area_m2)), np.zeros(len(area_m2))
-    largest_rests(start, neighbour, area_m2, rest, whole)
+    largest_rests(start, neighbour, np.ascontiguousarray(area_m2, np.float64), rest, whole)
     others = whole - area_m2
     kept = np.divide(rest, others, out=np.ones(len(rest)), where=others > 1e-9 * whole)
     return np.minimum(np.maximum(1.0 - kept, 0.0), 1.0)

@@ -6,9 +6,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import write_features
 from pgm_places.spaces.segmentation import Segments
 
 __all__ = ["Lookups", "SegmentLookup"]
+
+_CELL_COLUMNS = 3
+"""What a cell adds to the columns of its segment: depth, way out, and the way out's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +33,6 @@ class SegmentLookup:
     lines : (2 O, 5) float64
         Openings as straight lines, grouped by segment: row and column of the midpoint and half
         the line as a vector, in cells, and the half width in metres.
-    most : int
-        Largest number of openings of any segment.
     resolution_m : float
     """
 
@@ -39,7 +41,6 @@ class SegmentLookup:
     radius_m: NDArray[np.float64]
     start: NDArray[np.int64]
     lines: NDArray[np.float64]
-    most: int
     resolution_m: float
 
     @classmethod
@@ -58,16 +59,13 @@ class SegmentLookup:
             np.append(division.radius_m, np.inf),
             start.astype(np.int64),
             np.ascontiguousarray(lines[order // 2], np.float64),
-            int(np.diff(start).max()),
             resolution_m,
         )
 
     @property
     def n_columns(self) -> int:
         """F + 3: the columns of the segment, and the three that a cell adds."""
-        from pgm_places.spaces._lookup_kernels import CELL_COLUMNS
-
-        return self.table.shape[1] + CELL_COLUMNS
+        return self.table.shape[1] + _CELL_COLUMNS
 
     def write(
         self,
@@ -79,8 +77,6 @@ class SegmentLookup:
         found: NDArray[np.float32],
     ) -> None:
         """Write the columns ``source`` of cells (n, 2) to the columns ``target`` of ``found``."""
-        from pgm_places.spaces._lookup_kernels import write_features
-
         write_features(
             cells_rc,
             self.segment_of[basin],
@@ -89,7 +85,6 @@ class SegmentLookup:
             self.radius_m,
             self.start,
             self.lines,
-            self.most,
             self.resolution_m,
             source,
             target,

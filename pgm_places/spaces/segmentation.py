@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from pgm_places._checks import sealed
-from pgm_places._core import merge_basins
+from pgm_places._core import border_sites, highest_passes, merge_basins
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.label_graph import LabelGraph
@@ -278,18 +278,13 @@ def _divisions(
     basins: Basins, relief: NDArray[np.int32], ratios: tuple[float, ...], resolution_m: float
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(R, B) segment of each basin for each ratio, and the cells where basins touch."""
-    from pgm_places.spaces._border_kernels import highest_passes
-
     steps = neighbour_steps(relief.shape[1])
-    first = np.full(basins.count, -1, np.int32)
-    touching = np.empty(relief.size, np.int32)  # pages are only touched as far as it is used
-    n_passes, room, n_touching = highest_passes(
-        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count, first, touching
+    passes, touching = highest_passes(
+        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count
     )
-    height = room[:n_passes, 2]
-    order = np.argsort(-height, kind="stable")
-    pairs = np.ascontiguousarray(room[order, :2])
-    widths = half_width_m(height[order], resolution_m)
+    passes = passes[np.argsort(-passes[:, 2], kind="stable")]
+    pairs = np.ascontiguousarray(passes[:, :2])
+    widths = half_width_m(passes[:, 2], resolution_m)
     radii = half_width_m(basins.summit[: basins.count], resolution_m)
     found = np.empty((len(ratios), basins.count), np.int32)
     for root, ratio in zip(found, ratios, strict=True):
@@ -297,7 +292,7 @@ def _divisions(
         merge_basins(pairs, widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
         number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own
         root[:] = number[root]
-    return found, touching[:n_touching]
+    return found, touching
 
 
 def _borders(
@@ -308,9 +303,7 @@ def _borders(
     grid: OccupancyGrid,
 ) -> Borders:
     """The sites where basins of different segments of any division touch."""
-    from pgm_places.spaces._border_kernels import border_sites
-
-    n_sites, room = border_sites(
+    sites = border_sites(
         basins.raster.reshape(-1),
         relief.reshape(-1),
         neighbour_steps(relief.shape[1]),
@@ -320,6 +313,5 @@ def _borders(
         FREE,
         touching,
     )
-    sites = room[:n_sites]
     is_side, is_free = np.ascontiguousarray(sites[:, 4:6].T, np.bool_)
     return Borders(sites[:, :2].copy(), sites[:, 2:4].copy(), sites[:, 6].copy(), is_side, is_free)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
-from pgm_places._core import label_components, open_cells
+from pgm_places._core import grow_pieces, label_components, open_cells, sum_pieces
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -92,7 +92,7 @@ def find_unentered(
     so that a narrow door is one as long as it has walls on both sides; rooms of their own, boxes
     and scraps are let be.
 
-    Time and memory are linear in the cells: about 16 bytes a cell.
+    Time and memory are linear in the cells: about 33 bytes a cell at most.
 
     Parameters
     ----------
@@ -169,20 +169,18 @@ class _Raster:
 
     def close_rays(self) -> None:
         """Close pieces that have unknown space around them, at all scales."""
-        from pgm_places.spaces._unentered_kernels import grow, kinds_of_cells
-
         for scale in SCALES:
             radius = scale * self.radius
             standing = self.squared >= _standing(radius)
             if not standing.any():
                 return  # the largest part of free space is nowhere as wide as that
             away = squared_clearance(standing)
-            kind = np.empty(self.cells.shape, np.int8)
-            kinds_of_cells(self.is_open, standing, away, int((radius + 0.5) ** 2), kind)
+            kind = _kind(standing)
+            kind[self.is_open & (away > int((radius + 0.5) ** 2))] = 1  # what it does not cover
             scratch, piece, count = _numbered(kind)
             is_wide = np.zeros(count, np.bool_)
             is_wide[piece[standing]] = True
-            grow(self.is_open, is_wide, scratch, piece)
+            grow_pieces(self.is_open, is_wide, scratch, piece)
             sums = self._sums(piece, count, away)
             unknown = _shares(sums)
             wide = (unknown >= WIDE_UNKNOWN) & (sums.at_unknown >= sums.at_others)
@@ -193,14 +191,12 @@ class _Raster:
 
     def close_cut_off(self) -> None:
         """Close what does not hang together with the largest part; rooms and scraps stay."""
-        from pgm_places.spaces._unentered_kernels import add_rest, grow, touching
-
         scratch, piece, count = _numbered(_kind(self.squared >= _standing(self.radius / 2)))
-        grow(self.is_open, np.ones(count, np.bool_), scratch, piece)
+        grow_pieces(self.is_open, np.ones(count, np.bool_), scratch, piece)
         rest = self.is_open & (piece < 0)
         if rest.any():
             _, numbers, n_rest = _numbered(_kind(rest))
-            add_rest(numbers, count, piece)
+            piece[rest] = count + numbers[rest]
             count += n_rest
         if count < 2:
             return
@@ -210,30 +206,24 @@ class _Raster:
         entered |= (area_m2 < SCRAP_M2) & (unknown < SCRAP_UNKNOWN)
         entered[np.argmax(sums.n_free)] = True
         beside = np.zeros(count, np.bool_)
-        touching(piece, entered, beside)
+        beside[piece[_and_around(_in_pieces(piece, entered)) & self.is_open]] = True
         beside &= (sums.largest < _standing(self.radius)) & (area_m2 < SCRAP_M2)
         self._close(piece, ~(entered | beside))
 
     def _fill_shadows(self) -> None:
         """Take small islands of what is not free for obstacles."""
-        from pgm_places.spaces._unentered_kernels import fill_small
-
-        _, piece, count = _numbered(_kind(~self.is_open))
-        fill_small(piece, count, SHADOW_M2 / self.cell_m2, OCCUPIED, self.cells)
+        filled = np.empty(self.cells.shape, np.bool_)
+        open_cells(_kind(self.is_open), 0, SHADOW_M2 / self.cell_m2, np.inf, 0.0, filled)
+        self.cells[filled & ~self.is_open] = OCCUPIED
 
     def _sums(self, piece: NDArray[np.int32], count: int, values: NDArray[np.int32]) -> _Sums:
-        from pgm_places.spaces._unentered_kernels import sum_up
-
         sums = np.zeros((5, count), np.int64)
-        codes = (FREE, OCCUPIED, self.rim)
-        sum_up(piece, self.is_open, self.cells, values, codes, sums)
+        sum_pieces(piece, self.is_open, self.cells, values, FREE, OCCUPIED, self.rim, sums)
         return _Sums(*sums)
 
     def _close(self, piece: NDArray[np.int32], chosen: NDArray[np.bool_]) -> None:
-        from pgm_places.spaces._unentered_kernels import close
-
         if chosen.any():
-            close(piece, chosen, self.is_open)
+            self.is_open &= ~_in_pieces(piece, chosen)
             squared_clearance(~self.is_open, out=self.squared)
 
 
@@ -248,6 +238,21 @@ def _filled(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.bool_]:
 def _kind(mask: NDArray[np.bool_]) -> NDArray[np.int8]:
     """(H, W) 0 in the mask, -1 elsewhere."""
     return mask.view(np.int8) - np.int8(1)
+
+
+def _in_pieces(piece: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) which cells are in one of the chosen pieces."""
+    return np.append(chosen, False)[piece]  # the last one is that of cells without a piece, -1
+
+
+def _and_around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) the mask and the cells that share a side with it."""
+    found = mask.copy()
+    found[1:] |= mask[:-1]
+    found[:-1] |= mask[1:]
+    found[:, 1:] |= mask[:, :-1]
+    found[:, :-1] |= mask[:, 1:]
+    return found
 
 
 def _numbered(kind: NDArray[np.int8]) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:

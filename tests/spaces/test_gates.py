@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places._core import narrowest_chords, width_profiles
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -54,8 +55,6 @@ def stepped_run(free: np.ndarray, point: np.ndarray, way: np.ndarray, longest: f
 def test_chords_and_widths_are_those_of_small_steps(
     free: np.ndarray, at: tuple[float, float]
 ) -> None:
-    from pgm_places.spaces._gate_kernels import narrowest_chords, width_profiles
-
     cells, longest = np.where(free, FREE, 100).astype(np.int8), 6.0
     point = np.array(at) * 0.98 * (np.array(free.shape) - 1) + 0.0137
     angle = np.arange(5) * np.pi / 5 + 0.111

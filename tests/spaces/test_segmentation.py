@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pgm_places._core import merge_basins
+from pgm_places._core import highest_passes, merge_basins
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.coarsening import coarsen
@@ -82,17 +82,12 @@ def test_basins_of_distances_are_those_of_the_definition(is_open: np.ndarray) ->
 
 @given(relief=heights)
 def test_passes_are_those_of_a_search(relief: np.ndarray) -> None:
-    from pgm_places.spaces._border_kernels import highest_passes
-
     flat = framed(relief)
     found = find_basins(flat)
-    steps, first = neighbour_steps(flat.shape[1]), np.full(found.count, -1, np.int32)
-    raster, touching = found.raster.reshape(-1), np.empty(flat.size, np.int32)
-    n, passes, n_touching = highest_passes(
-        raster, flat.reshape(-1), steps, found.count, first, touching
-    )
-    got = {(int(a), int(b)): int(h) for a, b, h, _ in passes[:n]}
-    assert len(got) == n
+    steps, raster = neighbour_steps(flat.shape[1]), found.raster.reshape(-1)
+    passes, touching = highest_passes(raster, flat.reshape(-1), steps, found.count)
+    got = {(a, b): height for a, b, height in passes.tolist()}
+    assert len(got) == len(passes)
     assert got == reference.passes(inner(found.raster, found.count), relief)
     on_border = [
         i
@@ -100,7 +95,7 @@ def test_passes_are_those_of_a_search(relief: np.ndarray) -> None:
         if raster[i] >= found.count
         or any(0 <= b < found.count and b != raster[i] for b in raster[i + steps[1::2]])
     ]
-    assert touching[:n_touching].tolist() == on_border
+    assert touching.tolist() == on_border
 
 
 @st.composite

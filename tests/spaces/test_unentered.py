@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from pgm_places._core import grow_pieces, sum_pieces
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.spaces._unentered_kernels import grow, sum_up
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
 from tests.real_data import real_data_folder
@@ -208,7 +208,7 @@ def test_borders_are_those_of_single_cells(seed: int, shape: tuple[int, int], re
     piece = np.where(is_open, rng.integers(-1, 3, cells.shape), -1).astype(np.int32)
     values = rng.integers(0, 50, cells.shape, np.int32)
     found = np.zeros((5, piece.max() + 1), np.int64)
-    sum_up(piece, is_open, cells, values, (FREE, OCCUPIED, reach), found)
+    sum_pieces(piece, is_open, cells, values, FREE, OCCUPIED, reach, found)
     np.testing.assert_array_equal(found, slow.sums(piece, is_open, cells, values, reach))
 
 
@@ -220,7 +220,7 @@ def test_cells_join_the_nearest_piece_that_grows(seed: int, shape: tuple[int, in
     piece = np.where(is_open & (rng.random(is_open.shape) < 0.15), 0, -1).astype(np.int32)
     piece[piece == 0] = np.arange((piece == 0).sum()) % 3
     before, grows = piece.copy(), np.array([True, False, True])
-    grow(is_open, grows, np.empty(piece.size, np.int32), piece)
+    grow_pieces(is_open, grows, np.empty(piece.size, np.int32), piece)
     through = is_open & ((before < 0) | np.isin(before, (0, 2)))
     away = {k: slow.steps_to(through & (before < 0), before == k) for k in (0, 2)}
     for cell in zip(*np.nonzero(is_open & (before < 0)), strict=True):
