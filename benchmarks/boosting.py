@@ -74,10 +74,8 @@ def timed(work: Callable[[], Any], repeats: int, *, wall: bool = False) -> tuple
 def binary(X: Matrix, y: NDArray[np.int64], k: int, n_rounds: int, repeats: int) -> list[Row]:
     """All methods on one binary problem."""
     own = y == k
-    few = min(n_rounds, 10)
-    sweep_row, wanted = swept(X, own, n_rounds, few)
+    wanted = peers.sweep(X, own, min(n_rounds, 10))
     rows = [ours(X, own, n_rounds, repeats, threads, wanted) for threads in (1, 2)]
-    rows.append(sweep_row)
     rows.append(row("scikit-learn *", 1, None, peers.scikit_learn(X, own) * n_rounds))
     for name, work in (("LightGBM", peers.lightgbm_stumps), ("OpenCV 4", peers.opencv_boost)):
         try:
@@ -138,16 +136,6 @@ def ours(
         same=f"{same} of {len(wanted)}",
         kept=kept / X.size,
     )
-
-
-def swept(X: Matrix, own: Any, n_rounds: int, few: int) -> tuple[Row, list[peers.Stump]]:
-    """The exhaustive sweep over presorted columns, and its stumps."""
-    peers.sweep(*peers.presort(X[::97]), X[::97], own[::97], 1)
-    sort_s, (orders, values) = timed(lambda: peers.presort(X), 1)
-    sweep_s, wanted = timed(lambda: peers.sweep(orders, values, X, own, few), 1)
-    kept = (orders.nbytes + values.nbytes) / X.size
-    name = "exhaustive sweep, compiled *"
-    return row(name, 1, sort_s, sweep_s * n_rounds / few, kept=kept), wanted
 
 
 def scaling(X: Matrix, y: NDArray[np.int64], repeats: int, n_rounds: int) -> list[Row]:

@@ -16,40 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
-
 Stump = tuple[int, float, int]
 
 
-@njit
 def best_of_column(
-    order: NDArray[np.int32], values: NDArray[np.float32], signed: NDArray[np.float64], total: float
+    order: NDArray[np.int64], values: NDArray[np.float32], signed: NDArray[np.float64], total: float
 ) -> tuple[float, int]:
     """The largest |r| over the thresholds of one sorted column, and the last place on its left."""
-    left = 0.0
-    best = -1.0
-    place = -1
-    for k in range(len(order) - 1):
-        left += signed[order[k]]
-        if values[k] < values[k + 1]:
-            r = abs(2.0 * left - total)
-            if r > best + 1e-12:
-                best = r
-                place = k
-    return best, place
+    r = np.abs(2.0 * np.cumsum(signed[order])[:-1] - total)
+    r[values[:-1] == values[1:]] = -1.0
+    place = int(np.argmax(r >= r.max() - 1e-12))  # of equal ones the first, but for rounding
+    return float(r[place]), place
 
 
-def presort(X: NDArray[np.float32]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(F, N) the order of each column's values, and the values in that order."""
-    columns = np.ascontiguousarray(X.T)
-    order = np.argsort(columns, axis=1, kind="stable")
-    return order.astype(np.int32), np.take_along_axis(columns, order, axis=1)
-
-
-def sweep(
-    orders: NDArray[Any], values: NDArray[Any], X: NDArray[np.float32], y: Any, n_rounds: int
-) -> list[Stump]:
+def sweep(X: NDArray[np.float32], y: NDArray[np.bool_], n_rounds: int) -> list[Stump]:
     """The stumps of the first rounds of generalised AdaBoost."""
+    columns = np.ascontiguousarray(X.T)
+    orders = np.argsort(columns, axis=1, kind="stable")
+    values = np.take_along_axis(columns, orders, axis=1)
     labels = np.where(y, 1.0, -1.0)
     weights = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
     stumps: list[Stump] = []

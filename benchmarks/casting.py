@@ -4,10 +4,9 @@
 the data is available, otherwise of the generated building. ``sweep`` is what the package does,
 writing rows (cell, beam) to a buffer that is reused as in streaming; ``sweep, one row`` is the same
 work written over a single row, without memory traffic; ``cast_cells`` is the public function, which
-returns new memory. ``DDA`` follows each ray from cell to cell (numba), ``stepper`` marches in steps
-of one cell as CARMEN's simulator does; both are timed on a sample of the cells. ``floor`` writes as
-many bytes. Millions of rays per second refer to processor time on one thread and to wall clock on
-several; errors are in cells, relative to the DDA, over the sample.
+returns new memory. ``DDA`` follows each ray from cell to cell, timed on a sample of the cells;
+``floor`` writes as many bytes. Millions of rays per second refer to processor time on one thread
+and to wall clock on several; errors are in cells, relative to the DDA, over the sample.
 """
 
 import os
@@ -26,7 +25,6 @@ from benchmarks.tiling import building_tiled
 from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.kernels.jit import njit
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
@@ -39,8 +37,7 @@ SHOWN = (SideBySide(("method",), "{map}, threads: {threads}", "{Mrays/s} ({times
 """How long tables are made short and wide."""
 
 ROOT = Path(__file__).resolve().parent.parent
-SAMPLE = 16  # every so manieth cell is enough for the slow methods
-PART = 512  # cells that a thread takes at a time
+SAMPLE = 16  # every so manieth cell is enough for the DDA
 
 Work = Callable[[], Any]
 
@@ -76,33 +73,8 @@ class OneBox:
         self._caster.cast(self._box, self.rows, self.columns, first, self.out[:1])
 
 
-@njit
-def march(
-    blocked: NDArray[np.uint8],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    angles: NDArray[np.float64],
-    step: float,
-    limit: float,
-    metres: float,
-    out: NDArray[np.float32],
-) -> None:
-    """Ranges by looking at the cell under the beam's tip every ``step`` cells."""
-    for i in range(len(rows)):
-        for beam in range(len(angles)):
-            along_x, along_y = np.cos(angles[beam]), np.sin(angles[beam])
-            travelled = 0.0
-            while travelled < limit:
-                x = int(columns[i] + 0.5 + travelled * along_x)
-                y = int(rows[i] + 0.5 + travelled * along_y)
-                if blocked[y, x]:
-                    break
-                travelled += step
-            out[i, beam] = np.float32(min(travelled, limit) * metres)
-
-
-class SlowMethods:
-    """The same scans for a sample of the cells, ray by ray."""
+class RayByRay:
+    """The same scans for a sample of the cells, each ray followed from border to border."""
 
     def __init__(self, grid: OccupancyGrid, sensor: Sensor, every: int) -> None:
         self._grid, self._sensor = grid, sensor
@@ -113,30 +85,10 @@ class SlowMethods:
         self._nodes = np.arange(len(self._rows), dtype=np.int32)
         self.out = np.zeros((len(self._rows), sensor.n_beams), np.float32)
 
-    def dda(self, n_threads: int) -> None:
-        """Follow every ray from border to border."""
+    def follow(self, n_threads: int) -> None:
+        """Cast to the rows of ``out``."""
         caster = CellCaster(self._grid, self._sensor, n_threads)
         caster.follow(self._blocked, Cells(self._rows, self._columns, self._nodes), self.out)
-
-    def stepper(self, n_threads: int) -> None:
-        """March along every ray in steps of one cell."""
-        angles = self._sensor.angles_rad
-        limit = self._sensor.max_range_m / self._grid.resolution_m
-
-        def part(task: int) -> None:
-            some = slice(task * PART, (task + 1) * PART)
-            march(
-                self._blocked,
-                self._rows[some],
-                self._columns[some],
-                angles,
-                1.0,
-                limit,
-                self._grid.resolution_m,
-                self.out[some],
-            )
-
-        run_tasks(part, -(-len(self._rows) // PART), n_threads=n_threads)
 
 
 def seconds(work: Work, threads: int, repeats: int) -> float:
@@ -160,16 +112,15 @@ def fill(out: NDArray[np.float32], n_threads: int) -> None:
 def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
     """All methods side by side."""
     sensor = Sensor()
-    slow = SlowMethods(grid, sensor, SAMPLE)
-    slow.dda(2)
+    slow = RayByRay(grid, sensor, SAMPLE)
+    slow.follow(2)
     exact = slow.out / grid.resolution_m
     rows: list[dict[str, Any]] = []
     for threads in (1, 2):
         box = OneBox(grid, sensor, threads)
         n_rays, n_slow = box.out.size, slow.out.size
         works: dict[str, tuple[Work, int]] = {
-            "DDA": (partial(slow.dda, threads), n_slow),
-            "stepper": (partial(slow.stepper, threads), n_slow),
+            "DDA": (partial(slow.follow, threads), n_slow),
             "sweep, one row": (box.sweep_over_one_row, n_rays),
             "sweep": (box.sweep, n_rays),
             "cast_cells": (partial(cast_cells, grid, sensor, n_threads=threads), n_rays),
@@ -177,11 +128,7 @@ def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str,
         taken = {name: seconds(work, threads, repeats) / n for name, (work, n) in works.items()}
         swept = box.out[::SAMPLE] / grid.resolution_m
         floor = seconds(partial(fill, box.out, threads), threads, repeats) / n_rays
-        off = {
-            "DDA": np.zeros(1),
-            "stepper": np.abs(slow.out / grid.resolution_m - exact),
-            "sweep": np.abs(swept - exact),
-        }
+        off = {"DDA": np.zeros(1), "sweep": np.abs(swept - exact)}
         for name, each in [*taken.items(), ("floor", floor)]:
             rows.append(
                 {

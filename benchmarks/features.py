@@ -5,9 +5,7 @@ available, otherwise of the generated building, in single precision. A subset of
 selection; ``low orders`` are ``f16`` up to order 10 in both directions. ``NumPy`` implements the
 same definitions in vectorised double precision, in blocks of 64 scans. ``floor`` copies the scans
 and writes as many results. Microseconds are processor time on one thread and wall clock on several;
-``largest difference`` is the one from NumPy, relative for values above 1. The last table compares
-two families with plain compiled loops over one scan at a time, without lanes and, for the Fourier
-orders, without the reuse of powers that lanes make worthwhile.
+``largest difference`` is the one from NumPy, relative for values above 1.
 """
 
 import statistics
@@ -22,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.features_numpy import features
-from benchmarks.features_plain import fourier_orders, spreads
 from benchmarks.labelling import map_files
 from experiments.page_tables import SideBySide
-from pgm_places.features.extraction import DIRECTIONS, extract
-from pgm_places.features.laser import FOURIER_ORDERS, LASER_FEATURES
+from pgm_places.features.extraction import extract
+from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
@@ -202,53 +199,8 @@ def scaling_rows(scans: Scans, repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def lane_rows(scans: Scans, repeats: int) -> list[dict[str, Any]]:
-    """What computing sixteen scans at a time, a lane each, gains over plain compiled loops."""
-    orders = np.array(FOURIER_ORDERS)
-    families: tuple[tuple[str, tuple[str, ...], Callable[[Scans, Any], None]], ...] = (
-        ("spread", ("f2", "f2_sd", "f8", "f8_sd", "f28", "f28_sd", "f32"), spreads),
-        (
-            "Fourier orders",
-            ("f16",),
-            lambda some, out: fourier_orders(some, DIRECTIONS, orders, out),
-        ),
-    )
-    rows = []
-    for name, ids, plain in families:
-        columns = columns_of(ids)
-        out = np.empty((len(scans), len(columns)), np.float32)
-        without = microseconds(
-            lambda plain=plain, out=out: plain(scans, out), len(scans), repeats=repeats
-        )
-        wanted = extract(scans, max_range_m=MAX_RANGE_M, columns=columns)
-        off = np.abs(out - wanted) / np.maximum(np.abs(wanted), 1.0)
-        with_lanes = microseconds(
-            lambda columns=columns: extract(
-                scans, max_range_m=MAX_RANGE_M, columns=columns, n_threads=1
-            ),
-            len(scans),
-            repeats=repeats,
-        )
-        rows.append(
-            {
-                "family": name,
-                "columns": len(columns),
-                "plain loops, us a scan": without,
-                "lanes, us a scan": with_lanes,
-                "gain": without / with_lanes,
-                "largest difference": float(off.max()),
-            }
-        )
-    return rows
-
-
 def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the tables."""
     repeats = 3 if quick else 11
     title, scans = map_scans(2048 if quick else 16384)
-    few = scans[:2048]
-    return [
-        *subset_rows(title, scans, repeats),
-        *scaling_rows(scans, repeats),
-        *lane_rows(few, repeats),
-    ]
+    return [*subset_rows(title, scans, repeats), *scaling_rows(scans, repeats)]
