@@ -1,7 +1,8 @@
 """What the defaults of `hmm` and `potts` are chosen by: python -m experiments.defaults.
 
 Every problem is drawn from a seed; classifiers are fitted on other problems than those labelled,
-and methods learn from held-out scores. Prints the two tables of docs/results.md.
+and methods learn from held-out scores. Prints the tables of docs/hmm.md and
+docs/own_problem.md.
 """
 
 from collections.abc import Callable, Iterator, Sequence

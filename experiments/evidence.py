@@ -9,7 +9,7 @@ from experiments.paper.categories import CATEGORY_NAMES, Building79
 from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.models.hmm import MODES, HiddenMarkovModel
 from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.list_learning import (
@@ -20,7 +20,6 @@ from pgm_places.unary.list_learning import (
 )
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
-MODES = ("filter", "smooth", "viterbi")
 HEAD = (
     "| beams | every | weight: filter / smoother / Viterbi | training half, held out: alone | "
     "filter | smoother | Viterbi | other half: alone | filter | smoother | Viterbi |\n"

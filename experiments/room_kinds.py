@@ -2,10 +2,11 @@
 
 Places between the true doorways are labelled with one of nine kinds, by their features alone and
 by fields over the graph of places that lie beside each other; every building is left out in turn.
-The options of each method are chosen on the other buildings. Writes ``room_kinds.md``, a part of
-docs/results.md, and the picture of one floor.
+The options of each method are chosen on the other buildings. Writes two tables of docs/results.md
+and the picture of one floor.
 """
 
+import argparse
 import csv
 import os
 import sys
@@ -19,6 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.page_tables import text_of, write_table
+from experiments.paper.section import Table
 from pgm_places.evaluation.confusion import confusion_matrix
 from pgm_places.inference.backends import build
 from pgm_places.inference.problem import LabelingProblem
@@ -35,7 +38,7 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import PLACE_FEATURES
 
 FOLDER = Path(__file__).resolve().parent
-PAGE, TEMPLATE = FOLDER / "room_kinds.md", FOLDER / "room_kinds.template.md"
+TABLES = ("room_kinds", "kinds")
 PICTURE = FOLDER.parent / "docs" / "images" / "room_kinds.png"
 SHOWN = "school_plans1"
 
@@ -296,21 +299,30 @@ def method_table(floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.i
     return "\n".join(lines)
 
 
-def confusion_table(
-    floors: Sequence[Floor], labels: Sequence[NDArray[np.int64]], school: bool
-) -> str:
-    """Places of each kind by what they were labelled as, with recall and precision."""
+def confusion_of(
+    floors: Sequence[Floor], labels: Sequence[NDArray[np.int64]], *, school: bool
+) -> NDArray[np.int64]:
+    """(K, K) places of each kind in schools, or in offices, by what they were labelled as."""
     some = [k for k, item in enumerate(floors) if item.is_school == school]
-    table = confusion([floors[k] for k in some], [labels[k] for k in some])
-    lines = [
-        f"| true kind | {' | '.join(KINDS)} | recall | precision |",
-        "|---" * (len(KINDS) + 3) + "|",
+    return confusion([floors[k] for k in some], [labels[k] for k in some])
+
+
+def kinds_table(tables: Mapping[str, NDArray[np.int64]]) -> Table:
+    """Places of each kind, recall and precision, and the two kinds it is most often taken for."""
+    columns = ("places", "recall / precision", "taken for")
+    heading = [f"{name}: {column}" for name in tables for column in columns]
+    rows = [
+        (kind, *(cell for table in tables.values() for cell in _of_kind(table, k)))
+        for k, kind in enumerate(KINDS)
     ]
-    for k, kind in enumerate(KINDS):
-        shares = [_percent(table[k, k], total) for total in (table[k].sum(), table[:, k].sum())]
-        cells = [str(number) if number else "·" for number in table[k].tolist()]
-        lines.append(f"| {kind} | {' | '.join([*cells, *shares])} |")
-    return "\n".join(lines)
+    return Table("", ("true kind", *heading), tuple(rows))
+
+
+def _of_kind(table: NDArray[np.int64], k: int) -> tuple[str, str, str]:
+    shares = [_percent(table[k, k], total) for total in (table[k].sum(), table[:, k].sum())]
+    others = [j for j in np.argsort(-table[k], kind="stable") if j != k and table[k, j]][:2]
+    taken = ", ".join(f"{KINDS[j]} {table[k, j]}" for j in others)
+    return str(table[k].sum()), " / ".join(shares), taken or "-"
 
 
 def _percent(part: int, whole: int) -> str:
@@ -369,30 +381,37 @@ _COLOURS = (
 
 
 def write(floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.int64]]]) -> None:
-    """Write the part of docs/results.md and its picture."""
+    """Write the tables of docs/results.md and their picture."""
     truth = np.concatenate([item.truth for item in floors])
     area = np.concatenate([item.area_m2 for item in floors])
-    parts = {
-        "COUNTS": f"{(truth >= 0).sum():,} of {len(truth):,} places, with "
-        f"{100 * area[truth >= 0].sum() / area.sum():.0f} % of their area",
-        "METHODS": method_table(floors, labels),
-        "SCHOOLS": confusion_table(floors, labels["independent"], school=True),
-        "OFFICES": confusion_table(floors, labels["independent"], school=False),
-    }
-    page = TEMPLATE.read_text(encoding="utf-8")
-    for name, text in parts.items():
-        page = page.replace("{" + name + "}", text)
-    PAGE.write_text(page, encoding="utf-8")
-    print(page)
+    print(
+        f"{(truth >= 0).sum():,} of {len(truth):,} places, with "
+        f"{100 * area[truth >= 0].sum() / area.sum():.0f} % of their area"
+    )
+    alone = labels["independent"]
+    by_kind = kinds_table(
+        {
+            "schools": confusion_of(floors, alone, school=True),
+            "offices": confusion_of(floors, alone, school=False),
+        }
+    )
+    written = {"room_kinds": method_table(floors, labels), "kinds": text_of([by_kind])}
+    for name in TABLES:
+        print(written[name], write_table(name, written[name]), sep="\n")
     [at] = [k for k, item in enumerate(floors) if item.name == SHOWN]
-    shown = {"true kinds": floors[at].truth, "each place alone": labels["independent"][at]}
-    shown["with its neighbours (relaxation)"] = labels["relaxation"][at]
-    PICTURE.write_bytes(picture(floors[at], shown))
-    print(f"wrote {PAGE} and {PICTURE}")
+    drawn = {"true kinds": floors[at].truth, "each place alone": labels["independent"][at]}
+    drawn["with its neighbours (relaxation)"] = labels["relaxation"][at]
+    PICTURE.write_bytes(picture(floors[at], drawn))
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes: nothing."""
+    return argparse.ArgumentParser(prog="python -m experiments.room_kinds")
 
 
 def main() -> None:
     """Run everything."""
+    parser().parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")

@@ -6,13 +6,18 @@ from pathlib import Path
 from experiments.paper.setting import Setting, data_folder
 from pgm_places.cli.progress import LineProgress
 
-__all__ = ["asked_setting"]
+__all__ = ["asked_setting", "setting_parser"]
 
 
 def asked_setting(what: str | None) -> Setting:
     """The setting of ``--kept`` and ``--threads``; ``--help`` begins with the first line."""
-    parser = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
-    parser.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    parser.add_argument("--threads", type=int)
-    given = parser.parse_args()
+    given = setting_parser(what).parse_args()
     return Setting(data_folder(), LineProgress(), given.threads, given.kept)
+
+
+def setting_parser(what: str | None = None) -> argparse.ArgumentParser:
+    """The arguments that make a setting."""
+    found = argparse.ArgumentParser(description=(what or "").partition("\n")[0])
+    found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    found.add_argument("--threads", type=int)
+    return found

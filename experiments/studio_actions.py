@@ -1,8 +1,8 @@
 """How many answers a map takes in the studio: ``python -m experiments.studio_actions``.
 
 The person of :mod:`experiments.teaching`, on floors and on maps that robots made: places by doubt
-times area, paint kept and not learned, as the studio does until it is told to teach. Writes
-``studio_actions.md``, a section of docs/results.md. PGM_PLACES_DATA is the folder of the real maps.
+times area, paint kept and not learned, as the studio does until it is told to teach. Writes a table
+of docs/results.md. PGM_PLACES_DATA is the folder of the real maps.
 
 ``--strokes`` measures how long a correction takes to new labels.
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.buildings.maps import WITH_HALLS, real_maps
+from experiments.page_tables import write_table
 from experiments.teaching import CHOSEN_ON, FLOORS, NAMES, Course, by_teaching
 from pgm_places import trained_labeler
 from pgm_places.io.maps.label_image import load_labels
@@ -22,7 +23,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.teaching.teacher import Teacher
 
-PAGE = Path(__file__).resolve().parent / "studio_actions.md"
+TABLES = ("answers",)
 
 ROBOTS = (
     "arena_clf",
@@ -39,17 +40,6 @@ ROBOTS = (
 """Ten buildings whose labels are sure, with rooms and circulation."""
 
 STROKES_ON = "school_valleceppi_p0"
-
-INTRODUCTION = """\
-## How many answers a map takes in the studio
-
-```console
-$ PGM_PLACES_DATA=DATA python -m experiments.studio_actions
-```
-
-The person of the section above, with the model `generated`, on seven floors and on ten maps that \
-robots made: places by doubt times area, paint kept and not learned. Halls count as corridors.
-"""
 
 
 def floor(data: Path, name: str) -> LabelledMap:
@@ -102,20 +92,26 @@ def strokes(data: Path) -> None:
         print(f"{STROKES_ON}, {grid.shape}: {time.process_time() - start:.2f} s", flush=True)
 
 
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    found = argparse.ArgumentParser(prog="python -m experiments.studio_actions")
+    found.add_argument("--strokes", action="store_true", help="only time a correction")
+    return found
+
+
 def main() -> None:
-    """Simulate the person on all maps and write the section."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--strokes", action="store_true")
+    """Simulate the person on all maps and write the table."""
+    given = parser().parse_args()
     data = Path(os.environ["PGM_PLACES_DATA"])
-    if parser.parse_args().strokes:
+    if given.strokes:
         strokes(data)
         return
     found = {}
     for name in (*FLOORS, *CHOSEN_ON, *ROBOTS):
         item = robot_map(data, name) if name in ROBOTS else floor(data, name)
         found[name] = by_teaching(item, "doubt", learns=False)
-        PAGE.write_text(f"{INTRODUCTION}\n{table(found)}\n", encoding="utf-8")
         print(table(found), flush=True)
+    print(write_table("answers", table(found)))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ The truth stands in for a person who corrects one region or doorway with each cl
 the labelled area is right. The labeler is the shipped model ``generated``, which has seen no real
 building. The person goes through the places by doubt times area, or in random order, while the
 labeler learns; or paints by hand, always the largest error first, over the labeler's result or on a
-blank map. Writes ``teaching.md``, a section of docs/results.md, and its figure.
+blank map. Writes a table of docs/results.md, and its figure.
 
 ``--choose`` compares how much is kept of what the labeler knew, on two other floors.
 """
@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.buildings.maps import real_maps
+from experiments.page_tables import write_table
 from pgm_places import trained_labeler
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.labelled_map import LabelledMap
@@ -29,7 +30,7 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 
 FOLDER = Path(__file__).resolve().parent
-PAGE = FOLDER / "teaching.md"
+TABLES = ("clicks",)
 PICTURE = FOLDER.parent / "docs" / "images" / "teaching_clicks.png"
 
 NAMES = ("corridor", "room", "doorway")
@@ -203,21 +204,6 @@ def table(found: dict[str, dict[str, Course]]) -> str:
     return "\n".join(lines)
 
 
-INTRODUCTION = """\
-## How many clicks a map takes
-
-```console
-$ PGM_PLACES_DATA=DATA python -m experiments.teaching
-```
-
-The truth stands in for a person who corrects one region or one doorway with each click, until 99 \
-% of the labelled area is right.
-The labeler is the model `generated`, which has seen no real building.
-In brackets is the number of places that were looked at, right ones among them.
-[Teaching](teaching.md#how-many-clicks) says what follows, and draws the accuracy over the clicks.
-"""
-
-
 def draw(found: dict[str, dict[str, Course]]) -> bytes:
     """Accuracy over clicks, a panel per map."""
     n_columns = 4
@@ -262,12 +248,18 @@ def choose(data: Path) -> None:
             print(f"{item.name} keep {keep:g}: {course.looks} looks; {shares}", flush=True)
 
 
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    found = argparse.ArgumentParser(prog="python -m experiments.teaching")
+    found.add_argument("--choose", action="store_true", help="only compare how much is kept")
+    return found
+
+
 def main() -> None:
-    """Simulate all ways on all maps and write the page and the figure."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--choose", action="store_true")
+    """Simulate all ways on all maps and write the table and the figure."""
+    given = parser().parse_args()
     data = Path(os.environ["PGM_PLACES_DATA"])
-    if parser.parse_args().choose:
+    if given.choose:
         choose(data)
         return
     found = {}
@@ -275,7 +267,7 @@ def main() -> None:
         found[item.name] = courses(item)
         print(table(found), flush=True)
         PICTURE.write_bytes(draw(found))
-        PAGE.write_text(f"{INTRODUCTION}\n{table(found)}\n", encoding="utf-8")
+    print(write_table("clicks", table(found)))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
 """Trajectories on real buildings, labelled with and without a hidden Markov model.
 
-``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` writes experiments/trajectories.md, the
-part of docs/results.md about them; a single part is printed if it is named. ``--kept FOLDER`` keeps
-there what each part found, and each graph of the part ``graphs``, so that a run that was stopped
-goes on where it was.
+``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` writes their tables in docs/results.md,
+or those that are named. ``--kept FOLDER`` keeps there what each part found, and each graph of the
+part ``graphs``, so that a run that was stopped goes on where it was.
 """
 
 import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,18 +18,53 @@ from numpy.typing import NDArray
 from experiments.category_lists import category_lists_table
 from experiments.cold import cold_table
 from experiments.drives.kept_text import KeptText
-from experiments.drives.methods import graphs_table, kinds_table, methods_table
+from experiments.drives.methods import (
+    CHAIN,
+    JOINT,
+    LOOPS,
+    graphs_table,
+    kinds_table,
+    methods_table,
+)
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
+from experiments.page_tables import SideBySide, parsed_tables, text_of, write_table
 from experiments.paper.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 
-FOLDER = Path(__file__).resolve().parent
-PAGE = FOLDER / "trajectories.md"
+TABLES = (
+    "beams",
+    "methods",
+    "floors",
+    "prior",
+    "graphs",
+    "categories",
+    "category_lists",
+    "evidence",
+    "cold",
+    "joined",
+)
+_LOOPS = f"{{{LOOPS}}}; {{{JOINT}}}"
+SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
+    "floors": (
+        SideBySide(
+            ("method",),
+            "{drives in}",
+            "{accuracy} ({95 %}) / {balanced} / {doorway recall}; {passages found}, {invented}",
+        ),
+    ),
+    "prior": (SideBySide(("method",), "{weight of the map}", "{left half}; {right half}"),),
+    "graphs": (
+        SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
+        SideBySide(("method",), "{drives}", _LOOPS),
+    ),
+}
+"""How long tables are made short and wide."""
+
 MODES = ("filter", "smooth", "viterbi")
 HEAD = (
     "| beams | trained on | single scans | filter | smoother | Viterbi | "
@@ -123,39 +158,51 @@ def categories_table(data: Building79) -> str:
     return "\n".join(lines)
 
 
+def shown(part: str, text: str) -> str:
+    """What the page shows of a part's table; a method that has no figures has no row."""
+    if part not in SHOWN:
+        return text
+    [table] = parsed_tables(text)
+    wide = [layout.of(table) for layout in SHOWN[part]]
+    return text_of([replace(item, rows=tuple(filter(_has_figures, item.rows))) for item in wide])
+
+
+def _has_figures(row: Sequence[str]) -> bool:
+    return any(any(map(str.isdigit, cell)) for cell in row[1:])
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    found = argparse.ArgumentParser(prog="python -m experiments.trajectories")
+    found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    found.add_argument(
+        "parts", nargs="*", choices=[*TABLES, []], metavar="part", help=", ".join(TABLES)
+    )
+    return found
+
+
 def main() -> None:
-    """Run all parts and write the page, or print those that are named."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.trajectories")
-    parser.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    parser.add_argument("parts", nargs="*", help="only print these")
-    chosen = parser.parse_args()
+    """Run all parts, or those that are named, and write their tables."""
+    chosen = parser().parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
     building, kept = load_building79(Path(data)), KeptText(chosen.kept)
     parts: Mapping[str, Callable[[], str]] = {
-        "PLACES": lambda: places_table(building),
-        "METHODS": lambda: methods_table("building79.toml"),
-        "FLOORS": lambda: kinds_table("floors.toml"),
-        "PRIOR": lambda: map_prior_table(building),
-        "GRAPHS": lambda: graphs_table(kept),
-        "CATEGORIES": lambda: categories_table(building),
-        "CATEGORY_LISTS": lambda: category_lists_table(building),
-        "EVIDENCE": lambda: evidence_table(building),
-        "COLD": lambda: cold_table(Path(data)),
-        "JOINED": lambda: joined_table(building, from_left_map(building)),
+        "beams": lambda: places_table(building),
+        "methods": lambda: methods_table("building79.toml"),
+        "floors": lambda: kinds_table("floors.toml"),
+        "prior": lambda: map_prior_table(building),
+        "graphs": lambda: graphs_table(kept),
+        "categories": lambda: categories_table(building),
+        "category_lists": lambda: category_lists_table(building),
+        "evidence": lambda: evidence_table(building),
+        "cold": lambda: cold_table(Path(data)),
+        "joined": lambda: joined_table(building, from_left_map(building)),
     }
-    if unknown := sorted({*chosen.parts} - {name.lower() for name in parts}):
-        parser.error(f"no part {unknown[0]!r}; there are {', '.join(parts).lower()}")
-    for name in chosen.parts:
-        print(kept.text(name, parts[name.upper()]))
-    if chosen.parts:
-        return
-    page = (FOLDER / "trajectories.template.md").read_text(encoding="utf-8")
-    for name, run in parts.items():
-        page = page.replace("{" + name + "}", kept.text(name.lower(), run))
-    PAGE.write_text(page, encoding="utf-8")
-    print(f"wrote {PAGE}")
+    for name in chosen.parts or TABLES:
+        text = shown(name, kept.text(name, parts[name]))
+        print(text, write_table(name, text), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

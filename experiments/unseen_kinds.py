@@ -8,8 +8,9 @@ from. ``--kept FOLDER`` keeps there what is slow to compute. Without PGM_PLACES_
 folder of the real maps, lists learn from generated buildings alone.
 """
 
+import argparse
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,8 +28,10 @@ from experiments.buildings.maps import (
 )
 from experiments.buildings.scores import SHIPPED, doors_of, places_of, rescaled
 from experiments.kept import KeptArrays
+from experiments.page_tables import SideBySide, text_of, write_table
+from experiments.paper.section import Table
 from experiments.paper.setting import Setting
-from experiments.setting import asked_setting
+from experiments.setting import asked_setting, setting_parser
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
@@ -52,6 +55,7 @@ PER_KIND, FIRST_SEED = 2, 5000
 CELLS_TRIED_M = (0.02, 0.03, 0.04, 0.05, 0.075, 0.1)
 ROBOT = MapSimulation(scale=(0.8, 1.25), coverage=(0.6, 1.0))
 CLEAN = "drawn"
+TABLES = ("unseen_kinds",)
 _RECIPES = {name: RECIPES[name] for name in (*RECIPES[AVERAGE].mean_of, AVERAGE)}
 
 
@@ -128,8 +132,16 @@ def figures(scored: Sequence[Scored]) -> dict[str, list[Figures]]:
     return dict(found)
 
 
-def row(name: str, maps: Sequence[Figures]) -> str:
-    """A line of the table."""
+SHOWN = SideBySide(
+    ("kind left out",),
+    "{map}",
+    "{accuracy / balanced / doorway F1}; {doors found / invented}; "
+    "{ECE of cells / gates / places}; {worst map}",
+)
+
+
+def row(kind: str, source: str, maps: Sequence[Figures]) -> tuple[str, ...]:
+    """A row of the table."""
     per_map = [(f.cells.accuracy, f.cells.balanced_accuracy, f.cells.f1["doorway"]) for f in maps]
     means = np.nanmean(np.array(per_map, np.float64), axis=0)
     doors, found = sum(f.doors.doors for f in maps), sum(f.doors.found for f in maps)
@@ -138,28 +150,46 @@ def row(name: str, maps: Sequence[Figures]) -> str:
     for part in ("cells", "gates", "places"):
         known = [getattr(f, part) for f in maps if getattr(f, part) is not None]
         errors.append(100 * (Evaluation.merged(known).expected_calibration_error or 0.0))
-    cells = [
+    return (
+        kind,
+        source,
         " / ".join(f"{100 * value:.1f}" for value in means),
         f"{100 * min(accuracy for accuracy, _, _ in per_map):.1f}",
         f"{100 * found / doors:.1f} / {100 * (accepted - right) / max(accepted, 1):.1f}",
         " / ".join(f"{value:.1f}" for value in errors),
-    ]
-    return f"| {name} | {' | '.join(cells)} |"
+    )
+
+
+def table(found: Mapping[str, Sequence[Figures]]) -> Table:
+    """A row per kind of building and of map, and for all of them."""
+    heading = (
+        "kind left out",
+        "map",
+        "accuracy / balanced / doorway F1",
+        "worst map",
+        "doors found / invented",
+        "ECE of cells / gates / places",
+    )
+    rows = []
+    for name, maps in sorted(found.items()):
+        kind, _, source = name.partition(", ")
+        rows.append(row(kind, source, maps))
+    for source in (CLEAN, SIMULATED):
+        every = [f for name, maps in found.items() if name.endswith(source) for f in maps]
+        rows.append(row("all", source, every))
+    return Table("", heading, tuple(rows))
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    return setting_parser(__doc__)
 
 
 def main() -> None:
-    """Print the table."""
-    setting = asked_setting(__doc__)
-    found = figures(scored_unseen(setting))
-    print(
-        "| kind left out | accuracy / balanced / doorway F1 | worst map | doors found / invented "
-        "| ECE of cells / gates / places |\n|---|---|---|---|---|"
-    )
-    for name in sorted(found):
-        print(row(name, found[name]))
-    for source in (CLEAN, SIMULATED):
-        every = [f for name, maps in found.items() if name.endswith(source) for f in maps]
-        print(row(f"**all, {source}**", every))
+    """Write the table."""
+    found = figures(scored_unseen(asked_setting(__doc__)))
+    text = text_of([SHOWN.of(table(found))])
+    print(text, write_table("unseen_kinds", text), sep="\n")
 
 
 if __name__ == "__main__":

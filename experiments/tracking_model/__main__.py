@@ -2,8 +2,8 @@
 
 ``PGM_PLACES_DATA=DATA python -m experiments.tracking_model --kept FOLDER`` simulates a drive in
 every labelled map, keeps what it shows in the folder, writes the model to
-pgm_places/trained/tracking and the tables to experiments/tracking_model.md; with ``--model``, only
-the model is written, and tables that are named are only printed.
+pgm_places/trained/tracking and the tables in docs/results.md; with ``--model`` only the model,
+or only the tables that are named.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from pathlib import Path
 
 from experiments.buildings.maps import known_maps
 from experiments.kept import KeptArrays
+from experiments.page_tables import write_table
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned
 from experiments.tracking_model.options import options_table
@@ -30,10 +31,9 @@ from pgm_places.unary.floor_model import FloorModel
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
 PARTS = ("floors", "lasers", "real", "options")
+TABLES = tuple(f"tracking_{part}" for part in PARTS)
 SHARE = 0.7
 """Weight of the networks beside the list of scans, chosen by ``networks.py``."""
-
-PAGE = HERE.parent / "tracking_model.md"
 
 
 def write_model(table: Table, data: Path) -> None:
@@ -79,25 +79,30 @@ def floor_of_drives() -> FloorModel:
 
 
 def tables(table: Table, data: Path, kept: KeptArrays) -> Mapping[str, Callable[[], str]]:
-    """The tables by their names in the template; every figure is from buildings left out."""
+    """The tables by their names; every figure is from buildings left out."""
     found = cache(lambda: list(floor_answers(table)))
     return {
-        "FLOORS": lambda: floors_table(found()),
-        "LASERS": lambda: lasers_table(found()),
-        "REAL": lambda: real_table(table, data, kept),
-        "OPTIONS": lambda: options_table(table),
+        "floors": lambda: floors_table(found()),
+        "lasers": lambda: lasers_table(found()),
+        "real": lambda: real_table(table, data, kept),
+        "options": lambda: options_table(table),
     }
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    found = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
+    found.add_argument("--kept", type=Path, help="folder that keeps what drives show")
+    found.add_argument("--model", action="store_true", help="only the model")
+    found.add_argument(
+        "parts", nargs="*", choices=[*PARTS, []], metavar="table", help=", ".join(PARTS)
+    )
+    return found
 
 
 def main() -> None:
     """Simulate the drives and write what is asked for."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
-    parser.add_argument("--kept", type=Path, help="folder that keeps what drives show")
-    parser.add_argument("--model", action="store_true", help="only the model")
-    parser.add_argument("parts", nargs="*", help=f"only print these of {', '.join(PARTS)}")
-    chosen = parser.parse_args()
-    if unknown := sorted({*chosen.parts} - {*PARTS}):
-        parser.error(f"no table {unknown[0]!r}; there are {', '.join(PARTS)}")
+    chosen = parser().parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
@@ -105,18 +110,12 @@ def main() -> None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
     kept = KeptArrays(chosen.kept)
     table = Table.of(simulated_drives(known_maps(Path(data), kept), kept))
-    parts = tables(table, Path(data), kept)
-    for name in chosen.parts:
-        print(parts[name.upper()]())
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
-    if chosen.model or chosen.parts:
-        return
-    page = PAGE.with_suffix(".template.md").read_text(encoding="utf-8")
-    for name, run in parts.items():
-        page = page.replace("{" + name + "}", run())
-    PAGE.write_text(page, encoding="utf-8")
-    print(f"wrote {PAGE}")
+    written = tables(table, Path(data), kept)
+    for name in chosen.parts or (() if chosen.model else PARTS):
+        text = written[name]()
+        print(text, write_table(f"tracking_{name}", text), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

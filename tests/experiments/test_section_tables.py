@@ -1,0 +1,79 @@
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from experiments import __main__ as experiments
+from experiments import trajectories
+from experiments.drives.methods import CHAIN, JOINT, LOOPS
+from experiments.page_tables import marks, parsed_tables, with_table
+from experiments.paper.section import Finding, Section, Table
+from experiments.section_tables import ablation_table, paper_table, section_tables
+from pgm_places.evaluation.evaluation import evaluate
+
+NAMES = ("corridor", "doorway")
+KEPT = dict(experiments.kept_tables())
+
+
+def section(key: str, *tables: Table, findings: tuple[Finding, ...] = ()) -> Section:
+    return Section(key, key, "the paper", True, 1.0, "0", "", findings, tables)
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_the_page_shows_what_is_kept(name: str) -> None:
+    [page] = [mark.page for mark in marks() if mark.name == name]
+    text = page.read_text(encoding="utf-8")
+    assert with_table(text, name, KEPT[name]) == text, "run: python -m experiments --compose"
+
+
+def test_only_findings_that_the_paper_has_stand_beside_it() -> None:
+    found = section("7.5", findings=(Finding("a", 0.9, paper=0.8), Finding("b", 0.7)))
+    [table] = parsed_tables(paper_table({"7.5": found}))
+    assert "buildings" not in table.heading
+    assert [row[:3] for row in table.rows] == [("7.5 a", "80.0", "90.0")]
+
+
+def test_methods_of_an_ablation_stand_side_by_side() -> None:
+    heading = ("", "method", "accuracy", "balanced", "doorway F1")
+    cells = Table("Cell size", heading, (("5 cm", "adaboost", "9", "8", "7"),))
+    alone = ("features", "columns", "accuracy", "balanced", "doorway F1")
+    features = Table("Features", alone, (("beams", "99", "6", "5", "4"),))
+    sections = {"features": section("features", features), "resolution": section("x", cells)}
+    [table] = parsed_tables(ablation_table(sections))
+    assert table.rows == (
+        ("features", "beams", "6 / 5 / 4", "-", "-"),
+        ("resolution", "5 cm", "9 / 8 / 7", "-", "-"),
+    )
+
+
+def test_several_tables_have_captions() -> None:
+    one, two = Table("One", ("a",), (("1",),)), Table("Two", ("b",), (("2",),))
+    assert section_tables(section("7.1", one)).startswith("| a |")
+    assert section_tables(section("7.1", one, two)).startswith("One:\n\n| a |")
+
+
+def test_maps_go_down_and_methods_across(monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = np.array([0, 0, 1, 1])
+    scored = [evaluate(truth, np.array(labels), NAMES) for labels in ([0, 0, 1, 1], [0, 0, 1, 0])]
+    method = SimpleNamespace(id="potts", evaluation=scored[1], evaluations=scored)
+    maps = [SimpleNamespace(name="one"), SimpleNamespace(name="two")]
+    both = cast(Any, SimpleNamespace(maps=maps, methods=[method]))
+    table = experiments.comparison_table(both)
+    assert table.rows[1:] == (("one", "100.0 / 100.0 / 100.0"), ("two", "75.0 / 75.0 / 66.7"))
+    monkeypatch.setattr(experiments, "away_from_borders", lambda *_: 1.0)
+    alone = experiments.comparison_table(
+        cast(Any, SimpleNamespace(maps=maps[:1], methods=[method]))
+    )
+    assert alone.rows == (("potts", "75.0", "75.0", "50.0", "100.0", "66.7", "100.0"),)
+
+
+def test_a_method_for_chains_alone_has_no_row_among_other_graphs() -> None:
+    graphs = (CHAIN, LOOPS, JOINT)
+    text = (
+        f"| drives | method | {' | '.join(graphs)} |\n"
+        "|---|---|---|---|---|\n| log | filter | 1 | - | - |\n| log | potts | 2 | 3 | - |\n"
+    )
+    chain, others = parsed_tables(trajectories.shown("graphs", text))
+    assert chain.rows == (("filter", "1"), ("potts", "2"))
+    assert others.rows == (("potts", "3; -"),)
