@@ -1,5 +1,6 @@
 """Sphinx configuration."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -72,8 +73,18 @@ html_theme_options = {
 }
 
 
+WRITTEN_BY = re.compile(r"<!-- table: [^,>]+, by (python -m [^>]+?) -->\n")
+"""Where a command writes a table (experiments/page_tables.py)."""
+
+
+def show_commands(_app, _page, source):
+    """Set the command above each table that one has written."""
+    source[0] = WRITTEN_BY.sub(r":::{div} written-by\n`\1`\n:::\n", source[0])
+
+
 def setup(app):
-    """Leave out the methods that scikit-learn generates: their text refers to its own pages."""
+    """Show the commands of tables; leave out methods whose text refers to pages of scikit-learn."""
+    app.connect("source-read", show_commands)
 
     def skip(*event):
         _app, _what, name, _obj, skipped, _options = event
