@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -71,12 +70,6 @@ def test_only_what_is_written_has_to_be_writable() -> None:
 def test_a_tuple_of_another_length_is_refused() -> None:
     with pytest.raises(TypeError, match=r"copy_edges\(store: tuple\["):
         _core.copy_edges((np.zeros((1, 1), np.float32),), 0, np.zeros((3, 2, 1, 1), np.float32))
-
-
-@pytest.fixture
-def any_registers() -> Iterator[None]:
-    yield
-    _core.limit_registers(64)
 
 
 @pytest.mark.parametrize("n_tables", [1, 8])
