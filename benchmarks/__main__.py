@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from llvmlite import binding
-
 from experiments.page_tables import SideBySide, text_of, write_table
 from experiments.paper.section import Table
+from pgm_places._core import widest_registers
 from pgm_places.experiment.runs import versions
 
 TOPICS = (
@@ -56,11 +55,8 @@ def processor() -> str:
 
 
 def vectors() -> str:
-    """The kind of processor that kernels are compiled for, and its widest vectors."""
-    features = binding.get_host_cpu_features()
-    known = {"avx512f": "AVX-512", "avx2": "AVX2", "neon": "NEON"}
-    widest = (words for name, words in known.items() if features.get(name))
-    return ", ".join([binding.get_host_cpu_name(), *list(widest)[:1]])
+    """The widest vectors that kernels use."""
+    return {64: "AVX-512", 32: "AVX2"}.get(widest_registers(), platform.machine())
 
 
 def machine() -> str:
