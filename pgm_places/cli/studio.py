@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.studio.desk import Desk
+    from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.shelf import Shelf
 
@@ -67,6 +68,14 @@ def studio(
         Path | None,
         Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
     ] = None,
+    export_to: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="DIR",
+            help="Folder that exports may also go to, beside those below the current one; may be "
+            "given several times.",
+        ),
+    ] = None,
     port: Annotated[
         Annotated[int, Ge(0), Le(65535)], Option(help="Port to listen on; 0 for any that is free.")
     ] = 0,
@@ -83,10 +92,11 @@ def studio(
     from pgm_places.experiment.config import NO_MODEL
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.studio.desk import Desk
+    from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.server import serve
     from pgm_places.studio.shelf import Shelf
     from pgm_places.teaching.paint import Paint
-    from pgm_places.trained import stored_labeler
+    from pgm_places.trained import NAMES, stored_labeler
 
     progress = make_progress(quiet=quiet)
     if len(maps) > 1:
@@ -117,11 +127,17 @@ def studio(
                 raise
         return desk
 
+    tables = [path.with_suffix(".yaml") for path in labels or ()]
+    given = [*maps, *(labels or ()), *tables, *(() if drive is None else (drive,))]
+    if stored is not None and model not in NAMES:
+        given.append(Path(model))
+    places = ExportFolders.started_here(export_to or (), given)
     if len(maps) == 1:
         with progress.stage("map"):
-            shelf = Shelf.of(opened(maps[0], out or Path(f"{maps[0].stem}-studio")))
+            desk = opened(maps[0], out or Path(f"{maps[0].stem}-studio"))
+        shelf = Shelf.of(desk, places)
     else:
-        shelf = _shelf_of(maps, out or Path("maps-studio"), opened)
+        shelf = _shelf_of(maps, out or Path("maps-studio"), opened, places)
     try:
         serve(
             shelf, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
@@ -137,7 +153,10 @@ def _refuse_for_several(given: "Mapping[str, object]") -> None:
 
 
 def _shelf_of(
-    maps: "Sequence[Path]", folder: Path, opened: "Callable[[Path, Path], Desk]"
+    maps: "Sequence[Path]",
+    folder: Path,
+    opened: "Callable[[Path, Path], Desk]",
+    export_folders: "ExportFolders",
 ) -> "Shelf":
     """A shelf of several maps, each with a folder of its own."""
     from pgm_places.studio.shelf import Book, Shelf
@@ -153,7 +172,7 @@ def _shelf_of(
         own = folder / title
         books.append(Book(title, own, partial(opened, map_yaml, own)))
     folder.mkdir(parents=True, exist_ok=True)
-    return Shelf(books, folder)
+    return Shelf(books, folder, export_folders)
 
 
 def _given(paths: "Sequence[Path]", grid: "OccupancyGrid") -> "list[GivenLabels]":

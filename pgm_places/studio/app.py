@@ -181,14 +181,21 @@ class _Answers(_Files):
         answer = {"tick": desk.tick, "revision": desk.painting.revision}
         return _json({**answer, "remark": remark})
 
-    def exports(self, _: Request) -> Response:
-        """What can be written, and what of it is older than the paint."""
-        return _json(exports_record(self.desk))
+    def exports(self, request: Request) -> Response:
+        """What can be written into a folder, and what of it is older than the paint."""
+        chosen = request.query_params.get("folder", "")
+        return _json(exports_record(self.desk, self.shelf.export_folders, chosen))
 
     async def export(self, request: Request) -> Response:
         body = await _body(request)
-        what = str(body.get("what"))
-        written = await run_in_threadpool(lambda: write_export(self.desk, what))
+        what, chosen = str(body.get("what")), str(body.get("folder", ""))
+        replaced = body.get("replaced", [])
+        if not isinstance(replaced, list):
+            raise InputError("'replaced' must be a list of names")
+        folders = self.shelf.export_folders
+        written = await run_in_threadpool(
+            lambda: write_export(self.desk, what, folders, chosen=chosen, replaced=replaced)
+        )
         return _json({"files": [str(path) for path in written]})
 
     @property

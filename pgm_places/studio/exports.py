@@ -17,6 +17,7 @@ from pgm_places.io.places.topology_files import NAMES_FILE, save_topology
 from pgm_places.options import option_values, plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.studio.desk import Desk
+from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
@@ -37,36 +38,56 @@ class Export:
     words : str
         What it is, for the browser.
     files : tuple of str
-        The names of what it writes, as far as they are known beforehand.
+        The names of what it always writes.
     write : callable
-        Writes it into the desk's folder; the paths.
+        Writes it of a desk into a folder; the paths.
+    more : tuple of str
+        The names of what it may write beside that.
     """
 
     words: str
     files: tuple[str, ...]
-    write: Callable[[Desk], list[Path]]
+    write: Callable[[Desk, Path], list[Path]]
+    more: tuple[str, ...] = ()
+
+    def targets(self, folder: Path) -> list[Path]:
+        """All that it may write into a folder."""
+        return [folder / name for name in (*self.files, *self.more)]
 
 
-def exports_record(desk: Desk) -> dict[str, Any]:
-    """The folder, and of each export what it writes, whether it is there, and older than the paint.
+def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
+    """A folder, and of each export what it writes, whether it is there, and older than the paint.
 
     As plain data for the browser.
+
+    Raises
+    ------
+    InputError
+        Nothing may be written into the chosen folder.
     """
+    folder = folders.chosen(chosen, desk.folder)
     painted_ns = _written_ns(desk.painting.journal.path) or 0
     items = []
     for name, item in EXPORTS.items():
-        written = [_written_ns(desk.folder / file) for file in item.files]
+        written = [_written_ns(folder / file) for file in item.files]
         there = [each for each in written if each is not None]
         items.append(
             {
                 "name": name,
                 "words": item.words,
                 "files": list(item.files),
+                "there": [path.name for path in item.targets(folder) if path.exists()],
                 "written": bool(there),
                 "older": bool(there) and min(there) < painted_ns,
             }
         )
-    return {"folder": str(desk.folder.resolve()), "items": items}
+    return {
+        "folder": str(folder.resolve()),
+        "name": folders.name_of(folder),
+        "own": folder == desk.folder,
+        "offered": folders.offered(desk.folder),
+        "items": items,
+    }
 
 
 def _written_ns(path: Path) -> int | None:
@@ -78,38 +99,56 @@ def _written_ns(path: Path) -> int | None:
     return max(times, default=None)
 
 
-def write_export(desk: Desk, name: str) -> list[Path]:
-    """Write an export into the desk's folder; the paths.
+def write_export(
+    desk: Desk,
+    name: str,
+    folders: ExportFolders | None = None,
+    *,
+    chosen: str = "",
+    replaced: Collection[str] | None = None,
+) -> list[Path]:
+    """Write an export into the desk's folder, or into a chosen one; the paths.
+
+    Of files that lie there already, only those ``replaced`` are written over, if that is given.
 
     Raises
     ------
     InputError
-        There is no such export, or nothing to write yet.
+        There is no such export, or nothing to write yet; nothing may be written there.
     OutputError
         A file cannot be written.
     """
     if name not in EXPORTS:
         raise InputError(f"there is no export {name[:40]!r}; there are {', '.join(EXPORTS)}")
-    return EXPORTS[name].write(desk)
+    item = EXPORTS[name]
+    folders = folders or ExportFolders.started_here()
+    folder = folders.chosen(chosen, desk.folder)
+    targets = item.targets(folder)
+    folders.check_free(targets, [desk.source.yaml_path, desk.source.image_path])
+    there = [target.name for target in targets if target.exists()]
+    new = next((name for name in there if replaced is not None and name not in replaced), None)
+    if new is not None:
+        raise InputError(f"{new} has come there meanwhile; look at the list again")
+    return item.write(desk, folder)
 
 
-def _labels(desk: Desk) -> list[Path]:
+def _labels(desk: Desk, folder: Path) -> list[Path]:
     taught = _taught(desk)
-    return [*save_labels(desk.folder / "labels.png", taught.labels, taught.label_names)]
+    return [*save_labels(folder / "labels.png", taught.labels, taught.label_names)]
 
 
-def _corrections(desk: Desk) -> list[Path]:
+def _corrections(desk: Desk, folder: Path) -> list[Path]:
     paint = _paint(desk)
-    image = paint.save(desk.folder / CORRECTIONS, desk.grid)
-    shapes = paint.save(desk.folder / "corrections.geojson", desk.grid)
+    image = paint.save(folder / CORRECTIONS, desk.grid)
+    shapes = paint.save(folder / "corrections.geojson", desk.grid)
     return [image, image.with_suffix(".yaml"), shapes]
 
 
-def _places(desk: Desk) -> list[Path]:
+def _places(desk: Desk, folder: Path) -> list[Path]:
     taught = _taught(desk)
-    written = save_topology(desk.folder, taught.topology)
+    written = save_topology(folder, taught.topology)
     if taught.checks:
-        written.append(write_checks(desk.folder / CHECK_FILE, taught.topology))
+        written.append(write_checks(folder / CHECK_FILE, taught.topology))
     own = {}
     for (x, y), name in desk.painting.names.items():
         region = taught.topology.region_at(x, y)
@@ -117,29 +156,36 @@ def _places(desk: Desk) -> list[Path]:
             own[region.id] = name
     if own:
         lines = (f"{key}: {json.dumps(own[key], ensure_ascii=False)}\n" for key in sorted(own))
-        written.append(write_text(desk.folder / NAMES_FILE, "".join(lines)))
+        written.append(write_text(folder / NAMES_FILE, "".join(lines)))
     return written
 
 
-def _nav2(desk: Desk) -> list[Path]:
+def _nav2(desk: Desk, folder: Path) -> list[Path]:
     topology = _taught(desk).topology
     kinds = ("nav2-route", "zones")
-    return [path for kind in kinds for path in export(topology, kind, desk.folder)]
+    return [path for kind in kinds for path in export(topology, kind, folder)]
 
 
-def _training(desk: Desk) -> list[Path]:
+def _training(desk: Desk, folder: Path) -> list[Path]:
     """A configuration by which ``pgm-places train`` learns what the studio has learned."""
     names = [name for name, n in _paint(desk).counts.items() if n]
     title = f"{desk.source.yaml_path.stem}, painted in the studio"
-    return [write_training([desk], desk.folder, title, names)[0], *_corrections(desk)]
+    written = write_training([desk], folder, title, names, beside=True)
+    return [written[0], *_corrections(desk, folder)]
 
 
 def write_training(
-    desks: Sequence[Desk], folder: Path, title: str, painted: Collection[str]
+    desks: Sequence[Desk],
+    folder: Path,
+    title: str,
+    painted: Collection[str],
+    *,
+    beside: bool = False,
 ) -> list[Path]:
     """Write a configuration that teaches one model the paint of all these maps, and the paint.
 
-    ``painted`` are the classes that are painted anywhere. The desks need not be open.
+    ``painted`` are the classes that are painted anywhere. The desks need not be open. The paint is
+    written into each desk's folder, or ``beside`` the configuration.
 
     Raises
     ------
@@ -155,9 +201,10 @@ def write_training(
         options = {name: options[name] for name in OF_PAINT_ALONE}
     rules = {} if first.rules == TopologyOptions() else option_values(first.rules)
     names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
+    paths = [(folder if beside else desk.folder) / CORRECTIONS for desk in desks]
     images = [
-        _paint(desk).with_classes(names).save(desk.folder / CORRECTIONS, desk.grid)
-        for desk in desks
+        _paint(desk).with_classes(names).save(path, desk.grid)
+        for desk, path in zip(desks, paths, strict=True)
     ]
     text = "\n".join(
         [
@@ -165,19 +212,22 @@ def write_training(
             *_table("[labels]", {"names": names}),
             *_table("[teaching]", options),
             *(_table("[topology]", rules) if rules else ()),
-            *(line for desk in desks for line in _table("[[train]]", _source(desk, folder))),
+            *(
+                line
+                for desk, path in zip(desks, paths, strict=True)
+                for line in _table("[[train]]", _source(desk, path, folder))
+            ),
             "",
         ]
     )
     return [write_text(folder / "train.toml", text), *images]
 
 
-def _source(desk: Desk, folder: Path) -> dict[str, Any]:
+def _source(desk: Desk, corrections: Path, folder: Path) -> dict[str, Any]:
     """What a configuration in a folder says of a painted map."""
-    corrections = desk.folder.resolve() / CORRECTIONS
     found: dict[str, Any] = {
         "map": str(desk.source.yaml_path.resolve()),
-        "corrections": os.path.relpath(corrections, folder.resolve()),
+        "corrections": os.path.relpath(corrections.resolve(), folder.resolve()),
     }
     if desk.source.unknown_value is not None:
         found["unknown_value"] = desk.source.unknown_value
@@ -199,16 +249,15 @@ def _keys(values: Mapping[str, Any]) -> list[str]:
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 
 
-def _model(desk: Desk) -> list[Path]:
+def _model(desk: Desk, folder: Path) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
     if _taught(desk).labeler is desk.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
-    folder = desk.folder / "model"
     record = {
         "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
         "config": {"topology": plain_values(desk.rules)},
     }
-    return [save(_taught(desk).labeler, folder, record=record)]
+    return [save(_taught(desk).labeler, folder / "model", record=record)]
 
 
 def _taught(desk: Desk) -> Taught:
@@ -229,10 +278,20 @@ EXPORTS = {
     "corrections": Export(
         "Corrections", (CORRECTIONS, "corrections.yaml", "corrections.geojson"), _corrections
     ),
-    "places": Export("Places", ("topology.json", "regions.png", "regions.geojson"), _places),
+    "places": Export(
+        "Places",
+        ("topology.json", "regions.png", "regions.geojson"),
+        _places,
+        more=(CHECK_FILE, NAMES_FILE),
+    ),
     "nav2": Export(
         "Route and zones for Nav2", ("nav2_route.geojson", "zones.png", "zones.yaml"), _nav2
     ),
     "model": Export("Model, with what it has learned", ("model",), _model),
-    "training": Export("Training configuration", ("train.toml", CORRECTIONS), _training),
+    "training": Export(
+        "Training configuration",
+        ("train.toml", CORRECTIONS),
+        _training,
+        more=("corrections.yaml", "corrections.geojson"),
+    ),
 }

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
+from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.exports import write_training
 
 __all__ = ["Book", "Shelf"]
@@ -43,6 +44,8 @@ class Shelf:
         At least one.
     folder : Path
         Where that is kept which belongs to all of them.
+    export_folders : ExportFolders, optional
+        Where exports may go; by default into the maps' folders and below the current one.
 
     Attributes
     ----------
@@ -50,16 +53,23 @@ class Shelf:
         Whether the studio ends.
     """
 
-    def __init__(self, books: Sequence[Book], folder: Path) -> None:
+    def __init__(
+        self,
+        books: Sequence[Book],
+        folder: Path,
+        export_folders: ExportFolders | None = None,
+    ) -> None:
         self.books, self.folder, self.closing = tuple(books), folder, False
+        self.export_folders = export_folders or ExportFolders.started_here()
         self._open: dict[int, Desk] = {}  # the one that was used last is last
         self._known: dict[int, dict[str, Any]] = {}
         self._lock = threading.Lock()
 
     @classmethod
-    def of(cls, desk: Desk) -> Self:
+    def of(cls, desk: Desk, export_folders: ExportFolders | None = None) -> Self:
         """That of one map."""
-        found = cls([Book(desk.source.yaml_path.stem, desk.folder, lambda: desk)], desk.folder)
+        book = Book(desk.source.yaml_path.stem, desk.folder, lambda: desk)
+        found = cls([book], desk.folder, export_folders)
         found._open[0] = desk
         return found
 

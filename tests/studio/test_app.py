@@ -73,8 +73,10 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     exports = taught.get("exports").json()
     assert exports["folder"] == str(desk.folder.resolve())
     assert not any(item["written"] for item in exports["items"])
+    seen: list[str] = []
     for what in (item["name"] for item in exports["items"]):
-        written = taught.post("export", json={"what": what}).json()["files"]
+        written = taught.post("export", json={"what": what, "replaced": seen}).json()["files"]
+        seen += [Path(path).name for path in written]
         assert written and all(Path(path).exists() for path in written)
         assert all(Path(path).is_relative_to(desk.folder) for path in written)
     for item in taught.get("exports").json()["items"]:

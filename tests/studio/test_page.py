@@ -54,7 +54,8 @@ def opened(browser: Any) -> Iterator[Open]:
 @pytest.fixture
 def running(map_yaml: Path) -> Iterator[StudioProcess]:
     """A studio without a model."""
-    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as process:
+    folders = ("--out", map_yaml.parent / "kept", "--export-to", map_yaml.parent / "told")
+    with studio(map_yaml, "--model", "none", *folders) as process:
         yield process
 
 
@@ -171,6 +172,18 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     told = "document.querySelector('#export [role=status]').textContent"
     until(page, f"{told}.includes('train.toml')")
     assert page.locator("#export .state", has_text="not written yet").count() == 2
+    page.get_by_label("Folder").fill("..")
+    page.keyboard.press("Enter")
+    until(page, f"{told}.includes('exports go below')")
+    assert page.get_by_role("button", name="Write").is_disabled()
+    page.get_by_label("Folder").fill(str(map_yaml.parent / "told" / "floor"))
+    page.keyboard.press("Enter")
+    until(page, f"{told} === ''")
+    page.get_by_label("Training configuration").uncheck()
+    page.get_by_role("button", name="Write").click()
+    until(page, f"{told}.includes('labels.png')")
+    assert (map_yaml.parent / "told" / "floor" / "labels.png").exists()
+    assert page.locator("#export .state", has_text="replaces labels.png").count() == 1
     page.get_by_role("button", name="Close").click()
     kept = map_yaml.parent / "kept"
     names = [item["name"] for item in json.loads((kept / "topology.json").read_text())["regions"]]

@@ -6,29 +6,61 @@ export class Export {
   constructor(studio) {
     this.studio = studio;
     this.dialog = byId("export");
+    this.folder = ""; // the map's own
   }
 
   async open() {
-    const { folder, items } = await this.studio.server.get("exports");
-    this.boxes = new Map();
-    const rows = items.map((item) => {
-      const box = h("input", { type: "checkbox", id: `export-${item.name}`, checked: item.older || item.name === "labels" || item.name === "places" });
-      this.boxes.set(item.name, box);
-      return h("li", {}, box, h("label", { for: box.id }, h("b", {}, item.words), h("span", { className: "small" }, item.files.join(", "))), h("span", { className: "small state" }, age(item)));
-    });
+    this.field = h("input", { className: "field", id: "export-folder", type: "text", autocomplete: "off", spellcheck: false, "aria-describedby": "export-place" });
+    this.field.setAttribute("list", "export-folders");
+    this.field.addEventListener("change", () => this.#show(this.field.value.trim()));
+    this.place = h("p", { className: "paths", id: "export-place" });
+    this.offered = h("datalist", { id: "export-folders" });
+    this.list = h("ul", { className: "exports" });
+    this.told = h("p", { className: "paths", role: "status" });
     this.write = h("button", { className: "button primary", type: "button" }, "Write");
     this.write.addEventListener("click", () => this.#write());
     const close = h("button", { className: "button", type: "button" }, "Close");
     close.addEventListener("click", () => this.dialog.close());
-    this.told = h("p", { className: "paths", role: "status" });
     this.dialog.replaceChildren(
       h("h2", { id: "export-title" }, "Export"),
-      h("p", { className: "paths" }, `Into ${folder}`),
-      h("ul", { className: "exports" }, rows),
+      h("label", { className: "folder", for: "export-folder" }, "Folder", this.field),
+      this.offered,
+      this.place,
+      this.list,
       this.told,
       h("div", { className: "row end" }, close, this.write),
     );
+    await this.#show(this.folder);
     if (!this.dialog.open) this.dialog.showModal();
+  }
+
+  /** Show what there is in a folder; the boxes that are checked stay so. */
+  async #show(folder) {
+    this.write.disabled = true; // until it is seen what lies there
+    this.#tell("", false);
+    let found;
+    try {
+      found = await this.studio.server.get(`exports?folder=${encodeURIComponent(folder)}`);
+    } catch (error) {
+      this.#tell(error.message, true);
+      return;
+    }
+    this.folder = folder;
+    this.field.value = found.name;
+    this.offered.replaceChildren(...found.offered.map((name) => h("option", { value: name })));
+    this.place.textContent = found.folder;
+    this.place.hidden = found.folder === found.name;
+    const before = this.boxes;
+    this.boxes = new Map();
+    this.there = new Set(found.items.flatMap((item) => item.there));
+    const rows = found.items.map((item) => {
+      const checked = before?.get(item.name)?.checked ?? (item.older || item.name === "labels" || item.name === "places");
+      const box = h("input", { type: "checkbox", id: `export-${item.name}`, checked });
+      this.boxes.set(item.name, box);
+      return h("li", {}, box, h("label", { for: box.id }, h("b", {}, item.words), h("span", { className: "small" }, item.files.join(", "))), h("span", { className: "small state" }, found.own ? age(item) : replaced(item)));
+    });
+    this.list.replaceChildren(...rows);
+    this.write.disabled = false;
   }
 
   async #write() {
@@ -37,19 +69,29 @@ export class Export {
     for (const [name, box] of this.boxes) {
       if (!box.checked) continue;
       try {
-        written.push(...(await this.studio.server.post("export", { what: name })).files);
+        const replaced = [...this.there, ...written];
+        const { files } = await this.studio.server.post("export", { what: name, folder: this.folder, replaced });
+        written.push(...files.map((path) => path.split(/[\\/]/).pop()));
       } catch (error) {
         problems.push(error.message);
       }
     }
-    await this.open(); // the ages are others now
-    const names = [...new Set(written)].map((path) => path.split(/[\\/]/).pop());
-    this.told.textContent = [names.length ? `Written: ${names.join(", ")}.` : "", ...problems].filter(Boolean).join(" ");
-    this.told.classList.toggle("bad", problems.length > 0);
+    await this.#show(this.folder); // the ages are others now
+    const names = [...new Set(written)];
+    this.#tell([names.length ? `Written: ${names.join(", ")}.` : "", ...problems].filter(Boolean).join(" "), problems.length > 0);
+  }
+
+  #tell(words, bad) {
+    this.told.textContent = words;
+    this.told.classList.toggle("bad", bad);
   }
 }
 
 function age({ written, older }) {
   if (!written) return "not written yet";
   return older ? "older than the paint" : "up to date";
+}
+
+function replaced({ there }) {
+  return there.length ? `replaces ${there.join(", ")}` : "not written yet";
 }
