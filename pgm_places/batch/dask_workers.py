@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from pgm_places._extras import needed
+from pgm_places.batch.own_process import done_beside
 from pgm_places.batch.workers import Done
 from pgm_places.errors import InputError, OutputError
 
@@ -45,8 +47,17 @@ class DaskWorkers:
     memory_bytes: int | None = None
     patience_s: float = 20.0
 
-    def run(self, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Iterator[Done]:
+    def run(
+        self,
+        function: Callable[[Task], Any],
+        tasks: Iterable[Task],
+        *,
+        limit_s: float | None = None,
+    ) -> Iterator[Done]:
         """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
+        if limit_s is not None:
+            memory = self.memory_bytes
+            function = partial(done_beside, function, limit_s=limit_s, memory_bytes=memory)
         with self._client() as (distributed, client):
             under_way = _UnderWay(client, function, iter(tasks))
             for task, future in under_way.ended():

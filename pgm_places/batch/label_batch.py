@@ -17,11 +17,12 @@ from pgm_places.batch.found_maps import FoundMap, FoundMaps
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.map_task import MapTask
-from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow
+from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow, Outcome
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.ready_model import ready_model
 from pgm_places.batch.shard import Shard
-from pgm_places.batch.workers import Workers
+from pgm_places.batch.time_limit import TimeIsUpError
+from pgm_places.batch.workers import Unfinished, Workers
 from pgm_places.errors import OutputError
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import is_address
@@ -144,7 +145,7 @@ def label_batch(
             if item.name not in refused
         )
         with progress.stage("labelling maps") as stage:
-            for outcome in _outcomes(tasks, workers, tally):
+            for outcome in _outcomes(tasks, workers, tally, limit_s):
                 tally.count(outcome)
                 lists.add(outcome)
                 stage.update(tally.share, tally.note())
@@ -178,14 +179,14 @@ def _shown(out: Path) -> str:
 
 
 def _outcomes(
-    tasks: Iterable[MapTask], workers: Workers, tally: "_Tally"
+    tasks: Iterable[MapTask], workers: Workers, tally: "_Tally", limit_s: float | None
 ) -> Iterator[LabelledRow | Failure]:
     """What becomes of each map; those that somebody else is labelling come last."""
     while True:
         others: list[MapTask] = []
         tally.n_elsewhere = 0
-        for task, result in workers.run(label_anywhere, tasks):
-            outcome = task.failure(_dead()) if result is None else result
+        for task, result in workers.run(label_anywhere, tasks, limit_s=limit_s):
+            outcome = _outcome(task, result)
             if isinstance(outcome, Elsewhere):
                 others.append(task)
                 tally.n_elsewhere = len(others)
@@ -195,6 +196,13 @@ def _outcomes(
             return
         _wait_for_one(others)
         tasks = others
+
+
+def _outcome(task: MapTask, result: Outcome | Unfinished | None) -> Outcome:
+    """What became of a map, whose worker may have come to grief."""
+    if isinstance(result, Unfinished):
+        return task.failure(TimeIsUpError())
+    return task.failure(_dead()) if result is None else result
 
 
 def _wait_for_one(tasks: Sequence[MapTask]) -> None:

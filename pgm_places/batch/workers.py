@@ -1,11 +1,22 @@
 """Who does the tasks of a batch: processes of this machine, or a Dask cluster."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, Protocol, TypeVar
+from enum import Enum
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
-__all__ = ["Done", "Workers"]
+__all__ = ["OVERDUE", "Done", "Unfinished", "Workers"]
 
 Task = TypeVar("Task")
+
+
+class Unfinished(Enum):
+    """Why a task has no result."""
+
+    OVERDUE = "overdue"
+
+
+OVERDUE: Literal[Unfinished.OVERDUE] = Unfinished.OVERDUE
+"""The result of a task that took longer than it may: its process was killed."""
 
 
 class Done(NamedTuple):
@@ -15,7 +26,8 @@ class Done(NamedTuple):
     ----------
     task : Any
     result : Any
-        What the function returned; None where every worker died on the task.
+        What the function returned; None where every worker died on the task, ``OVERDUE`` where one
+        was killed because it took too long.
     """
 
     task: Any
@@ -25,10 +37,17 @@ class Done(NamedTuple):
 class Workers(Protocol):
     """Processes that apply a function to tasks."""
 
-    def run(self, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Iterator[Done]:
+    def run(
+        self,
+        function: Callable[[Task], Any],
+        tasks: Iterable[Task],
+        *,
+        limit_s: float | None = None,
+    ) -> Iterator[Done]:
         """The tasks with their results, as they come to an end.
 
         A worker that dies is replaced, and its task begun again, a few times at most. An exception
-        of the function ends everything and is raised here.
+        of the function ends everything and is raised here. A task that takes ``limit_s`` and some
+        seconds more is ended with its process, whatever that is doing.
         """
         ...

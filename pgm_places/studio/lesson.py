@@ -88,7 +88,7 @@ def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArr
 
 
 class Tutor:
-    """Answers questions with a teacher, and makes a new teacher when there is a new class.
+    """Answers questions with a teacher, which goes on with other classes when there is a new one.
 
     Parameters
     ----------
@@ -136,11 +136,10 @@ class Tutor:
         return Lesson(taught, question.revision, labels, unary, class_of)
 
     def _teacher_for(self, classes: Sequence[str]) -> Teacher:
-        if self._teacher is None or tuple(self._teacher.classes) != tuple(classes):
-            known = None if self._teacher is None else self._teacher.known_places
-            self._teacher = Teacher(
-                self.grid, self.labeler, classes=classes, known_places=known, **self._options
-            )
+        if self._teacher is None:
+            self._teacher = Teacher(self.grid, self.labeler, classes=classes, **self._options)
+        elif tuple(self._teacher.classes) != tuple(classes):
+            self._teacher = self._teacher.with_classes(classes)
         return self._teacher
 
 

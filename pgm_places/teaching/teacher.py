@@ -192,6 +192,27 @@ class Teacher:
         self._kept: KeptTable | None = None
         self._field = KeptField()
 
+    def with_classes(self, classes: Sequence[str]) -> "Teacher":
+        """A teacher of other classes that goes on with all that is known of the map's cells.
+
+        Raises
+        ------
+        LabelError
+            As for a new one.
+        """
+        found = Teacher(
+            self.grid,
+            self.labeler,
+            classes=classes,
+            method=self.method,
+            rules=self.rules,
+            options=self.options,
+            known_places=self.known_places,
+            n_threads=self.n_threads,
+        )
+        found._table, found._kept, found._field = self._table, self._kept, self._field
+        return found
+
     def blank(self) -> Paint:
         """No paint on this map."""
         return Paint.blank(self.grid.shape, self.classes)

@@ -1,9 +1,15 @@
 """Tasks of the tests of workers: some return, some die, some raise."""
 
 import os
+import re
 import signal
 import time
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
+
+from pgm_places.io.staging import claimed
 
 
 def double(number: int) -> int:
@@ -37,6 +43,20 @@ def refuse(number: int) -> int:
     if number == 3:
         raise ValueError("no")
     return number
+
+
+def hang(number: int) -> int:
+    """For odd numbers, match a pattern for ages: in C, without looking at anything else."""
+    if number % 2:
+        re.match(r"(?:a|a)+$", "a" * 60 + "b")
+    return number
+
+
+def hang_on(function: Callable[[Any], Any], name: str, task: Any) -> Any:
+    """What a function makes of a map, unless it is the one of that name: there it hangs."""
+    with claimed(task.claim, task.name) if task.name == name else nullcontext():
+        hang(task.name == name)
+        return function(task)
 
 
 def rest(seconds: float) -> float:

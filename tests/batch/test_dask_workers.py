@@ -10,8 +10,9 @@ from unittest.mock import patch
 import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers, _unregister
+from pgm_places.batch.workers import OVERDUE
 from pgm_places.errors import InputError
-from tests.batch.tasks import die_always, die_once, double, refuse, rest
+from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
 
 distributed = pytest.importorskip("distributed")
 
@@ -73,6 +74,21 @@ def test_a_killed_worker_loses_no_task(address: str, tmp_path: Path) -> None:
     tasks = [tmp_path / str(number) for number in range(2)]
     found = {item.task: item.result for item in patient(address).run(die_once, tasks)}
     assert found == {task: task.name for task in tasks}
+
+
+def worker_and_own_process(number: int) -> tuple[int, int]:
+    hang(number)
+    return os.getppid(), os.getpid()
+
+
+def test_a_task_that_hangs_is_killed_and_no_worker_with_it(address: str) -> None:
+    workers = patient(address)
+    before = set(distributed.Client(address, set_as_default=False).run(os.getpid).values())
+    found = dict(workers.run(worker_and_own_process, range(4), limit_s=1.0))
+    assert found[1] is found[3] is OVERDUE
+    parents = {found[number][0] for number in (0, 2)}
+    assert parents <= before  # labelled beside a worker, which is as it was
+    assert set(distributed.Client(address, set_as_default=False).run(os.getpid).values()) == before
 
 
 def test_a_task_that_kills_every_worker_is_given_up(address: str) -> None:

@@ -9,17 +9,19 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import pytest
 
-from pgm_places.batch import map_task
+from pgm_places.batch import map_task, own_process
 from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
 from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.local_workers import LocalWorkers
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.map_task import NoSpaceError
 from pgm_places.batch.outcomes import LabelledRow
@@ -32,19 +34,20 @@ from pgm_places.io.output_set import OutputSet, claim
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Silent
 from pgm_places.report.outputs import Outputs
+from tests.batch.tasks import hang_on
 
 
 class Here:
     """Workers that are this process."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
         return (Done(task, function(task)) for task in tasks)
 
 
 class Dying:
     """Workers that die on every task."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
         return (Done(task, None) for task in tasks)
 
 
@@ -77,7 +80,7 @@ class Watched(Here):
     def __init__(self) -> None:
         self.labelled: list[str] = []
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
         for done in super().run(function, tasks):
             if isinstance(done.result, LabelledRow) and not done.result.kept:
                 self.labelled.append(done.result.name)
@@ -280,7 +283,9 @@ def test_rows_are_there_as_soon_as_their_maps_are_done(batch: Batch, maps: Path)
     seen = []
 
     class Looking(Here):
-        def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+        def run(
+            self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
+        ) -> Iterator[Done]:
             for done in super().run(function, tasks):
                 seen.append([row["name"] for row in rows(summary)])
                 yield done
@@ -384,6 +389,28 @@ def test_a_map_that_takes_too_long_is_given_up(
     )
     assert not list((maps.parent / "out").rglob(".*.tmp"))
     assert batch(how={"limit_s": 600.0}).n_labelled == 2
+
+
+class Hanging(LocalWorkers):
+    """Processes in which nothing of Python runs any more on one of the maps."""
+
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **more: Any) -> Any:
+        return super().run(partial(hang_on, function, "floor1/map"), tasks, **more)
+
+
+def test_the_process_of_a_map_that_hangs_is_killed_and_the_others_are_labelled(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_process, "GRACE_S", 1.0)
+    found = batch(Hanging(1), how={"limit_s": 9.0})
+    assert (found.n_labelled, found.n_failed) == (1, 2)
+    failed = failures(maps.parent / "out")["floor1/map"]
+    assert (failed["error"], failed["message"]) == (
+        "TimeLimit",
+        "it took longer than 9 s; raise --time-limit",
+    )
+    assert batch().n_labelled == 1  # nobody holds the claim any more
+    assert not failures(maps.parent / "out").keys() & {"floor1/map"}
 
 
 def test_pictures_may_be_left_out_and_are_made_when_they_are_wanted(

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from pgm_places.batch import own_process
 from pgm_places.batch.local_workers import LocalWorkers
-from tests.batch.tasks import die_always, die_often, die_once, double, refuse
+from pgm_places.batch.workers import OVERDUE
+from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
 
 
 def take_a_gigabyte(_: int) -> str:
@@ -59,6 +61,25 @@ def test_what_the_function_raises_is_raised_here_and_ends_the_rest() -> None:
     with pytest.raises(ValueError, match="no"):
         list(LocalWorkers(1).run(refuse, begun))
     assert next(begun) == 4
+
+
+def test_a_task_that_hangs_outside_python_is_killed_at_its_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(own_process, "GRACE_S", 0.5)
+    started = time.monotonic()
+    found = dict(LocalWorkers(2).run(hang, range(4), limit_s=1.0))
+    assert found == {0: 0, 1: OVERDUE, 2: 2, 3: OVERDUE}
+    assert time.monotonic() - started < 60
+
+
+def impatient(_: int) -> None:
+    raise TimeoutError("the server of maps does not answer")
+
+
+def test_an_error_of_the_same_name_is_not_taken_for_the_limit() -> None:
+    with pytest.raises(TimeoutError, match="server of maps"):
+        list(LocalWorkers(1).run(impatient, [0], limit_s=60.0))
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")

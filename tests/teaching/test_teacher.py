@@ -24,6 +24,7 @@ from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
 from pgm_places.unary import cell_lists
+from pgm_places.unary.training_cells import training_features
 
 label_map = partial(labelling.label_map, entered=EnteredOptions(unentered=True))
 
@@ -190,6 +191,31 @@ def test_only_what_paint_can_reach_is_scored_anew(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_array_equal(again.found.labeling.beliefs, fresh.found.labeling.beliefs)
     taught = teacher.teach(paint)
     np.testing.assert_array_equal(taught.labels, Teacher(grid, labeler).teach(paint).labels)
+
+
+def test_another_class_computes_no_features_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    labeler, grid = trained_labeler(), building().grid
+    computed: list[int] = []
+
+    def counted(*given: Any, **more: Any) -> Any:
+        computed.append(1)
+        return training_features(*given, **more)
+
+    monkeypatch.setattr(cell_table, "training_features", counted)
+    teacher = Teacher(grid, labeler)
+    first = teacher.label(teacher.blank())
+    assert len(computed) == 1
+    wider = teacher.with_classes([*teacher.classes, "kitchen"])
+    place = max(first.topology.regions, key=lambda region: region.area_m2).id
+    paint = wider.blank().with_cells(first.topology.cells(place), "kitchen")
+    found = wider.teach(paint)
+    assert len(computed) == 1
+    fresh = Teacher(grid, labeler, classes=wider.classes).teach(paint)
+    assert found.label_names == fresh.label_names
+    np.testing.assert_array_equal(found.labels, fresh.labels)
+    again = wider.with_classes(teacher.classes)
+    np.testing.assert_array_equal(again.label(teacher.blank()).labels, first.labels)
+    assert len(computed) == 2  # by the fresh one
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

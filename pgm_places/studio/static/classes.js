@@ -96,7 +96,7 @@ export class Classes {
   }
 
   #adder(state) {
-    const field = h("input", { className: "field", placeholder: "Another class, such as kitchen", "aria-label": "Name of another class", maxLength: 60 });
+    const field = h("input", { className: "field", placeholder: "Another class", "aria-label": "Name of another class", maxLength: 60 });
     const form = h("form", { className: "row" }, swatch(state.next_colour), field, h("button", { className: "button" }, "Add"));
     form.addEventListener("submit", async (event) => {
       event.preventDefault();

@@ -88,6 +88,9 @@ export class Places {
   }
 
   #drawGraph(context, pixel, colours) {
+    // Half a metre of floor at most, so that a whole building on a phone is not covered by dots.
+    const radius = Math.min(5, Math.max(2.2, 0.35 / this.frame.map.resolution_m / pixel));
+    const thick = Math.max(0.6, radius / 5) * pixel;
     const edges = new Path2D();
     for (const item of this.connections) {
       const first = this.byId.get(item.first)?.anchor;
@@ -104,16 +107,16 @@ export class Places {
       [colours.ink, 1.8],
     ]) {
       context.strokeStyle = colour;
-      context.lineWidth = width * pixel;
+      context.lineWidth = width * thick;
       context.stroke(edges);
     }
     for (const region of this.regions) {
       context.beginPath();
-      context.arc(region.anchor.x, region.anchor.y, 5 * pixel, 0, 7);
+      context.arc(region.anchor.x, region.anchor.y, radius * pixel, 0, 7);
       context.fillStyle = colours.of(region.class);
       context.fill();
       context.strokeStyle = colours.ink;
-      context.lineWidth = 1.6 * pixel;
+      context.lineWidth = 1.6 * thick;
       context.stroke();
     }
   }

@@ -28,8 +28,8 @@ export class Review {
       h("section", {}, h("h2", {}, "Where to look"),
         h("p", { className: "small" }, checks.length
           ? `${total.toFixed(1)} m² are expected to be wrong, most of it in the first places.`
-          : state.lesson ? "No probabilities are known for these labels." : "The list appears once the map has been labelled."),
-        next),
+          : state.lesson ? "No probabilities are known for these labels." : "The list appears once the map has been labelled.")),
+      h("div", { className: "stay" }, next),
       region && !listed ? h("section", {}, h("h2", {}, region.name), this.#answers(region, null, state)) : "",
       h("ul", { className: "checks" }, checks.map((check, k) => this.#row(check, k, state))),
     );
