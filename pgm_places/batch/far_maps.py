@@ -1,22 +1,23 @@
 """Maps and results behind addresses: fetched and put one map at a time, through a local folder."""
 
+import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.manifest import MANIFEST_FILE
 from pgm_places.batch.map_task import MapTask, label_one
-from pgm_places.batch.outcomes import LabelledRow, Outcome
-from pgm_places.errors import MapError, OutputError
+from pgm_places.batch.outcomes import Elsewhere, LabelledRow, Outcome
+from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import RECORD_FILE, written_names
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.io.strict_yaml import read_yaml
 
-__all__ = ["label_anywhere", "lists_of"]
+__all__ = ["is_done", "label_anywhere", "lists_of", "lists_to_read", "results_of"]
 
 _LOOKED_AT = (MANIFEST_FILE, RECORD_FILE, NAMES_FILE)
 """The files of a result that say whether it is done."""
@@ -43,6 +44,12 @@ def label_anywhere(task: MapTask) -> Outcome:
             return task.failure(error.reason)
 
 
+def is_done(task: MapTask) -> bool:
+    """Whether a map is labelled as the task wants it, wherever it is; nothing is written."""
+    outcome = label_anywhere(replace(task, only_look=True, claim=None, limit_s=None))
+    return isinstance(outcome, LabelledRow)
+
+
 class _FarError(Exception):
     """Something could not be fetched or put, which is this map's fault at most."""
 
@@ -61,6 +68,8 @@ def _between_machines() -> Iterator[None]:
 
 def _label_far(task: MapTask, here: Path) -> Outcome:
     near = replace(task, claim=None, source=task.shown)
+    if task.only_look and not _has_manifest(task):
+        return Elsewhere(task.name)
     if is_address(task.map):
         with _between_machines():
             near = replace(near, map=_fetched_map(task, here / "map"))
@@ -71,7 +80,7 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
         far = FarFolder.at(task.folder, OutputError)
         _look_at(far, near.folder)
     outcome = label_one(replace(near, only_look=True))
-    if isinstance(outcome, LabelledRow):
+    if task.only_look or isinstance(outcome, LabelledRow):
         return outcome
     with _between_machines():
         _fetch_all(far, near.folder)
@@ -81,6 +90,43 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
         with _between_machines():
             _put_result(near.folder, far, before)
     return outcome
+
+
+def _has_manifest(task: MapTask) -> bool:
+    """Whether there is something to compare a map with: it need not be fetched otherwise."""
+    if not is_address(task.folder):
+        return (task.folder / MANIFEST_FILE).exists()
+    with _between_machines():
+        return FarFolder.at(task.folder / MANIFEST_FILE, OutputError).exists()
+
+
+@contextmanager
+def lists_to_read(out: Path, names: tuple[str, ...]) -> Iterator[Path]:
+    """The folder with the lists of all results: itself, or a local one with those of a far one."""
+    if not is_address(out):
+        yield out
+        return
+    with lists_of(out, names) as (here, _):
+        yield here
+
+
+@contextmanager
+def results_of(
+    out: Path, wanted: Collection[str], lists: tuple[str, ...]
+) -> Iterator[tuple[Path, Callable[[], None]]]:
+    """A local folder with the lists of a far one and its results' files of the wanted names.
+
+    They are as old as there. What puts the lists back comes with the folder.
+    """
+    far = FarFolder.at(out, InputError)
+    with lists_of(out, lists) as (here, put):
+        for name in far.names():
+            parts = PurePosixPath(name).parts
+            if parts[-1] in wanted and not any(part.startswith(".") for part in parts):
+                far.fetch(name, here / name)
+                when = far.modified_s(name)
+                os.utime(here / name, (when, when))
+        yield here, put
 
 
 @contextmanager

@@ -2,18 +2,22 @@
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from pgm_places.batch.batch_folder import recorded_root
-from pgm_places.batch.lists import Lists
+from pgm_places.batch.far_maps import results_of
+from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.manifest import MANIFEST_FILE, labelled_row
 from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.place_table import PLACE_TABLE, write_place_table
 from pgm_places.errors import InputError
-from pgm_places.io.input_file import file_kind, user_path
+from pgm_places.io.far_files import address_of
+from pgm_places.io.input_file import file_kind, is_address, user_path
 from pgm_places.io.output_set import claim
+from pgm_places.io.places.topology_files import TOPOLOGY_FILE
 from pgm_places.progress import Progress
 
 __all__ = ["Index", "index_folder"]
@@ -24,13 +28,17 @@ class Index:
     """What is in a folder, and the files that list it."""
 
     overview: Overview
-    written: tuple[Path, ...]
+    written: tuple[str, ...]
+
+    def named(self, folder: str) -> Self:
+        """With the files by their names in a folder."""
+        return replace(self, written=tuple(f"{folder}/{name}" for name in self.written))
 
 
 def index_folder(
     folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
 ) -> Index:
-    """List all labelled maps below a folder.
+    """List all labelled maps below a folder, or behind an address.
 
     Raises
     ------
@@ -39,24 +47,42 @@ def index_folder(
     OutputError
         The lists cannot be written, or files of the user's own are in their way.
     """
+    if is_address(folder):
+        wanted = (MANIFEST_FILE, TOPOLOGY_FILE) if parquet else (MANIFEST_FILE,)
+        with results_of(folder, wanted, LISTS) as (here, put):
+            _check_holds_results(folder, here)
+            found = _listed(Lists(here, put=put), parquet=parquet, force=force, progress=progress)
+            put()  # the table of places as well
+        return found.named(address_of(folder).rstrip("/"))
     out = user_path(folder, InputError)
     if file_kind(out) != "folder":
         raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
+    _check_holds_results(folder, out)
+    lists = Lists(claim(out, force=True))
+    return _listed(lists, parquet=parquet, force=force, progress=progress).named(str(folder))
+
+
+def _check_holds_results(folder: Path, out: Path) -> None:
     if next(_labelled(out), None) is None:
+        shown = address_of(folder) if is_address(folder) else folder
         raise InputError(
-            f"{folder}: no labelled map below it (a folder with {MANIFEST_FILE}), as 'label' "
+            f"{shown}: no labelled map below it (a folder with {MANIFEST_FILE}), as 'label' "
             "writes them for many maps"
         )
-    lists = Lists(claim(out, force=True))
+
+
+def _listed(lists: Lists, *, parquet: bool, force: bool, progress: Progress) -> Index:
+    """Make the lists of a folder on this machine."""
     lists.begin(force=force)
     with progress.stage("labelled maps"):
-        overview = lists.rebuild(lambda: _labelled(out))
+        overview = lists.rebuild(lambda: _labelled(lists.out))
         lists.write_page(overview)
-    written = lists.files()
+    written = [path.name for path in lists.files()]
     if parquet:
         with progress.stage("places"):
-            names = (row.name for row, _ in _labelled(out))
-            written.append(write_place_table(out / PLACE_TABLE, out, names))
+            names = (row.name for row, _ in _labelled(lists.out))
+            write_place_table(lists.out / PLACE_TABLE, lists.out, names)
+            written.append(PLACE_TABLE)
     return Index(overview, tuple(written))
 
 
@@ -75,7 +101,5 @@ def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:
 
 def _in_root(row: LabelledRow, root: Path | None) -> LabelledRow:
     """The row with the path that its map has now, where the whole input was moved."""
-    from dataclasses import replace
-
     moved = None if root is None else root / f"{row.name}.yaml"
     return replace(row, map=str(moved)) if moved is not None and moved.exists() else row

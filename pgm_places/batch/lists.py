@@ -164,7 +164,7 @@ class Lists:
         given = self._input is not None and _is_in(self._input, row["name"])
         if self._put is not None or is_address(row["map"]):  # asking for each takes long
             row["in_input"] = "yes" if given or self._input is None else "no"
-            return is_row or given
+            return is_row or given or self._input is None
         is_there = given or Path(row["map"]).exists()
         if not is_row:
             return is_there

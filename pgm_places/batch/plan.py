@@ -5,11 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.batch.batch_folder import names_in_the_way
+from pgm_places.batch.far_maps import is_done, lists_to_read
 from pgm_places.batch.found_maps import FoundMap, FoundMaps
+from pgm_places.batch.label_batch import maps_to_do
 from pgm_places.batch.label_options import LabelOptions
-from pgm_places.batch.lists import Lists
+from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.manifest import done_figures
-from pgm_places.batch.ready_model import ready_model
+from pgm_places.batch.map_task import MapTask
+from pgm_places.batch.ready_model import ReadyModel, ready_model
+from pgm_places.batch.shard import Shard
+from pgm_places.io.input_file import is_address
 
 __all__ = ["Plan", "plan"]
 
@@ -48,8 +53,15 @@ class Plan:
         yield from ((title, names) for title, names in titled.items() if names)
 
 
-def plan(maps: Sequence[FoundMap], found: FoundMaps, out: Path, options: LabelOptions) -> Plan:
-    """What would become of some of the maps found.
+def plan(
+    found: FoundMaps,
+    out: Path,
+    options: LabelOptions,
+    *,
+    shard: Shard | None = None,
+    only_failed: bool = False,
+) -> Plan:
+    """What would become of the maps found, or of some of them, wherever they and the results are.
 
     Raises
     ------
@@ -57,15 +69,23 @@ def plan(maps: Sequence[FoundMap], found: FoundMaps, out: Path, options: LabelOp
         The model is refused.
     """
     model = ready_model(options)
+    with lists_to_read(out, LISTS) as lists:
+        failed = Lists(lists).failed()
+        maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
     in_the_way = {failure.name for failure in names_in_the_way(found.maps)}
-    failed = Lists(out).failed()
     done, refused, to_label = [], [], []
     for item in maps:
         if item.name in in_the_way:
             refused.append(item.name)
-        elif done_figures(out / item.name, item.path, model, options) is not None:
+        elif _is_done(item, out / item.name, options, model):
             done.append(item.name)
         else:
             to_label.append(item.name)
     again = tuple(name for name in to_label if name in failed)
     return Plan(tuple(to_label), again, tuple(done), tuple(refused))
+
+
+def _is_done(item: FoundMap, folder: Path, options: LabelOptions, model: ReadyModel) -> bool:
+    if is_address(item.path) or is_address(folder):
+        return is_done(MapTask(item.name, item.path, folder, options, model.sha256))
+    return done_figures(folder, item.path, model, options) is not None

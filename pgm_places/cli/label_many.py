@@ -122,7 +122,6 @@ def label_many(
     from pgm_places.batch.batch_folder import recorded_root
     from pgm_places.batch.found_maps import find_maps
     from pgm_places.batch.shard import Shard
-    from pgm_places.io.input_file import is_address
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
     found = find_maps(arguments, out, root=recorded_root(out))
@@ -130,8 +129,6 @@ def label_many(
         n = found.n_passed_over
         say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
     if batch.dry_run:
-        if is_address(out):
-            raise InputError("--dry-run looks at results on this machine; leave it out")
         _say_plan(found, out, options, shard, only_failed=batch.retry_failed)
         return
     from pgm_places.batch.label_batch import label_batch
@@ -165,11 +162,9 @@ def _say_plan(
     *,
     only_failed: bool,
 ) -> None:
-    from pgm_places.batch.label_batch import maps_to_do
     from pgm_places.batch.plan import plan
 
-    maps = maps_to_do(found, out, shard=shard, only_failed=only_failed)
-    planned = plan(maps, found, out, options)
+    planned = plan(found, out, options, shard=shard, only_failed=only_failed)
     say(planned.summary())
     for title, names in planned.lists():
         shown = ", ".join(names[:_MOST_NAMES])
@@ -194,7 +189,7 @@ def _s(n: int) -> str:
 
 def index(
     folder: Annotated[
-        Path, Argument(metavar="DIR", help="Folder that 'label' wrote many maps to.")
+        Path, Argument(metavar="DIR", help="Folder or address that 'label' wrote many maps to.")
     ],
     *,
     parquet: Annotated[

@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -110,6 +111,14 @@ class FarFolder:
             except FileNotFoundError:
                 return False
         return True
+
+    def modified_s(self, name: str) -> float:
+        """When a file of it was written, in seconds since 1970; now where its system cannot say."""
+        with as_errors(f"{self.address}/{name}", InputError):
+            try:
+                return float(self.system.modified(f"{self.path}/{name}").timestamp())
+            except NotImplementedError:
+                return time.time()
 
     def head(self, size: int) -> bytes:
         """The first bytes of a file."""

@@ -1,6 +1,7 @@
 """Maps and results behind addresses are labelled as if they were files of this machine."""
 
 import csv
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,9 +10,11 @@ from typing import Any
 import pytest
 
 from pgm_places.batch.found_maps import find_maps
+from pgm_places.batch.index import index_folder
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
 from pgm_places.batch.label_options import LabelOptions
-from pgm_places.errors import MapError, OutputError
+from pgm_places.batch.plan import Plan, plan
+from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder, address_of
 from pgm_places.progress import Silent
 from tests.batch.test_label_batch import Here
@@ -95,6 +98,63 @@ def test_a_result_whose_copying_was_broken_off_is_not_done(
     assert label(model, "memory://out").n_labelled == 2
     assert bucket.cat_file("/out/floor1/map/notes.txt") == b"mine"
     assert bucket.cat_file("/out/floor1/map/place_names.yaml") == b"1: Reception\n"
+
+
+@pytest.mark.parametrize("out", ["memory://out", "near"])
+def test_what_would_be_done_is_said_without_writing(
+    out: str, bucket: Any, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = Path(out) if out != "near" else tmp_path / "near"
+
+    def planned(*, only_failed: bool = False) -> Plan:
+        options = LabelOptions(model=str(model))
+        return plan(find_maps(["memory://maps"]), target, options, only_failed=only_failed)
+
+    assert planned().to_label == ("floor1/map", "floor2/map", "torn")
+    assert not bucket.exists("/out") and not target.exists()
+    label(model, target)
+    before = {path: bucket.modified(path) for path in bucket.find("/out")}
+    fetched: list[str] = []
+    get_file = type(bucket).get_file
+
+    def watched(self: Any, path: str, *more: Any, **options: Any) -> None:
+        fetched.append(path)
+        get_file(self, path, *more, **options)
+
+    monkeypatch.setattr(type(bucket), "get_file", watched)
+    found = planned()
+    assert (found.done, found.to_label) == (("floor1/map", "floor2/map"), ("torn",))
+    assert found.again == ("torn",)
+    assert not [path for path in fetched if "torn" in path]  # it has no result to compare with
+    assert planned(only_failed=True).to_label == ("torn",)
+    bucket.pipe_file("/maps/floor2/map.png", b"another picture")
+    assert planned().to_label == ("floor2/map", "torn")
+    assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
+
+
+def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_path: Path) -> None:
+    label(model, "memory://out")
+    label(model, tmp_path / "near")
+    summary = bucket.cat_file("/out/summary.csv")
+    bucket.rm_file("/out/summary.csv")
+    bucket.rm("/out/floor2", recursive=True)
+    found = index_folder(Path("memory://out"), parquet=True, progress=Silent())
+    assert found.overview.n_rows == 1
+    assert found.overview.n_failures == 1  # nobody asks whether each of the maps is still there
+    assert set(found.written) == {
+        f"memory://out/{name}"
+        for name in ("failures.csv", "index.html", "summary.csv", "places.parquet")
+    }
+    lines = bucket.cat_file("/out/summary.csv").decode().splitlines()
+    assert lines[1].split(",")[0] == "floor1/map"
+    assert lines[0] == summary.decode().splitlines()[0]
+    table = pytest.importorskip("pyarrow.parquet").read_table(
+        io.BytesIO(bucket.cat_file("/out/places.parquet"))
+    )
+    places = json.loads((tmp_path / "near/floor1/map/topology.json").read_text())["regions"]
+    assert table.column("name").to_pylist() == [place["name"] for place in places]
+    with pytest.raises(InputError, match=r"memory://none: no labelled map below it"):
+        index_folder(Path("memory://none"), progress=Silent())
 
 
 def test_an_image_elsewhere_is_not_fetched(bucket: Any, model: Path, tmp_path: Path) -> None:

@@ -435,7 +435,7 @@ def test_a_plan_says_what_would_be_done_and_writes_nothing(
 
     def planned() -> Plan:
         found = find_maps([str(maps)], out)
-        return plan(found.maps, found, out, options)
+        return plan(found, out, options)
 
     assert planned().summary() == "3 maps: 3 to label; nothing was written"
     assert not out.exists()
