@@ -76,15 +76,19 @@ html_theme_options = {
 WRITTEN_BY = re.compile(r"<!-- table: [^,>]+, by (python -m [^>]+?) -->\n")
 """Where a command writes a table (experiments/page_tables.py)."""
 
+ROW = re.compile(r"^\|.*", re.MULTILINE)
+SLASH = re.compile(r"(?<=\d) / (?=\d)")
 
-def show_commands(_app, _page, source):
-    """Set the command above each table that one has written."""
-    source[0] = WRITTEN_BY.sub(r":::{div} written-by\n`\1`\n:::\n", source[0])
+
+def prepare_tables(_app, _page, source):
+    """Set commands above the tables that they have written, and keep figures like 1 / 2 together."""
+    text = WRITTEN_BY.sub(r":::{div} written-by\n`\1`\n:::\n", source[0])
+    source[0] = ROW.sub(lambda row: SLASH.sub("\u00a0/\u00a0", row[0]), text)
 
 
 def setup(app):
-    """Show the commands of tables; leave out methods whose text refers to pages of scikit-learn."""
-    app.connect("source-read", show_commands)
+    """Prepare tables; leave out methods whose text refers to pages of scikit-learn."""
+    app.connect("source-read", prepare_tables)
 
     def skip(*event):
         _app, _what, name, _obj, skipped, _options = event
