@@ -81,7 +81,7 @@ SLASH = re.compile(r"(?<=\d) / (?=\d)")
 
 
 def prepare_tables(_app, _page, source):
-    """Set commands above the tables that they have written, and keep figures like 1 / 2 together."""
+    """Set commands above the tables that they have written; keep figures like 1 / 2 together."""
     text = WRITTEN_BY.sub(r":::{div} written-by\n`\1`\n:::\n", source[0])
     source[0] = ROW.sub(lambda row: SLASH.sub("\u00a0/\u00a0", row[0]), text)
 
