@@ -16,7 +16,6 @@ from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import deepest_cells
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import (
     Correction,
@@ -26,7 +25,7 @@ from pgm_places.topology.corrections import (
 )
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import EarlierPlaces, identify, name_places
-from pgm_places.topology.regions import describe_regions
+from pgm_places.topology.regions import deepest_cells, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["mean_probabilities", "topological_map"]

@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
+from pgm_places._core import mark_deepest
 from pgm_places.errors import InputError
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import deepest_cells
 from pgm_places.topology.outlines import outlines
 
-__all__ = ["Polygon", "Region", "describe_regions"]
+__all__ = ["Polygon", "Region", "deepest_cells", "describe_regions", "squared_depth"]
 
 # Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
@@ -66,6 +67,37 @@ class Region:
     probabilities: tuple[float, ...] | None = None
 
 
+def squared_depth(piece: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(H, W) squared distance, in cells, to the nearest cell at the edge of the same piece."""
+    return squared_clearance(_edges(piece))
+
+
+def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
+    """(H, W) which cells are as far from the edge of their piece as any cell of it.
+
+    Examples
+    --------
+    >>> deepest_cells(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], np.int32), 2)[1].tolist()
+    [False, True, False, True]
+    """
+    piece = np.ascontiguousarray(piece, np.int32)
+    deepest = np.empty(piece.shape, np.bool_)
+    mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), deepest)
+    return deepest
+
+
+def _edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(H, W) which cells share a side with another piece, no piece, or the outside."""
+    edge = np.ones(piece.shape, np.bool_)
+    for r in range(1, len(piece) - 1):  # a row at a time needs no other raster
+        row, inside = piece[r, 1:-1], edge[r, 1:-1]
+        np.not_equal(row, piece[r - 1, 1:-1], out=inside)
+        inside |= row != piece[r + 1, 1:-1]
+        inside |= row != piece[r, :-2]
+        inside |= row != piece[r, 2:]
+    return edge
+
+
 def describe_regions(
     pieces: Components,
     grid: OccupancyGrid,
@@ -99,8 +131,8 @@ def describe_regions(
     anchors_m : mapping of int to (float, float), optional
         Earlier anchors by id, which stay where they are if that is still inside.
     deepest : (H, W) bool, optional
-        What :func:`~pgm_places.topology.clearance.deepest_cells` says of the pieces: a huge map has
-        no room to find it beside the clearance.
+        What :func:`deepest_cells` says of the pieces: a huge map has no room to find it beside the
+        clearance.
     tolerance : float
         Largest distance of an outline from the cells' corners, in cells.
     """

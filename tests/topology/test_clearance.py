@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology.clearance import squared_depth
+from pgm_places.topology.regions import squared_depth
 from tests.strategies import varied_arrays
 
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))

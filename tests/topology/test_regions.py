@@ -10,7 +10,7 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.connections import find_passages
-from pgm_places.topology.regions import Region, describe_regions
+from pgm_places.topology.regions import Region, describe_regions, squared_depth
 from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
@@ -75,13 +75,15 @@ def test_everything_turns_with_the_map() -> None:
         np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 1)
     )
 )
-def test_anchors_lie_in_their_regions(labels: np.ndarray) -> None:
+def test_anchors_are_deepest_then_farthest_from_walls_then_first(labels: np.ndarray) -> None:
     grid, regions = described(labels, yaw_rad=0.3)
     pieces = connected_components(labels)
+    depth, clearance = squared_depth(pieces.piece), squared_clearance(labels < 0)
     assert len(regions) == pieces.count
     for number, region in enumerate(regions):
-        [(row, column)] = grid.cells_at_m([region.anchor_m])
-        assert pieces.piece[row, column] == number
+        cells = np.argwhere(pieces.piece == number)
+        best = max(cells.tolist(), key=lambda cell: (depth[*cell], clearance[*cell]))
+        assert grid.cells_at_m([region.anchor_m]).tolist() == [best]
 
 
 def test_a_doorway_five_cells_wide() -> None:

@@ -1,0 +1,242 @@
+"""Roads: where a robot can drive, from the skeleton of a space to the few edges that are needed."""
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._core import needed_edges
+from pgm_places.topology.route_space import RouteSpace
+from pgm_places.topology.skeleton import skeleton_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+__all__ = ["Roads", "roads_through"]
+
+ROOM_M = 0.3
+"""Shortcuts stay this far from obstacles, or nearly as far as their ends do."""
+
+AS_FAR_AS_ENDS = 0.9
+"""How much of the clearance of its ends a shortcut keeps: a door is left at a slant."""
+
+NEAREST_M, FARTHEST_M = 0.4, 2.0
+"""Nodes on a way are as far apart as the way is from obstacles, within these bounds."""
+
+LONGEST_M = 4.0
+"""Nodes between which a straight way is as good as any are left out up to this length."""
+
+SIGHT_M = 8.0
+"""Shortcuts are not longer than this."""
+
+STRETCH = 1.05
+"""No way from node to node is longer than this times the shortest over any shortcuts."""
+
+MERGED_M = 0.3
+"""Of two nodes nearer to each other than this, one is left out if the other can stand in."""
+
+COVERED_M = 4.0
+"""Ways lead at least this near to everywhere that the skeleton goes."""
+
+
+def roads_through(space: RouteSpace) -> "Roads":
+    """Nodes on the skeleton of a space, and the edges that ways between its places need."""
+    targets = space.targets()
+    skeleton = skeleton_of(space.fits, space.squared, targets)
+    roads = Roads(space, len(targets))
+    for point in skeleton.points:
+        roads.add(point)
+    for way in skeleton.ways:
+        roads.add_way(way)
+    roads.merge()
+    roads.connect()
+    stops = roads.stops()
+    roads.keep_ways(stops)
+    roads.simplify(stops)
+    return roads
+
+
+class Roads:
+    """Nodes and edges as they are found; nodes are numbers, those of places first."""
+
+    def __init__(self, space: RouteSpace, n_targets: int) -> None:
+        self.space, self.n_targets = space, n_targets
+        self.points: list[tuple[int, int]] = []
+        self.number: dict[tuple[int, int], int] = {}
+        self.links: dict[int, set[int]] = {}
+
+    def add(self, point: tuple[int, int]) -> int:
+        """The number of the node at a cell."""
+        if point not in self.number:
+            self.number[point] = len(self.points)
+            self.points.append(point)
+            self.links[self.number[point]] = set()
+        return self.number[point]
+
+    @cached_property
+    def at(self) -> NDArray[np.float64]:
+        """(N, 2) the nodes' cells, once all have been added."""
+        return np.array(self.points, np.float64).reshape(-1, 2)
+
+    @cached_property
+    def clear(self) -> NDArray[np.float64]:
+        """(N,) their clearance in cells, from centre to centre less half a cell."""
+        at = self.at.astype(np.int64)
+        return np.sqrt(self.space.squared[at[:, 0], at[:, 1]].astype(np.float64)) - 0.5
+
+    def join(self, a: int, b: int) -> None:
+        """An edge between two nodes."""
+        if a != b:
+            self.links[a].add(b)
+            self.links[b].add(a)
+
+    def room(self, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(M,) how much clearance, in cells, edges between pairs of nodes (M, 2) are to have."""
+        ends = self.clear[pairs].min(axis=1)
+        wanted = np.minimum(AS_FAR_AS_ENDS * ends, ROOM_M / self.space.side_m)
+        return np.maximum(wanted, self.space.radius)
+
+    def ends(self, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(M, 4) rows and columns of pairs of nodes (M, 2)."""
+        return self.at[pairs].reshape(-1, 4)
+
+    def are_good(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which pairs of nodes (M, 2) may have an edge."""
+        return self.space.are_good(self.ends(pairs), self.room(pairs))
+
+    def add_way(self, way: NDArray[np.int64]) -> None:
+        """Nodes along a way of the skeleton, as few as a robot can follow in straight lines."""
+        space, at, last = self.space, 0, len(way) - 1
+        while at < last:
+            here = way[at]
+            clear_m = np.sqrt(space.squared[here[0], here[1]]) * space.side_m
+            reach = min(max(clear_m, NEAREST_M), FARTHEST_M) / space.side_m
+            far = np.hypot(*(way[at + 1 :] - here).T) > reach
+            ahead = max(int(far.argmax()) if far.any() else len(far), 1)
+            while ahead > 1 and not self._passes(way[at : at + ahead + 1]):
+                ahead //= 2
+            a, b = self.add(tuple(here.tolist())), self.add(tuple(way[at + ahead].tolist()))
+            ends = np.array([[*here, *way[at + ahead]]], np.float64)
+            if ahead > 1 or space.clearances(ends, space.radius + 1)[0] >= space.radius:
+                self.join(a, b)
+            at += ahead
+
+    def _passes(self, cells: NDArray[np.int64]) -> bool:
+        """Whether the straight line from the first to the last cell is as good as the cells."""
+        space = self.space
+        least = np.sqrt(float(space.squared[cells[:, 0], cells[:, 1]].min())) - 0.5
+        room = max(min(AS_FAR_AS_ENDS * least, ROOM_M / space.side_m), space.radius)
+        ends = np.array([[*cells[0], *cells[-1]]], np.float64)
+        return bool(space.are_good(ends, np.array([room]))[0])
+
+    def merge(self) -> None:
+        """Leave out nodes beside others that can stand in for them."""
+        near = MERGED_M / self.space.side_m
+        at = self.at
+        for a in np.argsort(self.clear, kind="stable").tolist():
+            if a < self.n_targets:
+                continue
+            others = sorted(
+                (b for b in self.links[a] if np.hypot(*(at[a] - at[b])) < near),
+                key=lambda b: (b >= self.n_targets, float(np.hypot(*(at[a] - at[b])))),
+            )
+            for b in others:
+                if self._stands_in(b, self.links[a] - {b}):
+                    for other in self._drop(a):
+                        self.join(b, other)
+                    break
+
+    def _stands_in(self, node: int, others: Iterable[int]) -> bool:
+        """Whether a node has good edges to all these."""
+        pairs = np.array([[node, other] for other in others], np.int64).reshape(-1, 2)
+        return bool(self.are_good(pairs).all())
+
+    def _drop(self, node: int) -> set[int]:
+        """Take a node away; those that it was linked to."""
+        others = self.links.pop(node)
+        for other in others:
+            self.links[other].discard(node)
+        return others
+
+    def connect(self) -> None:
+        """Replace the edges by those, shortcuts included, without which ways would be longer."""
+        from scipy.spatial import cKDTree
+
+        kept = np.array(sorted(self.links), np.int64)
+        tree = cKDTree(self.at[kept])
+        pairs = kept[tree.query_pairs(SIGHT_M / self.space.side_m, output_type="ndarray")]
+        pairs = np.vstack([pairs[self.are_good(pairs)], self.joined()])
+        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+        # Whole numbers, so that equal lengths are equal on every machine.
+        length = np.rint(1000 * np.hypot(*np.diff(self.at[pairs], axis=1)[:, 0].T)).astype(np.int64)
+        order = np.argsort(length, kind="stable")
+        needed = np.empty(len(pairs), np.bool_)
+        needed_edges(pairs[order], length[order], STRETCH, len(self.at), needed)
+        self.links = {node: set() for node in kept.tolist()}
+        for a, b in pairs[order][needed].tolist():
+            self.join(a, b)
+
+    def stops(self) -> list[int]:
+        """The nodes that ways are wanted between: those of places, and some on long detours."""
+        from scipy.sparse.csgraph import dijkstra
+
+        lengths, found = self._lengths(), list(range(self.n_targets))
+        while found:
+            away = dijkstra(lengths, directed=False, indices=found, min_only=True)
+            far = np.where(np.isfinite(away), away, 0.0)
+            if far.max() * self.space.side_m <= COVERED_M:
+                break
+            found.append(int(far.argmax()))
+        return found
+
+    def keep_ways(self, stops: list[int]) -> None:
+        """Keep the edges on the shortest ways between all stops."""
+        from scipy.sparse.csgraph import dijkstra
+
+        lengths, used = self._lengths(), set()
+        for start in stops:
+            _, [before] = dijkstra(
+                lengths, directed=False, indices=[start], return_predecessors=True
+            )
+            passed = {start}
+            for stop in stops:
+                node = stop
+                while node not in passed and before[node] >= 0:
+                    passed.add(node)
+                    used.add((int(before[node]), node))
+                    node = int(before[node])
+        self.links = {node: set() for node in self.links}
+        for a, b in sorted(used):
+            self.join(a, b)
+
+    def _lengths(self) -> "csr_array[np.float64]":
+        """(N, N) the lengths of the edges in cells."""
+        from scipy.sparse import csr_array
+
+        pairs = self.joined()
+        length = np.hypot(*np.diff(self.at[pairs], axis=1)[:, 0].T)
+        return csr_array((length, pairs.T), (len(self.at), len(self.at)))
+
+    def joined(self) -> NDArray[np.int64]:
+        """(E, 2) the nodes that are joined, the smaller number first."""
+        pairs = sorted((a, b) for a, others in self.links.items() for b in others if a < b)
+        return np.array(pairs, np.int64).reshape(-1, 2)
+
+    def simplify(self, stops: list[int]) -> None:
+        """Leave out nodes that nothing leads to, and those that only divide a straight way."""
+        for node in sorted(set(self.links) - {*stops}, reverse=True):
+            others = sorted(self.links[node])
+            if not others:
+                self._drop(node)
+            elif len(others) == 2 and self._is_straight(*others):
+                self._drop(node)
+                self.join(*others)
+
+    def _is_straight(self, a: int, b: int) -> bool:
+        """Whether an edge between the only neighbours of a node is as good as the node."""
+        too_long = np.hypot(*(self.at[a] - self.at[b])) * self.space.side_m > LONGEST_M
+        if too_long or b in self.links[a]:
+            return False
+        return bool(self.are_good(np.array([[a, b]]))[0])
