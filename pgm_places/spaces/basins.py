@@ -6,8 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places import _core
+from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
-__all__ = ["Basins", "find_basins", "neighbour_steps"]
+__all__ = ["N_RECTANGLES", "BasinSums", "Basins", "find_basins", "neighbour_steps", "sum_up"]
+
+N_RECTANGLES = 15
+"""Rectangles are tried at steps of 6 degrees over a quarter turn."""
+
+_N_SUMS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +52,25 @@ class Basins:
         np.minimum.at(low, line, segment)
         np.maximum.at(high, line, segment)
         return np.where(low == high, low, np.int32(-1)).astype(np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class BasinSums:
+    """Sums and extents of each basin and line (N = B + n_lines), in cells.
+
+    Parameters
+    ----------
+    total : (N, 9) int64
+        Summed heights, cells not free on the map, sides at walls, sides at unknown cells,
+        and the sums of r, c, rr, rc, cc over the cells (r, c).
+    low, high : (N, 30) float64
+        Minimum and maximum projections of the cells onto 30 directions over half a turn; k
+        and k + 15 are at right angles.
+    """
+
+    total: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
 
 def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
@@ -126,3 +151,21 @@ def _settled(
     still = np.isin(beside[:, 0], kept)
     left = np.column_stack([number[beside[still, 0]], beside[still, 1]]).astype(np.int64)
     return number, len(kept), left
+
+
+def sum_up(grid: OccupancyGrid, basins: Basins, relief: NDArray[np.int32]) -> BasinSums:
+    """The sums of all basins, in one pass over the map."""
+    directions = _directions()
+    n = len(basins.area)
+    total = np.zeros((n, _N_SUMS), np.int64)
+    low, high = np.full((n, len(directions)), np.inf), np.full((n, len(directions)), -np.inf)
+    _core.sum_basins(basins.raster, relief, grid.cells, FREE, UNKNOWN, directions, total, low, high)
+    return BasinSums(total, low, high)
+
+
+def _directions() -> NDArray[np.float64]:
+    """(30, 2) row and column steps."""
+    angle = np.arange(N_RECTANGLES) * (np.pi / 2 / N_RECTANGLES)
+    along = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    across = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    return np.concatenate([along, across])

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from pgm_places._core import open_cells
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
-__all__ = ["FURNITURE_M", "FURNITURE_M2", "SMALLEST_SPACE_M2", "open_space"]
+__all__ = ["SMALLEST_SPACE_M2", "open_space"]
 
 FURNITURE_M2 = 0.35
 """Smaller obstacles, whether occupied or unknown, are filled: table legs, chairs, specks."""
@@ -19,7 +19,7 @@ SMALLEST_SPACE_M2 = 1.0
 """Smaller pieces of free space are dropped: glimpses through gaps."""
 
 
-def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
+def open_space(grid: OccupancyGrid, smallest_m2: float = SMALLEST_SPACE_M2) -> NDArray[np.bool_]:
     """(H, W) which cells are open: free space with small obstacles filled, small pieces dropped.
 
     Small obstacles have an area under 0.35 m2 and a length, the diagonal of the box around them,
@@ -36,5 +36,5 @@ def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     found = np.empty(grid.shape, np.bool_)
     cell_m2 = grid.resolution_m**2
     furniture = (FURNITURE_M2 / cell_m2, FURNITURE_M / grid.resolution_m)
-    open_cells(grid.cells, FREE, *furniture, SMALLEST_SPACE_M2 / cell_m2, found)
+    open_cells(grid.cells, FREE, *furniture, smallest_m2 / cell_m2, found)
     return found

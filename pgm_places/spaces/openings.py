@@ -121,7 +121,7 @@ def _all_openings(
 ) -> Openings:
     """The openings of all divisions, whose segments are numbered one division after the other."""
     one, other = (divisions[:, basins] for basins in borders.basins.T)
-    division, site = np.nonzero((one != other) & (one >= 0) & (other >= 0))
+    division, site = np.nonzero(one != other)
     segments = np.stack([np.minimum(one, other), np.maximum(one, other)], axis=2)[division, site]
     segments += first[division, np.newaxis].astype(np.int32)
     halves, relief = borders.halves_rc[site], borders.relief[site]

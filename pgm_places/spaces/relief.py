@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._core import smoothed_roots
+from pgm_places.maps.clearance import squared_clearance
 
 __all__ = ["UNIT", "clearance_m", "half_width_m", "relief_of"]
 
@@ -29,8 +30,6 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
     >>> (relief_of(np.ones((3, 3), np.bool_))[1:-1, 1:-1] / UNIT).round(2).tolist()
     [[0.56, 0.78, 0.56], [0.78, 1.11, 0.78], [0.56, 0.78, 0.56]]
     """
-    from pgm_places.maps.clearance import squared_clearance
-
     height, width = is_open.shape
     relief = np.empty((height + 2, width + 2), np.int32)
     smoothed_roots(squared_clearance(~is_open), _ROOT_UNIT, relief)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import gather_basins
-from pgm_places.spaces.basin_sums import N_RECTANGLES
+from pgm_places.spaces.basins import N_RECTANGLES
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_rows import SegmentRows
 

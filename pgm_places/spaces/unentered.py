@@ -12,7 +12,7 @@ from pgm_places._core import grow_pieces, label_components, open_cells, sum_piec
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.spaces.open_space import FURNITURE_M, FURNITURE_M2
+from pgm_places.spaces.open_space import open_space
 
 __all__ = ["Unentered", "find_unentered"]
 
@@ -154,7 +154,7 @@ class _Raster:
         part = grid.cells[self.part]
         self.cells = np.pad(part, self.frame, constant_values=OCCUPIED)
         self.is_open = np.zeros(self.cells.shape, np.bool_)
-        self.is_open[self._inside] = _filled(part, grid.resolution_m)
+        self.is_open[self._inside] = open_space(grid.with_cells(part), smallest_m2=0.0)
         self.squared = squared_clearance(~self.is_open)
         self._fill_shadows()
 
@@ -225,14 +225,6 @@ class _Raster:
         if chosen.any():
             self.is_open &= ~_in_pieces(piece, chosen)
             squared_clearance(~self.is_open, out=self.squared)
-
-
-def _filled(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.bool_]:
-    """(H, W) which cells are free or in a small obstacle, as in :func:`open_space`."""
-    found = np.empty(cells.shape, np.bool_)
-    furniture = (FURNITURE_M2 / resolution_m**2, FURNITURE_M / resolution_m)
-    open_cells(np.ascontiguousarray(cells), FREE, *furniture, 0.0, found)
-    return found
 
 
 def _kind(mask: NDArray[np.bool_]) -> NDArray[np.int8]:

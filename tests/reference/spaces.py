@@ -182,10 +182,10 @@ def merged(
 
 def border_pieces(
     segment: np.ndarray, relief: np.ndarray
-) -> list[tuple[tuple[int, int], int, int, int]]:
-    """Of each opening: its segments, its places, sides of cells, height of the saddle."""
+) -> list[tuple[tuple[int, int], int, int, list[float], list[float]]]:
+    """Of each opening: its segments, sides of cells, height of the saddle, saddle and centre."""
     height, width = segment.shape
-    places: dict[tuple[int, int], dict[tuple[int, int], tuple[int, int]]] = {}
+    places: dict[tuple[int, int], dict[tuple[int, int], list[tuple[bool, int]]]] = {}
     for r, c in np.argwhere(segment >= 0).tolist():
         for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
             s, d = r + dr, c + dc
@@ -194,12 +194,8 @@ def border_pieces(
             a, b = sorted((int(segment[r, c]), int(segment[s, d])))
             if a == b:
                 continue
-            known = places.setdefault((a, b), {})
-            sides, top = known.get((r + s, c + d), (0, 0))
-            known[r + s, c + d] = (
-                sides + (dr * dc == 0),
-                max(top, int(min(relief[r, c], relief[s, d]))),
-            )
+            sites = places.setdefault((a, b), {}).setdefault((r + s, c + d), [])
+            sites.append((dr * dc == 0, int(min(relief[r, c], relief[s, d]))))
     found = []
     for pair, known in places.items():
         left = set(known)
@@ -209,14 +205,12 @@ def border_pieces(
                 near = {p for p in left if max(abs(p[0] - r), abs(p[1] - c)) <= 2}
                 left -= near
                 piece += sorted(near)
-            found.append(
-                (
-                    pair,
-                    len(piece),
-                    sum(known[p][0] for p in piece),
-                    max(known[p][1] for p in piece),
-                )
-            )
+            sites = [(*p, *site) for p in piece for site in known[p]]
+            top = max(height for *_, height in sites)
+            saddle = np.mean([site[:2] for site in sites if site[3] == top], axis=0) / 2
+            centre = np.mean([site[:2] for site in sites], axis=0) / 2
+            sides = sum(is_side for _, _, is_side, _ in sites)
+            found.append((pair, sides, top, saddle.tolist(), centre.tolist()))
     return sorted(found)
 
 

@@ -13,14 +13,13 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces import cell_features, position
+from pgm_places.spaces import cell_features
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.openings import Openings
 from pgm_places.spaces.places import places_between
-from pgm_places.spaces.position import area_cut_off, betweenness
-from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segment_features import area_cut_off, betweenness, segment_features
 from pgm_places.spaces.segment_rows import SegmentRows
 from pgm_places.spaces.segmentation import Segmentation, Segments, divided
 from pgm_places.spaces.shapes import shapes_of
@@ -110,7 +109,7 @@ def test_paths_from_some_nodes_are_near_those_from_all(monkeypatch: pytest.Monke
     generator = np.random.default_rng(3)
     graph = LabelGraph.from_points(generator.random((120, 2)), n_neighbours=4)
     every = betweenness(*neighbours(graph), np.ones(120))
-    monkeypatch.setattr(position, "_MOST_SOURCES", 60)
+    monkeypatch.setattr("pgm_places.spaces.segment_features._MOST_SOURCES", 60)
     some = betweenness(*neighbours(graph), generator.random(120))
     assert np.corrcoef(every, some)[0, 1] > 0.95
     assert some.sum() == pytest.approx(every.sum(), rel=0.1)

@@ -151,13 +151,17 @@ def test_openings_are_the_pieces_of_the_borders(free: np.ndarray) -> None:
             zip(
                 map(tuple, scale.openings.segments.tolist()),
                 scale.openings.sides.tolist(),
-                scale.openings.half_width_m.round(6).tolist(),
+                np.rint((scale.openings.half_width_m - 0.25) * UNIT).tolist(),
+                scale.openings.saddle_rc.tolist(),
+                scale.openings.centre_rc.tolist(),
                 strict=True,
             )
         )
-        assert got == sorted(
-            (pair, sides, round(top / UNIT + 0.25, 6)) for pair, _, sides, top in wanted
-        )
+        for one, other in zip(got, wanted, strict=True):
+            assert one[:3] == other[:3]
+            np.testing.assert_allclose(one[3:], other[3:], rtol=1e-12)
+        for (a, b), basins in zip(scale.openings.segments, scale.openings.basins, strict=True):
+            assert scale.of_basins(basins).tolist() in ([a, b], [b, a])
 
 
 # ------------------------------------------------------------------ the whole

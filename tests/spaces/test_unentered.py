@@ -122,6 +122,17 @@ def test_niches_and_sills_belong_to_their_room() -> None:
     assert not found_in(cells).cells.any()
 
 
+@pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS.keys())
+def test_a_niche_behind_a_slit_belongs_to_its_room(
+    turn: Callable[[np.ndarray], np.ndarray],
+) -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    cells[55:65, 90:99] = UNKNOWN  # nobody has seen its walls
+    cells[56:64, 91:97] = cells[60, 90] = FREE
+    assert not found_in(np.ascontiguousarray(turn(cells))).cells.any()
+
+
 def test_a_closed_room_need_not_have_all_its_walls() -> None:
     cells = two_rooms(0)
     cells[:, 174:] = UNKNOWN
