@@ -17,7 +17,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "sanitized"
 SOLVERS = ("layouts", "forward", "semi_markov", "local_search", "max_flow", "elimination")
-TESTS = [f"tests/solvers/test_{name}.py" for name in SOLVERS]
+SPACES = ("layouts", "segmentation", "segment_features", "gates", "unentered")
+TESTS = [
+    *(f"tests/solvers/test_{name}.py" for name in SOLVERS),
+    *(f"tests/spaces/test_{name}.py" for name in SPACES),
+]
 IS_READY = "PGM_PLACES_SANITIZED"
 
 
