@@ -194,7 +194,7 @@ def border_pieces(
             a, b = sorted((int(segment[r, c]), int(segment[s, d])))
             if a == b:
                 continue
-            heights = places.setdefault((a, b), {}).setdefault((r + s, c + d), [])
+            at_place = places.setdefault((a, b), {}).setdefault((r + s, c + d), [])
             at_place.append((dr * dc == 0, int(min(relief[r, c], relief[s, d]))))
     found = []
     for pair, known in places.items():
