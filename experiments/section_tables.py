@@ -56,7 +56,11 @@ def ablation_table(sections: Mapping[str, Section]) -> str:
     """A row for each value of what an ablation varies, a column for each method."""
     methods = (_ALONE, "relaxation", "amn")
     rows = [
-        (spec.title.removeprefix("Ablation: "), value, *(found.get(method, "-") for method in methods))
+        (
+            spec.title.removeprefix("Ablation: "),
+            value,
+            *(found.get(method, "-") for method in methods),
+        )
         for key, spec in ABLATIONS.items()
         if key != CHOICES and key in sections
         for value, found in _varied(sections[key].tables[0])
