@@ -16,8 +16,19 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar, Union
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, NameOf, OrInfinite
-from pgm_places._option_words import arms, bare, marks_of, says_all, wanted
+from pgm_places._option_marks import (
+    Ge,
+    Gt,
+    Le,
+    Lt,
+    NameOf,
+    OrInfinite,
+    arms,
+    bare,
+    marks_of,
+    says_all,
+    wanted,
+)
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
 
 __all__ = [
@@ -102,13 +113,13 @@ def _hints(cls: Any) -> dict[str, Any]:
 
 def option_lines(cls: type[Any]) -> dict[str, str]:
     """The first sentence that the docstring of the class, or of a base, says of each option."""
-    found: dict[str, str] = {}
+    lines: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, parameters = inspect.cleandoc(base.__doc__ or "").partition("\n----------\n")
         for names, text in _PARAMETER.findall(parameters):
             sentence = " ".join(text.split()).partition(". ")[0].rstrip(".")
-            found |= dict.fromkeys(names.split(", "), sentence + ".")
-    return {name: found.get(name, "") for name in option_hints(cls)}
+            lines |= dict.fromkeys(names.split(", "), sentence + ".")
+    return {name: lines.get(name, "") for name in option_hints(cls)}
 
 
 def check_options(item: Any) -> None:
@@ -234,8 +245,8 @@ def _fits(hint: Any, value: Any) -> bool:
 @functools.cache
 def _read(hint: Any) -> list[tuple[Any, Any, tuple[Any, ...], tuple[Any, ...]]]:
     """Of each alternative: its type, that without parameters, its parameters, its marks."""
-    found = [(bare(arm), marks_of(arm)) for arm in arms(hint)]
-    return [(kind, typing.get_origin(kind), typing.get_args(kind), m) for kind, m in found]
+    parts = [(bare(arm), marks_of(arm)) for arm in arms(hint)]
+    return [(kind, typing.get_origin(kind), typing.get_args(kind), m) for kind, m in parts]
 
 
 def _fits_arm(

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Union
 
-from pgm_places._option_words import arms, bare
+from pgm_places._option_marks import arms, bare
 from pgm_places.options import check_option
 
 __all__ = ["Argument", "Option", "Parameter", "number_in", "parameters_of"]
@@ -165,9 +165,9 @@ def number_in(text: str, kind: type) -> Any:
 
 def parameters_of(command: Callable[..., None]) -> list[Parameter]:
     """What a command takes, in the order of its parameters."""
-    found = []
+    parameters = []
     for item in inspect.signature(command).parameters.values():
         *hint, declared = typing.get_args(item.annotation)
         kind = Annotated[tuple(hint)] if len(hint) > 1 else hint[0]  # with its own marks
-        found.append(Parameter(item.name, kind, declared, item.default))
-    return found
+        parameters.append(Parameter(item.name, kind, declared, item.default))
+    return parameters

@@ -106,14 +106,14 @@ def check_maps(
     from pgm_places.batch.ready_model import ready_model
     from pgm_places.progress import duration
 
-    found = find_maps(arguments)
+    chosen = find_maps(arguments)
     options = LabelOptions(model=model)
     labeler = ready_model(options).labeler
     rows, progress = [], make_progress(quiet=False)
     with progress.stage("maps") as stage:
-        for item in found.maps:
+        for item in chosen.maps:
             rows.append(_row(item.name, item.path, labeler, unknown_value, fix=fix))
-            stage.update(len(rows) / len(found.maps), item.name)
+            stage.update(len(rows) / len(chosen.maps), item.name)
     forecasts = [row.forecast for row in rows if row.forecast is not None]
     if not forecasts:
         say(f"\n{_table(rows, None)}")

@@ -53,14 +53,14 @@ def explain(
     if corrections is not None:
         paint = Paint.read(corrections, loaded.grid, teacher.classes)
     taught = teacher.label(paint, progress=progress)
-    found = explain_cell(taught, x, y)
-    for line in explanation_lines(found):
+    explanation = explain_cell(taught, x, y)
+    for line in explanation_lines(explanation):
         say(line)
-    if found.region is not None:
-        of_region = explain_region(taught, found.region.id)
+    if (place := explanation.region) is not None:
+        of_region = explain_region(taught, place.id)
         shape = [f"{name} {of_region.features[name]:.3g}" for name in list(of_region.features)[:6]]
         gates = [f"{gate.width_m:.2f} m ({100 * p:.0f} %)" for gate, p in of_region.gates[:6]]
         if shape:
-            say(f"{found.region.name}: {', '.join(shape)}; gates: {', '.join(gates) or 'none'}")
+            say(f"{place.name}: {', '.join(shape)}; gates: {', '.join(gates) or 'none'}")
     if out is not None:
-        say(f"wrote {write_bytes(out, explanation_picture(taught, found))}")
+        say(f"wrote {write_bytes(out, explanation_picture(taught, explanation))}")

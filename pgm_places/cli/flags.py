@@ -125,7 +125,7 @@ def _parameters(
 ) -> list[inspect.Parameter]:
     """A parameter per option: a switch, or text that the class itself reads and checks."""
     lines, hints = option_lines(cls), option_hints(cls)
-    found = []
+    parameters = []
     for item in option_fields(cls):
         if item.name not in flags:
             continue
@@ -134,7 +134,7 @@ def _parameters(
             flag += f"/--no-{flag.removeprefix('--')}"
         usual = _default(item.default) if only_given else None
         option = Option(flag, help=lines[item.name], metavar=_metavar(item.default), usual=usual)
-        found.append(
+        parameters.append(
             inspect.Parameter(
                 item.name,
                 inspect.Parameter.KEYWORD_ONLY,
@@ -142,7 +142,7 @@ def _parameters(
                 annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
             )
         )
-    return found
+    return parameters
 
 
 def _default(default: Any) -> bool | str:

@@ -137,8 +137,8 @@ class _Follower:
         }
         if self._known is not None:
             region = self._known.places.region_at(x, y)
-            found = None if region is None else {"id": region.id, "name": region.name}
-            record["region"] = found
+            place = None if region is None else {"id": region.id, "name": region.name}
+            record["region"] = place
         return record
 
     def track(self, log: Path) -> "Track":

@@ -24,9 +24,11 @@ complete -o default -F _pgm_places pgm-places"""
 
 def completion(options: Iterable[str], commands: Iterable[Command]) -> str:
     """A script for bash and zsh; where nothing of ours fits, files are offered."""
-    found = {item.name: [*_flags(item), HELP] for item in commands}
-    cases = (f'        *" {name}") words="{" ".join(flags)}" ;;' for name, flags in found.items())
-    return _SCRIPT.format(first=" ".join([*found, *options, HELP]), cases="\n".join(cases))
+    flags_of = {item.name: [*_flags(item), HELP] for item in commands}
+    cases = (
+        f'        *" {name}") words="{" ".join(flags)}" ;;' for name, flags in flags_of.items()
+    )
+    return _SCRIPT.format(first=" ".join([*flags_of, *options, HELP]), cases="\n".join(cases))
 
 
 def _flags(command: Command) -> list[str]:

@@ -63,16 +63,16 @@ def split(
 
     topology = load_named_topology(folder)
     if not points:
-        found = split_apart(topology, _key(place))
+        edited = split_apart(topology, _key(place))
     elif len(points) == 2:
-        found = split_at(topology, _key(place), points)
+        edited = split_at(topology, _key(place), points)
     elif len(points) == 4:
-        found = split_across(topology, _key(place), points[:2], points[2:])
+        edited = split_across(topology, _key(place), points[:2], points[2:])
     else:
         raise InputError(
             f"split takes a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
         )
-    _write(folder, found, "split")
+    _write(folder, edited, "split")
 
 
 def _key(text: str) -> int | str:

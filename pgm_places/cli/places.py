@@ -230,10 +230,10 @@ def _write_routes(
     from pgm_places.topology.route_graph import ROBOT_RADIUS_M
 
     radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
-    found = write_routes(
+    routes = write_routes(
         folder, topology, robot_radius_m=radius, keep_out=keep_out, for_nav2=for_nav2
     )
-    say(routes_summary(topology, found))
+    say(routes_summary(topology, routes))
 
 
 def _map_for_nav2(folder: Path, given: Path | None) -> "OccupancyGrid | None":

@@ -44,14 +44,14 @@ def run_joint(
         names = (*TRACK, *label_names(labeler.label_names_))
     with output_set(out, "track", names=names, force=force) as files:
         track, places = _labelled(labeler, log, source, options, progress)
-        found = None
+        written = None
         if source is not None and places is not None:
-            found = write_labelled(places, source, files, stored.rules, progress)
+            written = write_labelled(places, source, files, stored.rules, progress)
         with progress.stage("writing files"):
             write(track, None if source is None else source.grid, files.stage)
     say(summary(track))
-    if found is not None:
-        say(f"{found.summary}\n{places_summary(found.topology)}")
+    if written is not None:
+        say(f"{written.summary}\n{places_summary(written.topology)}")
     say_written(files)
 
 
@@ -93,6 +93,6 @@ def _labelled(
         steps = labeler.label(drive=drive, progress=progress).steps
         assert steps is not None  # there is a drive
         return Track(drive, steps, names, tuple(read.warnings)), None
-    found = label_map_and_drive(labeler, source.grid, drive, progress=progress)
-    warnings = (*read.warnings, *found.map.warnings)
-    return Track(drive, found.steps, names, warnings), found.map
+    labelled = label_map_and_drive(labeler, source.grid, drive, progress=progress)
+    warnings = (*read.warnings, *labelled.map.warnings)
+    return Track(drive, labelled.steps, names, warnings), labelled.map

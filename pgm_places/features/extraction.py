@@ -55,7 +55,7 @@ class Workspace:
     """Planes for a number of tiles; a tenth of a megabyte for each and a little more.
 
     ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
-    the features; the others are room for single kernels.
+    the features; the others are scratch of single kernels.
     """
 
     def __init__(self, n_tiles: int) -> None:
@@ -271,8 +271,8 @@ def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     if plan.ratios is not None:
         ratio_features(rho, n_tiles, *plan.ratios, space.kept, values)
     if plan.minima is not None:
-        room = space.ahead, space.kept, space.beams
-        minima_features(rho, n_tiles, plan.minima, CHORDS, room, values)
+        scratch = space.ahead, space.kept, space.beams
+        minima_features(rho, n_tiles, plan.minima, CHORDS, scratch, values)
 
 
 def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:

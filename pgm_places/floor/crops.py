@@ -91,8 +91,8 @@ def _shares(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(h, w) distance of the cells in the mask to the nearest outside, in cells."""
-    found = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(found, np.float32)
+    depth = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(depth, np.float32)
 
 
 def _moved(floor: LabelledFloor, rng: np.random.Generator) -> tuple[Bytes, Bytes, Bytes]:

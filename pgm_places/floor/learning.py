@@ -34,15 +34,15 @@ _SLOTS = ("weights", "averaged", "first", "second")
 def fresh(seed: int) -> dict[str, NDArray[np.float32]]:
     """Random parameters (He et al. 2015); what a block adds begins small."""
     rng = np.random.default_rng(seed)
-    found = {}
+    weights = {}
     for name, shape in parameters():
         if name.endswith(".weights"):
             spread = np.sqrt(2 / np.prod(shape[:-1]))
             spread *= 0.2 if ".second" in name else 0.1 if name.startswith("scores") else 1.0
-            found[name] = (rng.normal(size=shape) * spread).astype(np.float32)
+            weights[name] = (rng.normal(size=shape) * spread).astype(np.float32)
         else:
-            found[name] = np.full(shape, float(name.endswith(".gain")), np.float32)
-    return found
+            weights[name] = np.full(shape, float(name.endswith(".gain")), np.float32)
+    return weights
 
 
 class _TensorFlow:
@@ -200,7 +200,7 @@ def _ahead(batches: Iterator[Batch], n: int) -> Iterator[Batch]:
 
     threading.Thread(target=fill, daemon=True).start()
     for _ in range(n):
-        found = queue.get()
-        if isinstance(found, BaseException):
-            raise found
-        yield found
+        batch = queue.get()
+        if isinstance(batch, BaseException):
+            raise batch
+        yield batch

@@ -47,8 +47,8 @@ class FloorNetwork:
         inputs : (h, w, 10) float32
             From :func:`~pgm_places.floor.raster.network_inputs`; h and w multiples of 16.
         """
-        found: Array = forward(inputs, self)
-        return found
+        logits: Array = forward(inputs, self)
+        return logits
 
     def convolution(self, x: Array, name: str, *, stride: int = 1, dilation: int = 1) -> Array:
         """The convolution of that name, as one matrix product for each band of rows."""
@@ -59,7 +59,7 @@ class FloorNetwork:
         h, w = x.shape[0] // stride, x.shape[1] // stride
         padded = np.pad(x, ((dilation, dilation), (dilation, dilation), (0, 0)))
         matrix = kernel.reshape(-1, kernel.shape[3])
-        found = np.empty((h, w, kernel.shape[3]), np.float32)
+        summed = np.empty((h, w, kernel.shape[3]), np.float32)
         band = max(1, _VALUES_AT_ONCE // (w * len(matrix)))
         around = np.empty((band, w, side * side, inputs), np.float32)
         for first in range(0, h, band):
@@ -70,9 +70,9 @@ class FloorNetwork:
                 columns = slice(left, left + (w - 1) * stride + 1, stride)
                 around[:n, :, k] = padded[rows, columns]
             product = around[:n].reshape(n * w, -1) @ matrix
-            found[first : first + n] = product.reshape(n, w, -1)
-        found += bias
-        return found
+            summed[first : first + n] = product.reshape(n, w, -1)
+        summed += bias
+        return summed
 
     def rectified(self, x: Array) -> Array:
         """The positive part, in place: nothing else reads it."""
@@ -81,9 +81,9 @@ class FloorNetwork:
     def normalised(self, x: Array, name: str) -> Array:
         """Every cell's channels over their root mean square, times a gain for each channel."""
         power = np.einsum("hwc,hwc->hw", x, x) / np.float32(x.shape[2])
-        found: Array = x * (1 / np.sqrt(power + np.float32(1e-3)))[..., None]
-        found *= self.weights[name]
-        return found
+        scaled: Array = x * (1 / np.sqrt(power + np.float32(1e-3)))[..., None]
+        scaled *= self.weights[name]
+        return scaled
 
     def enlarged(self, x: Array) -> Array:
         """Every cell as two by two."""

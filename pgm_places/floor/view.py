@@ -150,17 +150,17 @@ class _Piece:
 
         Views are added in their order, whichever thread is done first.
         """
-        found: list[NDArray[np.float32] | None] = [None] * len(views)
+        by_view: list[NDArray[np.float32] | None] = [None] * len(views)
 
         def look(task: int) -> None:
             view = views[task]
-            found[task] = self._seen(networks[view.network], view)
+            by_view[task] = self._seen(networks[view.network], view)
 
         with threadpool_limits(1, user_api="blas"):
             run_tasks(look, len(views), n_threads=n_threads)
         total = np.zeros((*self.free.shape, len(LABELS)), np.float32)[self.inner]
         first, second = np.zeros((2, *total.shape[:2]), np.float32)
-        for log_p in found:
+        for log_p in by_view:
             assert log_p is not None  # run_tasks has run them all
             total += log_p
             odds = np.logaddexp(log_p[..., _CORRIDOR], log_p[..., _HALL]) - log_p[..., _ROOM]
@@ -185,9 +185,9 @@ class _Piece:
 
 
 def _turned(values: NDArray[Any], view: View) -> NDArray[Any]:
-    found = np.rot90(values, view.quarters)
-    found = found[:, ::-1] if view.mirrored else found
-    return np.roll(found, (1, 1), (0, 1)) if view.shifted else np.ascontiguousarray(found)
+    turned = np.rot90(values, view.quarters)
+    turned = turned[:, ::-1] if view.mirrored else turned
+    return np.roll(turned, (1, 1), (0, 1)) if view.shifted else np.ascontiguousarray(turned)
 
 
 def _turned_back(values: NDArray[np.float32], view: View) -> NDArray[np.float32]:
@@ -197,8 +197,8 @@ def _turned_back(values: NDArray[np.float32], view: View) -> NDArray[np.float32]
 def _normalised(scores: NDArray[np.float32]) -> NDArray[np.float32]:
     """Scores (..., K) as log-probabilities."""
     shifted = scores - scores.max(axis=-1, keepdims=True)
-    found: NDArray[np.float32] = shifted - np.log(np.exp(shifted).sum(axis=-1, keepdims=True))
-    return found
+    log_p: NDArray[np.float32] = shifted - np.log(np.exp(shifted).sum(axis=-1, keepdims=True))
+    return log_p
 
 
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:

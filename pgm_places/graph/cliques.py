@@ -44,7 +44,7 @@ class Cliques:
         InputError
             A set is empty, or names a node twice or one that is not in the graph.
         """
-        found: list[NDArray[np.int64]] = []
+        members: list[NDArray[np.int64]] = []
         for number, nodes in enumerate(sets):
             name = f"cliques[{number}]"
             part = integer_array(name, nodes, ("M",), low=0, high=max(n_nodes, 1))
@@ -52,9 +52,9 @@ class Cliques:
                 raise InputError(
                     f"{name} must be one or more nodes, each once, got {part.tolist()}"
                 )
-            found.append(part.astype(np.int64))
-        start = np.cumsum([0, *(len(part) for part in found)])
-        return cls(frozen(np.concatenate([*found, np.zeros(0, np.int64)])), frozen(start))
+            members.append(part.astype(np.int64))
+        start = np.cumsum([0, *(len(part) for part in members)])
+        return cls(frozen(np.concatenate([*members, np.zeros(0, np.int64)])), frozen(start))
 
     @classmethod
     def of_segments(cls, segments: Sequence[int] | NDArray[np.int64]) -> Self:

@@ -112,8 +112,8 @@ def sparse_pairs(matrix: Any) -> tuple[int, NDArray[np.int64]]:
     require_sparse(matrix)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise InputError(f"matrix must have shape (N, N), got {matrix.shape}")
-    found = matrix.tocoo()
-    row, column = found.row[found.data != 0], found.col[found.data != 0]
+    entries = matrix.tocoo()
+    row, column = entries.row[entries.data != 0], entries.col[entries.data != 0]
     loops = row[row == column]
     if len(loops):
         raise InputError(
@@ -149,14 +149,14 @@ def mapped_edges(
     default: Any,
 ) -> NDArray[np.float64]:
     """(E,) the value of each edge by its two names in either order, the larger of two."""
-    found = []
+    largest = []
     for i, j in edges.tolist():
         pair = (names[i], names[j])
         both = [values[key] for key in (pair, pair[::-1]) if key in values]
         if not both and default is None:
             raise InputError(f"values has none for the edge {pair!r}; give a default")
-        found.append(max(both) if both else default)
-    return number_array("values", found)
+        largest.append(max(both) if both else default)
+    return number_array("values", largest)
 
 
 def mapped_nodes(

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, number_array, require_type
 from pgm_places.errors import InputError
-from pgm_places.graph._masks import grid_layout, lattice_mask
 from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.edge_list import (
@@ -30,7 +29,7 @@ from pgm_places.graph.edge_list import (
     sparse_pairs,
 )
 from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
-from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
+from pgm_places.graph.layout import CellMap, GridLayout, StepLayout, grid_layout, lattice_mask
 from pgm_places.graph.raster_edges import RasterEdges
 
 if TYPE_CHECKING:
@@ -259,8 +258,7 @@ class LabelGraph:
             Node attribute that holds ``(x, y)`` in metres; ignored unless every node has it.
         """
         names, pairs, positions = networkx_parts(graph, nodelist, position)
-        found = cls.from_edges(len(names), pairs, positions_m=positions)
-        return replace(found, node_names=names)
+        return replace(cls.from_edges(len(names), pairs, positions_m=positions), node_names=names)
 
     @classmethod
     def joined(cls, first: "LabelGraph", second: "LabelGraph", links: ArrayLike) -> Self:

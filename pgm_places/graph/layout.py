@@ -7,12 +7,12 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, sealed
+from pgm_places._checks import frozen, integer_array, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.mask_cells import MaskCells
 
-__all__ = ["CellMap", "GridLayout", "StepLayout", "painted"]
+__all__ = ["CellMap", "GridLayout", "StepLayout", "grid_layout", "lattice_mask", "painted"]
 
 
 @runtime_checkable
@@ -83,19 +83,19 @@ class GridLayout:
         source: CellMap | None = None,
     ) -> Self:
         """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
-        found = object.__new__(cls)
+        layout = object.__new__(cls)
         shape = (mask.shape[0], mask.shape[1])
         for name, value in (("shape", shape), ("walls", walls), ("source", source)):
-            object.__setattr__(found, name, value)
-        found._take(mask)
-        return found
+            object.__setattr__(layout, name, value)
+        layout._take(mask)
+        return layout
 
     @classmethod
     def of_map(cls, source: CellMap, mask: NDArray[np.bool_] | None = None) -> Self:
         """The layout of a map's free cells, or of those of them in a mask (H, W)."""
-        found = cls.of_mask(source.free if mask is None else mask, None, source)
-        object.__delattr__(found, "walls")
-        return found
+        layout = cls.of_mask(source.free if mask is None else mask, None, source)
+        object.__delattr__(layout, "walls")
+        return layout
 
     def __getattr__(self, name: str) -> Any:
         """What a layout was made without: its walls, or ``cells_rc``, kept from then on."""
@@ -110,8 +110,8 @@ class GridLayout:
     @property
     def cells(self) -> MaskCells:
         """The same cells, of which only those that are asked for are listed."""
-        found: MaskCells = self.__dict__["_cells"]
-        return found
+        cells_of_mask: MaskCells = self.__dict__["_cells"]
+        return cells_of_mask
 
     @property
     def n_nodes(self) -> int:
@@ -183,9 +183,9 @@ class GridLayout:
                 f"shape {cells.shape}"
             )
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
-        found = np.full(len(cells), -1, np.int64)
-        found[inside] = self.cells.nodes_at(cells[inside])
-        return found
+        nodes = np.full(len(cells), -1, np.int64)
+        nodes[inside] = self.cells.nodes_at(cells[inside])
+        return nodes
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""
@@ -226,3 +226,34 @@ class StepLayout:
     """The steps of a trajectory, in time order: node ``t`` is step ``t``."""
 
     n_steps: int
+
+
+def grid_layout(grid: CellMap | ArrayLike, mask: ArrayLike | None) -> GridLayout:
+    """The free cells of a map, or the true ones of a mask (H, W), that lie in another mask."""
+    source = grid if isinstance(grid, CellMap) else None
+    free = np.asarray(grid) if source is None else source.free
+    if source is None and (free.ndim != 2 or free.dtype != np.bool_):
+        raise InputError(
+            "from_grid takes an OccupancyGrid or a 2-D boolean mask, got an array of shape "
+            f"{free.shape} and dtype {free.dtype}"
+        )
+    if mask is not None:
+        chosen = np.asarray(mask, np.bool_)
+        if chosen.shape != free.shape:
+            raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
+        free = free & chosen
+    return GridLayout.of_mask(free) if source is None else GridLayout.of_map(source, free)
+
+
+def lattice_mask(nodes: tuple[int, ...] | ArrayLike) -> NDArray[np.bool_]:
+    """The cells of a lattice that are nodes, from its sizes or from a mask of any dimension."""
+    if isinstance(nodes, tuple):
+        sizes = integer_array("the lattice's sizes", nodes, ("D",), low=0, high=2**31)
+        return np.ones(sizes, np.bool_)
+    mask = np.asarray(nodes)
+    if mask.dtype != np.bool_ or mask.ndim == 0:
+        raise InputError(
+            "from_lattice takes a tuple of sizes or a boolean mask, got an array of shape "
+            f"{mask.shape} and dtype {mask.dtype}"
+        )
+    return mask

@@ -56,13 +56,13 @@ class MaskCells:
     def nodes_at(self, cells_rc: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
         """(n,) the number of each cell (n, 2) of the raster, -1 for those that are not true."""
         row, column = cells_rc.T
-        found = np.full(len(cells_rc), -1, np.int64)
+        nodes = np.full(len(cells_rc), -1, np.int64)
         for r, here in _by_value(row):
             before = np.cumsum(self.mask[r])
             column_here = column[here]
             number = self.row_start[r] + before[column_here] - 1
-            found[here] = np.where(self.mask[r, column_here], number, -1)
-        return found
+            nodes[here] = np.where(self.mask[r, column_here], number, -1)
+        return nodes
 
     def _range(self, first: int, stop: int) -> NDArray[np.int32]:
         low = int(np.searchsorted(self.row_start, first, "right")) - 1

@@ -191,13 +191,13 @@ def _median_margin(problem: Problem) -> float | None:
 def _about_labels(
     problem: Problem, truth: NDArray[np.int64], balance: dict[str, float]
 ) -> list[str]:
-    found = []
+    lines = []
     missing = [name for name, share in balance.items() if share == 0]
     rare = [name for name, share in balance.items() if 0 < share < RARE]
     if missing:
-        found.append(f"no node is labelled {_listed(missing)}: nothing can be learned of it")
+        lines.append(f"no node is labelled {_listed(missing)}: nothing can be learned of it")
     if rare:
-        found.append(
+        lines.append(
             f"{_listed(rare)}: under {100 * RARE:.0f} % of the labels; judge by balanced accuracy, "
             "and let class_weight count rare labels more"
         )
@@ -205,12 +205,12 @@ def _about_labels(
     if 0 < 2 * int(ends.all(axis=1).sum()) < FEW_INSIDE * int(ends.sum()) or (
         ends.any() and not ends.all(axis=1).any()
     ):
-        found.append(
+        lines.append(
             "most links of labelled nodes lead to nodes without a label: learned without these "
             "(unlabelled='dropped'), links would give all nodes one label; complete them "
             "('hidden'), or take relaxation"
         )
-    return found
+    return lines
 
 
 def _about_unary(problem: Problem, median: float | None) -> list[str]:

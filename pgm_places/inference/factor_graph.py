@@ -199,6 +199,6 @@ def _padded(
     edges = sorted(pairs)
     tables = np.zeros((len(edges), most, most))
     for table, edge in zip(tables, edges, strict=True):
-        found = pairs[edge]
-        table[: found.shape[0], : found.shape[1]] = found
+        ends = pairs[edge]
+        table[: ends.shape[0], : ends.shape[1]] = ends
     return LabelGraph.from_edges(len(nodes), edges), Potentials(unary, pairwise=tables)

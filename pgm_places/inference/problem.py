@@ -137,15 +137,15 @@ class LabelingProblem:
             return
         if self.cliques is None:
             raise InputError("clique_features need cliques, the sets of nodes that they are of")
-        found = finite_array(
+        features = finite_array(
             "clique_features", self.clique_features, (len(self.cliques.sizes), "G")
         )
-        if found.min(initial=0.0) < 0:
+        if features.min(initial=0.0) < 0:
             raise InputError(
-                f"clique_features must be at least 0, got {found.min():g}; split signed features "
-                "into a positive and a negative column"
+                f"clique_features must be at least 0, got {features.min():g}; split signed "
+                "features into a positive and a negative column"
             )
-        object.__setattr__(self, "clique_features", frozen(found))
+        object.__setattr__(self, "clique_features", frozen(features))
 
     def __repr__(self) -> str:
         given = [
@@ -258,13 +258,13 @@ class LabelingProblem:
     @property
     def evidence(self) -> NDArray[np.bool_]:
         """(N,) whether a label is known or forbidden at each node."""
-        found = np.zeros(self.graph.n_nodes, np.bool_)
+        known = np.zeros(self.graph.n_nodes, np.bool_)
         if self.known is not None:
-            found |= self.known >= 0
+            known |= self.known >= 0
         if self._forbids_some:
             assert self.unary is not None
-            found |= (self.unary == -np.inf).any(axis=1)
-        return found
+            known |= (self.unary == -np.inf).any(axis=1)
+        return known
 
     @property
     def _forbids_some(self) -> bool:
@@ -326,8 +326,8 @@ def evident_unary(
         require_no_cliques(problem)
     if problem.unary is None:
         raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
-    found = problem.with_evidence(problem.unary)
-    return found if single else found.astype(np.float64, copy=False)
+    unary = problem.with_evidence(problem.unary)
+    return unary if single else unary.astype(np.float64, copy=False)
 
 
 def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem]:
@@ -342,10 +342,10 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
     if not isinstance(problems, Iterable):
         raise InputError(f"problems must be a list of LabelingProblem, got {problems!r}")
-    found = list(problems)
-    for number, problem in enumerate(found):
+    listed = list(problems)
+    for number, problem in enumerate(listed):
         require_type(f"problems[{number}]", problem, LabelingProblem)
-    return found
+    return listed
 
 
 def weights_of(

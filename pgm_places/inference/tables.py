@@ -147,15 +147,15 @@ def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) ->
 
 def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float64] | None:
     """(rows, D) the columns that are none of the others; None where there is none."""
-    found = []
+    columns = []
     for column in _columns(table):
         if column in others:
             continue
         try:
-            found.append(np.asarray(table[column], np.float64))
+            columns.append(np.asarray(table[column], np.float64))
         except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{what}: column {shown(column)} holds values that are not numbers; leave it out, "
                 "or make a column of 0 and 1 of each of its values"
             ) from None
-    return np.stack(found, axis=1) if found else None
+    return np.stack(columns, axis=1) if columns else None

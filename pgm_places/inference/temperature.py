@@ -146,6 +146,6 @@ def _unknown(problem: LabelingProblem, truth: NDArray[np.int64]) -> NDArray[np.i
 
 def _flattened(beliefs: NDArray[Any], power: float) -> NDArray[Any]:
     """Rows to a power, summing to one; the greatest is 1 before, so that none is all zeros."""
-    found = (beliefs / beliefs.max(axis=1, keepdims=True)) ** beliefs.dtype.type(power)
-    found /= found.sum(axis=1, keepdims=True)
-    return found
+    flattened = (beliefs / beliefs.max(axis=1, keepdims=True)) ** beliefs.dtype.type(power)
+    flattened /= flattened.sum(axis=1, keepdims=True)
+    return flattened

@@ -137,7 +137,7 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
         raise LabelError(
             f"{where}: coordinates{steps}: a line needs at least two points [x, y] in metres"
         )
-    found = []
+    rectangles = []
     for line in lines:
         points: NDArray[np.float64] = np.array([point[:2] for point in line], np.float64)
         for start, end in itertools.pairwise(points):
@@ -148,8 +148,8 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
             first, last = start - ahead, end + ahead
             ring = np.array([first - side, last - side, last + side, first + side, first - side])
             ring.setflags(write=False)
-            found.append((ring,))
-    return tuple(found)
+            rectangles.append((ring,))
+    return tuple(rectangles)
 
 
 def _misplaced(value: Any, least: tuple[int, ...]) -> tuple[tuple[int, ...], Any] | None:

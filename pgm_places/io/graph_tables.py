@@ -45,7 +45,7 @@ def _read_parquet(path: Path, error: type[InputError]) -> Table:
     arrow = needed("pyarrow", extra="tables", purpose=f"reading {path.name}")
     with open_input(path, error, "a table (Parquet)", max_bytes=MAX_BYTES) as raw:
         try:
-            found: Table = parquet.read_table(raw).to_pydict()
+            columns: Table = parquet.read_table(raw).to_pydict()
         except (arrow.ArrowException, OSError) as problem:
             raise error(f"{path} is not a Parquet table: {_line(problem)}") from None
         except UnicodeDecodeError:
@@ -55,9 +55,9 @@ def _read_parquet(path: Path, error: type[InputError]) -> Table:
             ) from None
         except (ValueError, OverflowError) as problem:  # a date beyond the year 9999
             raise error(f"{path}: a value cannot be read: {_line(problem)}") from None
-    if not found or not next(iter(found.values())):
+    if not columns or not next(iter(columns.values())):
         raise error(f"{path} has no rows")
-    return found
+    return columns
 
 
 def read_graphml(

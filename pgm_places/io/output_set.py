@@ -107,11 +107,11 @@ def output_set(
         inside = shared or (target.is_dir() and not can_be_exchanged(target))
         parent = target if inside else target.parent
         with make_folders(parent), stage(parent, target.name) as aside:
-            found = OutputSet(shown, aside / NEW, [])
-            found.stage.mkdir()
-            with _named(found.stage, shown):
-                yield found
-            written = file_names(found.stage)
+            files = OutputSet(shown, aside / NEW, [])
+            files.stage.mkdir()
+            with _named(files.stage, shown):
+                yield files
+            written = file_names(files.stage)
             if not written:
                 return
             with locked(target):
@@ -120,12 +120,12 @@ def output_set(
                 old = _record(target) or {}
                 new = {name: entry for name, entry in old.items() if entry["by"] != by}
                 new |= {
-                    name: {"by": by, "sha256": _hash(found.stage / name)}
+                    name: {"by": by, "sha256": _hash(files.stage / name)}
                     for name in sorted(written)
                 }
-                (found.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
+                (files.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
                 swap_in(aside, target, old.keys() - new.keys(), in_place=inside)
-            found.written = [shown / name for name in sorted(written)]
+            files.written = [shown / name for name in sorted(written)]
 
 
 def claim(folder: Path | str, *, force: bool = False) -> Path:

@@ -267,14 +267,14 @@ class JointLabeler(Labeler):
             truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
             return JointExample(graph, getattr(of_cells[number[id(item)]], unary), scores, truth)
 
-        found = []
+        examples = []
         for driven, scores in zip(drives, of_steps, strict=True):
             assert driven.drive.labels is not None  # fit_with_scores has checked
             part = driven.drive.subset(driven.drive.labels >= 0)
-            found.append(example(driven.map, part, scores))
+            examples.append(example(driven.map, part, scores))
         with_drive = {id(item.map) for item in drives}
-        found += [example(item, None, None) for item in known if id(item) not in with_drive]
-        return found
+        examples += [example(item, None, None) for item in known if id(item) not in with_drive]
+        return examples
 
     def _link_weight(
         self, method: Any, examples: Sequence[JointExample], names: tuple[str, ...]
@@ -286,8 +286,8 @@ class JointLabeler(Labeler):
         figures = []
         for weight in LINK_WEIGHTS:
             labels = [method.infer(item.problem(names, weight)).labels for item in examples]
-            found = evaluate(truth, np.concatenate(labels), names)
-            figures.append(found.balanced_accuracy)
+            scores = evaluate(truth, np.concatenate(labels), names)
+            figures.append(scores.balanced_accuracy)
         return LINK_WEIGHTS[int(np.argmax(figures))]
 
     # ------------------------------------------------------------------ labelling
@@ -370,9 +370,9 @@ class JointLabeler(Labeler):
             There is no such option, or it does not take its value.
         """
         self.check_fitted()
-        found = copy.copy(self)
-        found.steps_ = self.steps_.with_options(**options)
-        return found
+        other = copy.copy(self)
+        other.steps_ = self.steps_.with_options(**options)
+        return other
 
     def of_maps(self) -> PlaceLabeler:
         """A labeler of maps alone, with the same list and method: its labels are those of a map.
@@ -390,10 +390,10 @@ class JointLabeler(Labeler):
         if self.link_weight_ is not None:  # without links, all edges have the same weight
             backend = replace(backend, edge_weights="equal")
         name, unary = METHODS.name_of(type(backend)), self.places_.method().unary
-        found = copy.copy(self.places_)
-        found.methods = {name: PlaceMethod(unfitted(backend), unary)}
-        found.methods_ = {name: PlaceMethod(backend, unary)}
-        return found
+        places = copy.copy(self.places_)
+        places.methods = {name: PlaceMethod(unfitted(backend), unary)}
+        places.methods_ = {name: PlaceMethod(backend, unary)}
+        return places
 
     def _part(self, name: str) -> Any:
         return as_backend(self.method) if name == "method" else super()._part(name)

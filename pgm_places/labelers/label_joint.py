@@ -69,17 +69,17 @@ def label_map_and_drive(
     for message in warnings:
         progress.warn(message)
     scores = labeler.scores(used, drive, n_threads=n_threads, progress=progress)
-    found = labeler.infer(scores)
+    labeling = labeler.infer(scores)
     cells = scores.graph.cells
     assert cells is not None and isinstance(cells.layout, GridLayout)
-    assert found.cells is not None and found.steps is not None  # there are a map and a drive
+    assert labeling.cells is not None and labeling.steps is not None  # there are a map and a drive
     places = on_own_raster(
         grid,
         used,
         cells.layout,
-        found.cells,
+        labeling.cells,
         label_names=labeler.label_names_,
         method=METHODS.name_of(type(labeler.method_)),
         warnings=warnings,
     )
-    return LabelledDrive(places, found.steps)
+    return LabelledDrive(places, labeling.steps)

@@ -215,7 +215,7 @@ def label_map(
     layout, labeling, doorways = _labelled(
         labeler, used, name, pinned, features_of, n_threads, progress
     )
-    found = on_own_raster(
+    places = on_own_raster(
         grid,
         used,
         layout,
@@ -227,11 +227,11 @@ def label_map(
         known=pinned,
     )
     if entered.unentered:
-        return found
+        return places
     unentered = find_unentered(
         grid, entered.disc_radius_m, except_at=None if pinned is None else pinned.on_map >= 0
     )
-    return _without(found, unentered) if unentered else found
+    return _without(places, unentered) if unentered else places
 
 
 def on_own_raster(

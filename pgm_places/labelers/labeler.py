@@ -135,12 +135,12 @@ class Labeler:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""
-        found = {name: getattr(self, name) for name in self._defaults()}
+        options = {name: getattr(self, name) for name in self._defaults()}
         if deep:
-            for name in list(found):
+            for name in list(options):
                 inner = _options_of(self._part(name), deep=True)
-                found |= {f"{name}__{key}": value for key, value in inner.items()}
-        return found
+                options |= {f"{name}__{key}": value for key, value in inner.items()}
+        return options
 
     def set_params(self, **params: Any) -> Self:
         """The labeler itself with other options; what it has learned stays until the next fit.
@@ -165,13 +165,13 @@ class Labeler:
         Options of a method go to the fitted one as well: ``method__mode="viterbi"``. Options that
         only learning reads take effect when the copy is fitted again.
         """
-        found = copy.copy(self).set_params(**params)
+        other = copy.copy(self).set_params(**params)
         for name, (_, inner) in _grouped(params).items():
             learned = getattr(self, f"{name}_", None)
             if inner and learned is not None:
-                setattr(found, f"{name}_", _changed(learned, inner))
-        found.check_options()
-        return found
+                setattr(other, f"{name}_", _changed(learned, inner))
+        other.check_options()
+        return other
 
     def __repr__(self) -> str:
         defaults = self._defaults()
@@ -221,7 +221,7 @@ class Labeler:
         """
         shared = learned_with({name: (method, "") for name, method in methods.items()})
         learned: dict[str, Mapping[str, Any]] = {}
-        found: dict[str, Self] = {}
+        labelers: dict[str, Self] = {}
         option = self._method_option
         for name, method in methods.items():
             start = time.perf_counter()
@@ -233,12 +233,12 @@ class Labeler:
                 with (progress or Silent()).stage(f"method {name}".rstrip()):
                     learned[name] = learn(method)
             spent = 0.0 if name in shared else time.perf_counter() - start
-            last = len(found) == len(methods) - 1
+            last = len(labelers) == len(methods) - 1
             labeler = self if last else copy.copy(self)
             if len(methods) > 1:
                 labeler.set_params(**{option: method})
-            found[name] = labeler.set_learned(learn_seconds_=spent, **learned[name])
-        return found
+            labelers[name] = labeler.set_learned(learn_seconds_=spent, **learned[name])
+        return labelers
 
     def check_fitted(self) -> None:
         """Refuse what only a fitted labeler can do.
@@ -272,16 +272,16 @@ def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
     if hasattr(value, "get_params") and not isinstance(value, type):
         return dict(value.get_params(deep))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        found = option_values(value)
+        options = option_values(value)
     elif isinstance(value, Mapping):
-        found = dict(value)
+        options = dict(value)
     else:
         return {}
     if deep:
-        for name in list(found):
-            inner = _options_of(found[name], deep=True)
-            found |= {f"{name}__{key}": item for key, item in inner.items()}
-    return found
+        for name in list(options):
+            inner = _options_of(options[name], deep=True)
+            options |= {f"{name}__{key}": item for key, item in inner.items()}
+    return options
 
 
 def _changed(value: Any, params: Mapping[str, Any]) -> Any:

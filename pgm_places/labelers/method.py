@@ -40,10 +40,10 @@ def as_backend(method: Any) -> Backend:
     ConfigError
         Neither a name nor something that can infer.
     """
-    found = build(method) if isinstance(method, str) else method
-    if isinstance(found, type) or not isinstance(found, Backend):
+    backend = build(method) if isinstance(method, str) else method
+    if isinstance(backend, type) or not isinstance(backend, Backend):
         raise ConfigError(f"a method must be a backend or a method's name, got {method!r}")
-    return found
+    return backend
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def place_methods(
     if not named:
         raise ConfigError("a labeler needs at least one method")
     auto: Unary = "space" if has_spaces else "context" if has_context else "laser"
-    found = {}
+    methods = {}
     for name, item in named.items():
         method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
         if method.unary == "context" and not has_context:
@@ -112,8 +112,8 @@ def place_methods(
                 f"method {name!r} needs unary='floor' but floor is None; give the networks, "
                 "for example floor=trained_floor()"
             )
-        found[name] = replace(method, unary=auto) if method.unary == "auto" else method
-    return found
+        methods[name] = replace(method, unary=auto) if method.unary == "auto" else method
+    return methods
 
 
 def unfitted(backend: Any) -> Any:
@@ -187,8 +187,8 @@ def infer_further(
     unary.
     """
     if "further" in inspect.signature(backend.infer).parameters:
-        found: Labeling = backend.infer(problem, further=further)
-        return found
+        labeling: Labeling = backend.infer(problem, further=further)
+        return labeling
     assert problem.unary is not None  # it is a problem of scores
     unary = problem.unary + further
     unary = unary - np.logaddexp.reduce(unary, axis=1, keepdims=True)

@@ -238,10 +238,10 @@ class PlaceLabeler(Labeler):
 
     def with_options(self, **params: Any) -> Self:
         """A copy that has learned the same and labels with other options; see the base class."""
-        found = super().with_options(**params)
+        other = super().with_options(**params)
         if "halls" in params and hasattr(self, "label_names_"):
-            found.label_names_ = shown_names(self.learned_names, self.unary_model_, found.halls)
-        return found
+            other.label_names_ = shown_names(self.learned_names, self.unary_model_, other.halls)
+        return other
 
     @property
     def learned_names(self) -> tuple[str, ...]:
@@ -361,14 +361,14 @@ class PlaceLabeler(Labeler):
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""
-        found, truths = [], []
+        labelings, truths = [], []
         for item in maps:
             graph, scores = self.scores(
                 item.grid, mask=item.cells, methods=None if method is None else [method]
             )
-            found.append(self.infer(graph, scores, method=method).labels)
+            labelings.append(self.infer(graph, scores, method=method).labels)
             truths.append(item.truth(graph))
-        labels, truth = np.concatenate(found), np.concatenate(truths)
+        labels, truth = np.concatenate(labelings), np.concatenate(truths)
         return float(np.mean((labels == truth)[truth >= 0]))
 
     def method(self, name: str | None = None) -> PlaceMethod:

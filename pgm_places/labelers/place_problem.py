@@ -67,10 +67,10 @@ def with_doorway_depth(
             inside = np.abs(along - along[likely].mean()) <= depth_m / 2
         near[node], kept[node[inside]] = True, True
     changed = np.flatnonzero(near & ~kept)
-    found = log_z.copy()
-    found[changed, doorway] += _LOG_FLOOR
-    found[changed] -= np.logaddexp.reduce(found[changed].T, axis=0)[:, np.newaxis]
-    return found
+    lowered = log_z.copy()
+    lowered[changed, doorway] += _LOG_FLOOR
+    lowered[changed] -= np.logaddexp.reduce(lowered[changed].T, axis=0)[:, np.newaxis]
+    return lowered
 
 
 def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:

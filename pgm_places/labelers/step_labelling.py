@@ -136,13 +136,13 @@ class StepLabelling(Labeler):
             truth = segments.majority(truth, len(self.label_names_))
         problem = self.problem(segments, scores)
         if map_prior is None:
-            found = infer(self.method_, problem, truth)
+            labeling = infer(self.method_, problem, truth)
         else:
             map_prior.check_labels(self.label_names_)
             means = segments.means(map_prior.at(trajectory.poses[:, :2]))
-            found = infer_further(self.method_, problem, map_prior.log_likelihood(means), truth)
-        beliefs = None if found.beliefs is None else found.beliefs[segments.of_step]
-        return replace(found, labels=found.labels[segments.of_step], beliefs=beliefs)
+            labeling = infer_further(self.method_, problem, map_prior.log_likelihood(means), truth)
+        beliefs = None if labeling.beliefs is None else labeling.beliefs[segments.of_step]
+        return replace(labeling, labels=labeling.labels[segments.of_step], beliefs=beliefs)
 
     def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
         """The graph of a trajectory's segments with the mean scores of their steps."""
@@ -165,15 +165,15 @@ class StepLabelling(Labeler):
             0.
         """
         self.check_fitted()
-        found, changed = self.with_options(every_m=every_m), 0.0
+        other, changed = self.with_options(every_m=every_m), 0.0
         if isinstance(self.method_, HiddenMarkovModel) and every_m != self.every_m:
             if not (every_m > 0 and self.every_m > 0):
                 raise InputError(
                     f"transitions for updates every {self.every_m:g} m cannot be rescaled to every "
                     f"{every_m:g} m; train the model at this distance"
                 )
-            found.method_, changed = self.method_.rescaled(self.every_m, every_m)
-        return found, changed
+            other.method_, changed = self.method_.rescaled(self.every_m, every_m)
+        return other, changed
 
     def _filter(self, map_prior: MapPrior | None = None) -> BeliefFilter:
         if not isinstance(self.method_, HiddenMarkovModel):

@@ -306,8 +306,10 @@ class StructuredLabeler(Labeler):
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
         """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
-        found = [item.labels for item in self.label_all(X)]
-        return [named(labels, self.label_names_) for labels in found] if self.named_ else found
+        labelings = [item.labels for item in self.label_all(X)]
+        return (
+            [named(labels, self.label_names_) for labels in labelings] if self.named_ else labelings
+        )
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
         """For each problem the (N, K) probabilities of its nodes' labels.
@@ -322,8 +324,10 @@ class StructuredLabeler(Labeler):
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
         problems, truths = checked(X, numbered(X, y)[0])
-        found = [item.labels for item in self.label_all(problems)]
-        result = evaluate(np.concatenate(truths), np.concatenate(found), problems[0].label_names)
+        labelings = [item.labels for item in self.label_all(problems)]
+        result = evaluate(
+            np.concatenate(truths), np.concatenate(labelings), problems[0].label_names
+        )
         return float(getattr(result, self.metric))
 
     # ------------------------------------------------------------------ checks

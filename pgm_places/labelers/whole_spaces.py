@@ -230,9 +230,9 @@ def _moved(
     """(N, K) the scores with those nodes moved: both labels share what they had together."""
     if not len(nodes):
         return log_z
-    found = log_z.copy()
+    moved = log_z.copy()
     both = np.logaddexp(log_z[nodes, pair[0]], log_z[nodes, pair[1]])
     old = label[nodes]
-    found[nodes, np.where(old == pair[0], pair[1], pair[0])] = both + _SHARE[0]
-    found[nodes, old] = both + _SHARE[1]
-    return found
+    moved[nodes, np.where(old == pair[0], pair[1], pair[0])] = both + _SHARE[0]
+    moved[nodes, old] = both + _SHARE[1]
+    return moved

@@ -304,11 +304,11 @@ class Coarsening:
 
     def holding(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(h, w) the coarse cells that hold the centre of a fine cell of a mask (H, W)."""
-        found = np.zeros(self.coarse.shape, np.bool_)
+        holding_cells = np.zeros(self.coarse.shape, np.bool_)
         for rows in bands_of_rows(self.fine.shape):
             r, c = np.nonzero(mask[rows])
-            found[holders(r + rows.start, self.factor), holders(c, self.factor)] = True
-        return found
+            holding_cells[holders(r + rows.start, self.factor), holders(c, self.factor)] = True
+        return holding_cells
 
     def paint(self, values: ArrayLike, fill: Any, *, rows: slice | None = None) -> NDArray[Any]:
         """Values of the coarse raster (h, w, ...) on the fine one, ``fill`` on cells not free.

@@ -86,13 +86,13 @@ def require_examples(maps: list[LabelledMap], label_names: tuple[str, ...]) -> N
     """Raise LabelError unless every label has at least one cell in some map."""
     counts = np.zeros(len(label_names), np.int64)
     for item in maps:
-        found = item.labels[item.labelled_cells]
-        if found.size and found.max() >= len(label_names):
+        labels = item.labels[item.labelled_cells]
+        if labels.size and labels.max() >= len(label_names):
             raise LabelError(
-                f"{item.name}: label index {found.max()} but there are only "
+                f"{item.name}: label index {labels.max()} but there are only "
                 f"{len(label_names)} labels: {', '.join(label_names)}"
             )
-        counts += np.bincount(found, minlength=len(label_names))
+        counts += np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if count == 0]
     if missing:
         where = ", ".join(item.name for item in maps)

@@ -43,10 +43,10 @@ class RasterRuns:
 
     def raster(self) -> NDArray[Any]:
         """(H, W) the raster, a new one each time."""
-        found = np.empty(self.shape, self.dtype)
+        raster_of_runs = np.empty(self.shape, self.dtype)
         for rows, (values, lengths) in zip(bands_of_rows(self.shape), self.bands, strict=True):
-            found[rows] = np.repeat(values, lengths).reshape(-1, self.shape[1])
-        return found
+            raster_of_runs[rows] = np.repeat(values, lengths).reshape(-1, self.shape[1])
+        return raster_of_runs
 
 
 def _runs(flat: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32]]:

@@ -190,10 +190,10 @@ def difference_canvas(
 
     def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
         picture = _ground(grid, cells)
-        true, found = truth[cells], predicted[cells]
-        compared = (true >= 0) & (found >= 0) & (picture == _IGNORED)
+        true, seen = truth[cells], predicted[cells]
+        compared = (true >= 0) & (seen >= 0) & (picture == _IGNORED)
         picture[compared] = (true[compared] + _FIRST).astype(np.uint8)
-        picture[compared & (true != found)] = wrong_index
+        picture[compared & (true != seen)] = wrong_index
         return picture
 
     return _canvas(paint, colours, view, grid, strong=wrong_index)

@@ -198,9 +198,9 @@ def _font(size: float, bold: bool = False) -> "ImageFont.FreeTypeFont | ImageFon
     """DejaVu Sans, which covers many scripts, from matplotlib's folder; else Pillow's own font."""
     from PIL import ImageFont
 
-    found = find_spec("matplotlib")  # does not import it
+    matplotlib = find_spec("matplotlib")  # does not import it
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    for folder in (found and found.submodule_search_locations) or ():
+    for folder in (matplotlib and matplotlib.submodule_search_locations) or ():
         path = Path(folder) / "mpl-data" / "fonts" / "ttf" / name
         if path.is_file():
             return ImageFont.truetype(path, size)

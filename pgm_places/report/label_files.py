@@ -92,8 +92,8 @@ def labelled_map(folder: Path) -> Path | None:
         return None
     record = read_json(path, InputError, "a summary of 'pgm-places label'", max_bytes=MAX_BYTES)
     name = record.get("map") if isinstance(record, dict) else None
-    found = Path(name) if isinstance(name, str) else None
-    return found if found is not None and found.is_file() else None
+    path_of_map = Path(name) if isinstance(name, str) else None
+    return path_of_map if path_of_map is not None and path_of_map.is_file() else None
 
 
 def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
@@ -115,8 +115,8 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
 
 def _in_bytes(shares: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
     """(N,) shares from 0 to 1 as 0 to 255, piece by piece: temporary copies take four times it."""
-    found = np.empty(len(shares), np.uint8)
+    levels = np.empty(len(shares), np.uint8)
     for first in range(0, len(shares), ROWS_AT_ONCE):
         some = slice(first, first + ROWS_AT_ONCE)
-        found[some] = np.round(255 * shares[some])
-    return found
+        levels[some] = np.round(255 * shares[some])
+    return levels

@@ -152,7 +152,7 @@ def _scale(
 def _legend(page: PixelFigure, axes: Any) -> None:
     """Below the axes, a line each."""
     handles, names = axes.get_legend_handles_labels()
-    found = page.figure.legend(
+    legend = page.figure.legend(
         handles,
         names,
         loc="lower left",
@@ -163,7 +163,7 @@ def _legend(page: PixelFigure, axes: Any) -> None:
         handlelength=3.2,
         borderaxespad=0.2,
     )
-    for text in found.get_texts():
+    for text in legend.get_texts():
         text.set_parse_math(False)
 
 

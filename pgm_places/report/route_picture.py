@@ -53,13 +53,13 @@ def write_routes(
         Where a file cannot be written.
     """
     closed = topology.ids_of(keep_out)
-    found = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
+    routes = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
     if for_nav2 is None:
-        write_nav2_route(folder / ROUTE_FILE, topology, found)
+        write_nav2_route(folder / ROUTE_FILE, topology, routes)
     else:
-        write_nav2(folder, topology, found, **for_nav2)
-    write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, found).png())
-    return found
+        write_nav2(folder, topology, routes, **for_nav2)
+    write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, routes).png())
+    return routes
 
 
 def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:

@@ -52,7 +52,7 @@ def write_places(
     gates = doorways if doorways is not None and len(doorways) else None
     save_settings(files.stage, PlaceSettings(rules, gates))  # first: a huge map has room for it now
     earlier = (files.folder / TOPOLOGY_FILE).exists()
-    found = topological_map(
+    topology = topological_map(
         rules=rules,
         correct=rules.correct,
         min_width_m=rules.min_width_m,
@@ -61,9 +61,9 @@ def write_places(
         **inputs,
     )
     write_topology(
-        files.stage, inputs["grid"], found, title=title, packing=packing, picture=picture
+        files.stage, inputs["grid"], topology, title=title, packing=packing, picture=picture
     )
-    return found
+    return topology
 
 
 def write_topology(

@@ -51,9 +51,9 @@ def track_page(track: Track, grid: OccupancyGrid) -> str:
     """The report as text: pictures and style are in it, and it loads nothing else."""
     labels = label_swatches(track.label_names)
     visits = _visits(track, labels)
-    found = None
+    scores = None
     if track.truth is not None and track.accuracy is not None:
-        found = evaluate(track.truth, track.labeling.labels, track.label_names)
+        scores = evaluate(track.truth, track.labeling.labels, track.label_names)
     return render(
         "track.html",
         title=f"{track.trajectory.name}: places along the path",
@@ -65,7 +65,7 @@ def track_page(track: Track, grid: OccupancyGrid) -> str:
         path_picture=data_uri(path_picture(track, grid)),
         belief_plot=data_uri(belief_plot(track)),
         totals=_totals(track, labels),
-        found=found,
+        found=scores,
         visits=visits[:MOST_VISITS],
         n_visits=len(visits),
     )

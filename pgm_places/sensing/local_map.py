@@ -190,12 +190,12 @@ class LocalMap:
         """
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
-        found, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
+        ranges, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
         x, y, window = self._place(where)
         limit = max_range_m / self.resolution_m
         through = self.through_unknown_m / self.resolution_m
-        cast_rays(window, Pose(x, y, float(where[2])), angles, limit, through, found, met)
-        return np.minimum(found * self.resolution_m, max_range_m), met
+        cast_rays(window, Pose(x, y, float(where[2])), angles, limit, through, ranges, met)
+        return np.minimum(ranges * self.resolution_m, max_range_m), met
 
     def to_grid(self) -> OccupancyGrid:
         """The window as a map: evidence above 0 is occupied, below 0 free, 0 unknown."""
@@ -233,13 +233,13 @@ class LocalMap:
             return None
         (first_column, first_row), (last_column, last_row) = low.tolist(), high.tolist()
         shape = -(-(last_row - first_row) // factor), -(-(last_column - first_column) // factor)
-        found = np.empty(shape, np.int8)
+        cells = np.empty(shape, np.int8)
         window = self._place(origin_xy)[2]
         values = OCCUPIED, FREE, UNKNOWN
         corners = (first_row, first_column), (last_row, last_column)
-        coarse_cells(window, *corners, factor, values, found)
+        coarse_cells(window, *corners, factor, values, cells)
         x, y = low * self.resolution_m + origin_xy
-        return OccupancyGrid(found, factor * self.resolution_m, (float(x), float(y)))
+        return OccupancyGrid(cells, factor * self.resolution_m, (float(x), float(y)))
 
     def _next_scan(self) -> int:
         self._scan += 1

@@ -130,18 +130,18 @@ class ScanCompletion:
         reach = np.float32(self.max_range_m)
         seen = self._seen
         bridged = _bridged(np.where(self.geometry.returned(ranges), ranges, np.nan), reach)
-        found = np.full((len(poses), self.n_beams), reach, np.float32)
-        found[:, seen] = bridged[:, self._beam_of[seen]]
+        completed = np.full((len(poses), self.n_beams), reach, np.float32)
+        completed[:, seen] = bridged[:, self._beam_of[seen]]
         if self.missing == "mirror":
-            found[:, ~seen] = found[:, self._mirror_of[~seen]]
-        return np.minimum(found, reach)
+            completed[:, ~seen] = completed[:, self._mirror_of[~seen]]
+        return np.minimum(completed, reach)
 
     def _filled_from_map(
         self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         reach = np.float32(self.max_range_m)
         seen = self._seen
-        found = np.where(seen, ranges[:, self._beam_of], reach)
+        filled = np.where(seen, ranges[:, self._beam_of], reach)
         returned = seen & self.geometry.returned(ranges)[:, self._beam_of]
         wanted = np.ones_like(returned) if self.all_from_map else ~returned
         for row, pose in enumerate(poses):
@@ -150,8 +150,8 @@ class ScanCompletion:
             # No return of a beam that the laser has means that there is no obstacle, unless the
             # map knows one: glass and black surfaces give no return either.
             open_space = seen[beams] & ~met & (not self.all_from_map)
-            found[row, beams] = np.where(open_space, reach, simulated)
-        return np.minimum(found, reach)
+            filled[row, beams] = np.where(open_space, reach, simulated)
+        return np.minimum(filled, reach)
 
     def _cast(
         self, pose: NDArray[np.float64], angles: NDArray[np.float64]

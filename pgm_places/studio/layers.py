@@ -187,7 +187,7 @@ class Layers:
                 if not places.size:
                     raise InputError(f"no probability is known of class {name[:40]!r}")
                 label = int(places[0])
-            raster = probability_raster(self._lesson.taught.found, label)
+            raster = probability_raster(self._lesson.taught.labelled, label)
             self._values[layer] = Pyramid(raster, _as_bytes)
         return self._values[layer]
 

@@ -70,10 +70,10 @@ def state_record(desk: Desk) -> dict[str, Any]:
         else {
             "number": desk.n_lessons,
             "revision": lesson.revision,
-            "method": lesson.taught.found.method,
+            "method": lesson.taught.labelled.method,
             "seconds": lesson.taught.seconds,
             "known": lesson.class_of.tolist(),
-            "warnings": list(lesson.taught.found.warnings),
+            "warnings": list(lesson.taught.labelled.warnings),
             "changed": "" if desk.changes is None else desk.changes.words(painting.classes.names),
             "agrees": desk.agrees,
         },
@@ -195,7 +195,7 @@ def _name(names: tuple[str, ...], label: int) -> str | None:
 
 
 def _beliefs(taught: Taught, row: int, column: int, *, unary: bool) -> dict[str, float] | None:
-    found = taught.unary if unary else taught.found
+    found = taught.unary if unary else taught.labelled
     beliefs = found.labeling.beliefs
     if beliefs is None:
         return None

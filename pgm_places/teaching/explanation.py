@@ -48,7 +48,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     view = _View.of(taught)
     node = view.node_at(x_m, y_m)
     model, labeler = taught.labeler.unary_model_, taught.labeler
-    sees_space = labeler.method(taught.found.method).sees_spaces
+    sees_space = labeler.method(taught.labelled.method).sees_spaces
     fitted = model.classifier
     ranges, row = _scan(model, view, node)
     spaces = None
@@ -57,7 +57,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
         around = spaces.features.lookup(view.layout.cells[node : node + 1])[0]
         row = np.concatenate([row, around])
     probability, added = _gate_effect(model, spaces, view.layout, node)
-    found, alone = taught.found, taught.unary
+    found, alone = taught.labelled, taught.unary
     final, before = (int(part.labels[view.cell_of(x_m, y_m)]) for part in (found, alone))
     names = taught.label_names
     [(x, y)] = view.grid.cell_centres_m(view.layout.cells[node : node + 1]).tolist()
@@ -146,7 +146,7 @@ class _View:
     def seen(self) -> FloorScores | None:
         """What networks make of the map, where the method looks at them."""
         labeler = self.taught.labeler
-        if labeler.method(self.taught.found.method).unary != "floor":
+        if labeler.method(self.taught.labelled.method).unary != "floor":
             return None
         return labeler.unary_model_.seen(self.grid)
 
@@ -225,7 +225,7 @@ def _questions(
 ) -> tuple[Question, ...]:
     own = n_columns(model.features)
     names = [*column_names(model.features), *_space_names(model)]
-    found = []
+    questions = []
     for k, classifier in enumerate(fitted.classifiers):
         slope, offset = fitted.calibration[k].tolist()
         parts = vote_parts(classifier, row)
@@ -237,8 +237,8 @@ def _questions(
         )
         number = int(fitted.classes[fitted.order[k]])
         label = learned[number] if number < len(learned) else "hall"
-        found.append(Question(label, offset + slope * parts.bias, votes))
-    return tuple(found)
+        questions.append(Question(label, offset + slope * parts.bias, votes))
+    return tuple(questions)
 
 
 def _space_names(model: UnaryModel) -> tuple[str, ...]:

@@ -66,13 +66,13 @@ class Learning:
                 unary = self._with_spaces(unary, painted, len(new), judge)
             else:
                 unary = self._with_laser(unary, paint.on(names), len(new))
-        found = copy.copy(labeler)
-        found.unary_model_, found.label_names_ = unary, (*names, *halls)
+        other = copy.copy(labeler)
+        other.unary_model_, other.label_names_ = unary, (*names, *halls)
         if new:
-            found.label_names = (*names, "hall") if unary.knows_halls else names
-            found.methods_ = found.methods = _for_new_classes(labeler.methods_)
-            found.movement_ = None
-        return found
+            other.label_names = (*names, "hall") if unary.knows_halls else names
+            other.methods_ = other.methods = _for_new_classes(labeler.methods_)
+            other.movement_ = None
+        return other
 
     def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
@@ -153,13 +153,13 @@ class _Rows:
         halls (``shown``) are painted themselves.
         """
         labels = self.lesson.labels
-        found = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
-        found[labels == shown] = hall
+        shifted = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
+        shifted[labels == shown] = hall
         circulation = np.flatnonzero(labels == corridor)
         if len(circulation) and not (labels == shown).any():
             log_z = fitted.log_histogram(self.of(self.lesson.nodes[circulation]))
-            found[circulation[log_z[:, hall] > log_z[:, corridor]]] = hall
-        return replace(self, lesson=replace(self.lesson, labels=found))
+            shifted[circulation[log_z[:, hall] > log_z[:, corridor]]] = hall
+        return replace(self, lesson=replace(self.lesson, labels=shifted))
 
 
 def _halls_last(fitted: BoostedList, hall: int) -> BoostedList:

@@ -112,17 +112,17 @@ def learned_further(
     n_old, n_taught = len(fitted.classes), len(np.unique(examples.labels))
     weight = options.keep * n_taught
 
-    def with_kept(part: Examples, found: BoostedList) -> Examples:
+    def with_kept(part: Examples, so_far: BoostedList) -> Examples:
         if not len(kept) or not weight:
             return part
-        return part.and_also(own_opinion(found, kept, weight))
+        return part.and_also(own_opinion(so_far, kept, weight))
 
-    found = fitted
+    boosted = fitted
     if (examples.labels < n_old).any():
-        part = with_kept(examples.where(examples.labels < n_old), found)
-        found = boosted_further(found, part, options, n_threads=n_threads)
+        part = with_kept(examples.where(examples.labels < n_old), boosted)
+        boosted = boosted_further(boosted, part, options, n_threads=n_threads)
     for label in range(n_old, int(examples.labels.max()) + 1):
-        part = with_kept(examples.where(examples.labels <= label), found)
-        number = int(found.classes[-1]) + 1
-        found = with_first_class(found, number, part, options, n_threads=n_threads)
-    return found
+        part = with_kept(examples.where(examples.labels <= label), boosted)
+        number = int(boosted.classes[-1]) + 1
+        boosted = with_first_class(boosted, number, part, options, n_threads=n_threads)
+    return boosted

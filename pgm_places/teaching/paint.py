@@ -129,15 +129,15 @@ class Paint:
     def features(self, grid: OccupancyGrid) -> dict[str, Any]:
         """The paint as a GeoJSON FeatureCollection: the exact outline of each painted piece."""
         pieces = connected_components(self.labels)
-        found = []
+        features = []
         for label, outline in zip(
             pieces.label.tolist(), outlines(pieces.piece, pieces.count, tolerance=0), strict=True
         ):
             listed = [[_ring(ring, grid) for ring in rings] for rings in outline.polygons]
             geometry = {"type": "MultiPolygon", "coordinates": listed}
             properties = {"class": self.classes[label]}
-            found.append({"type": "Feature", "geometry": geometry, "properties": properties})
-        return {"type": "FeatureCollection", "crs": LOCAL_METRES, "features": found}
+            features.append({"type": "Feature", "geometry": geometry, "properties": properties})
+        return {"type": "FeatureCollection", "crs": LOCAL_METRES, "features": features}
 
     @property
     def painted(self) -> NDArray[np.bool_]:

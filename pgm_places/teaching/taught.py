@@ -25,7 +25,7 @@ class Taught:
 
     Parameters
     ----------
-    found : LabelledPlaces
+    labelled : LabelledPlaces
         The labels and probabilities after the graph.
     unary : LabelledPlaces
         Those of each cell alone, before the graph; painted cells have the label of their paint.
@@ -42,7 +42,7 @@ class Taught:
         when it is first asked for.
     """
 
-    found: LabelledPlaces
+    labelled: LabelledPlaces
     unary: LabelledPlaces
     topology: TopologicalMap
     paint: Paint
@@ -56,17 +56,17 @@ class Taught:
     @property
     def grid(self) -> OccupancyGrid:
         """The map."""
-        return self.found.grid
+        return self.labelled.grid
 
     @property
     def label_names(self) -> tuple[str, ...]:
         """The K classes that labels and probabilities stand for."""
-        return self.found.label_names
+        return self.labelled.label_names
 
     @property
     def labels(self) -> NDArray[np.int16]:
         """(H, W) label of each free cell, -1 elsewhere; painted cells as painted."""
-        return self.found.labels
+        return self.labelled.labels
 
     @property
     def unary_labels(self) -> NDArray[np.int16]:
@@ -77,10 +77,10 @@ class Taught:
     def probabilities(self) -> NDArray[np.float32] | None:
         """(H, W, K) probability of each label after the graph, 0 outside free cells.
 
-        None if the method gives none. For single cells of a huge map use ``found.labeling.beliefs``
-        with ``found.layout``.
+        None if the method gives none. For single cells of a huge map use
+        ``labelled.labeling.beliefs`` with ``labelled.layout``.
         """
-        return _raster(self.found)
+        return _raster(self.labelled)
 
     @cached_property
     def unary_probabilities(self) -> NDArray[np.float32] | None:
@@ -90,7 +90,7 @@ class Taught:
     @property
     def gates(self) -> tuple[tuple[Gate, float], ...]:
         """The doorways found as gates, each with its probability; painted ones are certain."""
-        doorways = self.found.doorways
+        doorways = self.labelled.doorways
         if doorways is None:
             return ()
         return tuple(zip(doorways.gates, doorways.probability.tolist(), strict=True))
@@ -101,6 +101,6 @@ class Taught:
         return places_to_check(self.topology)
 
 
-def _raster(found: LabelledPlaces) -> NDArray[Any] | None:
-    beliefs = found.labeling.beliefs
-    return None if beliefs is None else found.on_map(beliefs.astype(np.float32), np.float32(0))
+def _raster(places: LabelledPlaces) -> NDArray[Any] | None:
+    beliefs = places.labeling.beliefs
+    return None if beliefs is None else places.on_map(beliefs.astype(np.float32), np.float32(0))

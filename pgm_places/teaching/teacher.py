@@ -344,17 +344,17 @@ class Teacher:
 
         unary = placed(infer(Independent(), problem), "independent")
         with progress.stage(f"labelling with {method}"), kept_in(self._field):
-            found = placed(infer(chosen.backend, problem), method)
+            labelled = placed(infer(chosen.backend, problem), method)
         with progress.stage("places"):
             topology = topological_map(
                 self.grid,
-                found.labels,
+                labelled.labels,
                 names,
                 rules=self.rules,
                 correct=self.rules.correct,
                 min_width_m=self.rules.min_width_m,
-                beliefs=found.labeling.beliefs,
-                layout=found.layout,
+                beliefs=labelled.labeling.beliefs,
+                layout=labelled.layout,
                 known=self.known_places,
                 doorways=doorways if self.rules.doorways == "gates" else None,
             )
@@ -373,4 +373,4 @@ class Teacher:
             and not isinstance(item.backend, Independent)
         }
         seconds = time.perf_counter() - start
-        return Taught(found, unary, topology, paint, labeler, seconds, others)
+        return Taught(labelled, unary, topology, paint, labeler, seconds, others)

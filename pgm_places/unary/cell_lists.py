@@ -124,8 +124,8 @@ class ContextPart:
 
         n_votes = len(self.fitted.classes) - 1
         table.prepare(self.unary, 0, n_votes)
-        found = table.scores(self.unary, nodes, _nothing(len(nodes)), votes)
-        self.scores[nodes, :n_votes] = found
+        scores = table.scores(self.unary, nodes, _nothing(len(nodes)), votes)
+        self.scores[nodes, :n_votes] = scores
 
 
 class SpaceList:
@@ -233,9 +233,9 @@ def without_halls(
 
     The share (N,) is the probability that circulation is a hall.
     """
-    found = log_z[:, :-1].copy()
-    found[:, corridor] = np.logaddexp(log_z[:, corridor], log_z[:, -1])
-    return found, np.exp(log_z[:, -1] - found[:, corridor])
+    folded = log_z[:, :-1].copy()
+    folded[:, corridor] = np.logaddexp(log_z[:, corridor], log_z[:, -1])
+    return folded, np.exp(log_z[:, -1] - folded[:, corridor])
 
 
 def on_labels(

@@ -56,7 +56,7 @@ def door_lines(gates: Gates, seen: FloorScores) -> NDArray[np.int64]:
         What networks make of the map.
     """
     grid = gates.segmentation.watershed.grid
-    found = [np.empty((0, 2), np.int64)]
+    pairs = [np.empty((0, 2), np.int64)]
     for points, probability in _blobs(grid, seen):
         middle = probability @ points / probability.sum()
         inside = _covered(gates, grid.cell_centres_m(middle[np.newaxis])) > 0
@@ -65,8 +65,8 @@ def door_lines(gates: Gates, seen: FloorScores) -> NDArray[np.int64]:
         away = np.hypot(*(points - middle).T)
         line = _line(grid, seen, points[np.lexsort((away, -probability))[:_POINTS]])
         if line is not None and _covered(gates, grid.cell_centres_m(line)) < _THROUGH:
-            found.append(_cells_on(line, grid.shape))
-    return np.concatenate(found)
+            pairs.append(_cells_on(line, grid.shape))
+    return np.concatenate(pairs)
 
 
 def _blobs(

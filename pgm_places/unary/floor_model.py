@@ -84,8 +84,8 @@ class FloorModel:
         log_p = seen.of(cells_rc).astype(np.float64)
         log_p[:, _CORRIDOR] = np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
         spread = seen.doubt(cells_rc)[:, np.newaxis].astype(np.float64)
-        found = log_p[:, self.columns] / np.sqrt(1 + np.pi / 8 * spread**2)
-        return np.asarray(found - np.logaddexp.reduce(found.T, axis=0)[:, np.newaxis])
+        logits = log_p[:, self.columns] / np.sqrt(1 + np.pi / 8 * spread**2)
+        return np.asarray(logits - np.logaddexp.reduce(logits.T, axis=0)[:, np.newaxis])
 
     def judged(
         self, seen: FloorScores, gates: Gates, probability: NDArray[np.float64]
@@ -166,7 +166,7 @@ def with_floor(
     Halls are among the corridors. ``hall`` (N,), the probability that circulation is a hall,
     becomes the mean of its log-odds and those of the networks.
     """
-    found = np.empty_like(log_z)
+    joined = np.empty_like(log_z)
     for first in range(0, len(log_z), ROWS_AT_ONCE):
         some = slice(first, first + ROWS_AT_ONCE)
         cells = layout.cells[some]
@@ -174,8 +174,8 @@ def with_floor(
             log_p = seen.of(cells).astype(np.float64)
             of_hall = log_p[:, _HALL] - np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
             hall[some] = _mean_probability(hall[some], of_hall, model.share)
-        found[some] = model.mean(log_z[some], model.evidence(seen, cells))
-    return found
+        joined[some] = model.mean(log_z[some], model.evidence(seen, cells))
+    return joined
 
 
 def _mean_probability(

@@ -46,17 +46,17 @@ class KeptTable:
     @classmethod
     def of_cells(cls, values: NDArray[np.float32]) -> Self:
         """Of one map: the laser and custom features (N, C) of its nodes, which are not copied."""
-        found = cls(np.arange(values.shape[1]))
-        found.values, found.row_of = values, np.arange(len(values))
-        found._written = np.ones(len(values), np.int64)
-        return found
+        table = cls(np.arange(values.shape[1]))
+        table.values, table.row_of = values, np.arange(len(values))
+        table._written = np.ones(len(values), np.int64)
+        return table
 
     def for_model(self) -> Self:
         """The same rows for another model; what networks have seen is known to it, too."""
-        found = type(self)(self.columns)
-        found.values, found.row_of, found._written = self.values, self.row_of, self._written
-        found._seen = self._seen
-        return found
+        table = type(self)(self.columns)
+        table.values, table.row_of, table._written = self.values, self.row_of, self._written
+        table._seen = self._seen
+        return table
 
     @property
     def n_rows(self) -> int:
@@ -166,6 +166,6 @@ def _same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
 
 def _grown(values: NDArray[T], n_rows: int) -> NDArray[T]:
     """The rows, with zeros behind them."""
-    found = np.zeros((n_rows, *values.shape[1:]), values.dtype)
-    found[: len(values)] = values
-    return found
+    grown = np.zeros((n_rows, *values.shape[1:]), values.dtype)
+    grown[: len(values)] = values
+    return grown

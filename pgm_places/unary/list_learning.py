@@ -62,8 +62,8 @@ def fitted_list(
     """
     remaining = without_a_domain(truth, domain)
     if len(remaining) == 1:  # all rows: a mask would copy them
-        found: BoostedList = like(unfitted).fit(values, truth, groups=groups).boosted_list_
-        return found
+        boosted: BoostedList = like(unfitted).fit(values, truth, groups=groups).boosted_list_
+        return boosted
     lists = []
     for seen in remaining:
         some = None if groups is None else groups[seen]
@@ -147,11 +147,11 @@ def scores_of(
     folds = np.unique(groups).tolist()
     if len({id(lists[fold]) for fold in folds}) == 1:
         return aligned_log_proba(lists[folds[0]], values, n_labels, n_threads)
-    found = np.empty((len(values), n_labels))
+    scores = np.empty((len(values), n_labels))
     for fold in folds:
         rows = groups == fold
-        found[rows] = aligned_log_proba(lists[fold], values[rows], n_labels, n_threads)
-    return found
+        scores[rows] = aligned_log_proba(lists[fold], values[rows], n_labels, n_threads)
+    return scores
 
 
 def with_temperatures(
@@ -201,5 +201,5 @@ def like(estimator: "DecisionListClassifier", **options: Any) -> "DecisionListCl
     """The same estimator, not fitted, with some options changed."""
     from sklearn.base import clone
 
-    found: DecisionListClassifier = clone(estimator).set_params(**options)
-    return found
+    other: DecisionListClassifier = clone(estimator).set_params(**options)
+    return other

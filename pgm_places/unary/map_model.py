@@ -240,15 +240,16 @@ class UnaryModel:
                     features[:] = own.take(np.arange(n), handed)
             else:
                 _from_table(own, needed, take, stage)
-        found = {item.unary: item.scores for item in lists}
+        by_unary = {item.unary: item.scores for item in lists}
         if second is not None:
             with progress.stage("spatial context"):
-                self._add_context(second, grid, layout, found["laser"], found["context"])
+                self._add_context(second, grid, layout, by_unary["laser"], by_unary["context"])
         hall = None if around is None else around.hall
         if seen is not None and self.floor is not None and around is not None:
-            found["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
+            by_unary["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
         laser, context, space, floor = (
-            sealed(found[name]) if name in found and name in unaries else None for name in UNARIES
+            sealed(by_unary[name]) if name in by_unary and name in unaries else None
+            for name in UNARIES
         )
         return CellScores(
             laser,

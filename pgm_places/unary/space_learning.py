@@ -46,14 +46,14 @@ class LearnedSpaces:
 
     def columns(self, some: NDArray[np.int64]) -> NDArray[np.float32]:
         """(n, F) what some cells see of their spaces."""
-        found = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
+        table = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
         starts = np.cumsum([0, *self.cells.sizes])
         number = np.searchsorted(starts, some, side="right") - 1
         for m in np.unique(number).tolist():
             mine = number == m
             cells = self.cells.layout(m).cells[some[mine] - starts[m]]
-            found[mine] = self.spaces[m].features.lookup(cells)
-        return found
+            table[mine] = self.spaces[m].features.lookup(cells)
+        return table
 
     def scores(self, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, K) the scores of all cells, those of doorways weighed by the gates."""
@@ -139,20 +139,20 @@ def gate_list(
     unfitted = DecisionListClassifier(order=[1, 0], n_threads=n_threads, **GATE_OPTIONS)
     unfitted.set_params(calibration="platt" if several else "none")
     groups = fold[seen] if several else None
-    found: BoostedList = unfitted.fit(values[seen], truth[seen], groups=groups).boosted_list_
-    return found
+    boosted: BoostedList = unfitted.fit(values[seen], truth[seen], groups=groups).boosted_list_
+    return boosted
 
 
 def _folds(cells: TrainingCells, gates: list[Gates]) -> NDArray[np.int64]:
     """(G,) the fold of the labelled cell that is nearest to each gate."""
     from scipy.spatial import cKDTree
 
-    found = []
+    folds = []
     for item, groups, known in zip(gates, cells.by_map(cells.groups), cells.maps, strict=True):
         if len(item) and len(groups):
             centres = known.grid.cell_centres_m(np.argwhere(known.labelled_cells))
             nearest = cKDTree(centres).query(item.centre_m)[1]
-            found.append(groups[nearest])
+            folds.append(groups[nearest])
         else:
-            found.append(np.full(len(item), -1))
-    return np.concatenate(found)
+            folds.append(np.full(len(item), -1))
+    return np.concatenate(folds)

@@ -114,14 +114,14 @@ class MapSpaces:
 
     def nodes_and_gates(self, layout: GridLayout) -> NDArray[np.int64]:
         """(M, 2) each node of a layout that lies at a gate, and that gate; gate after gate."""
-        found = [np.empty((0, 2), np.int64)]
+        pairs = [np.empty((0, 2), np.int64)]
         for first in range(0, len(self.gates), _GATES_AT_ONCE):
             some = range(first, min(first + _GATES_AT_ONCE, len(self.gates)))
             cells = [self._cells_at(self.gates[g]) for g in some]
             node = layout.nodes_at(np.concatenate(cells))
             number = np.repeat(some, [len(item) for item in cells])
-            found.append(np.stack([node, number], axis=1)[node >= 0])
-        return np.concatenate(found)
+            pairs.append(np.stack([node, number], axis=1)[node >= 0])
+        return np.concatenate(pairs)
 
     def _cells_at(self, gate: Gate) -> NDArray[np.int64]:
         """(n, 2) the cells that lie at a gate, free or not."""
@@ -206,9 +206,9 @@ class SpaceModel:
         """
         heard = None if self.gates is None else judge
         if heard is not None and len(cuts := heard.cuts(candidates)):
-            found = candidates.segmentation
-            grid, ratios = found.watershed.grid, found.ratios
-            del candidates, found  # nobody holds two segmentations of a huge map
+            segmentation = candidates.segmentation
+            grid, ratios = segmentation.watershed.grid, segmentation.ratios
+            del candidates, segmentation  # nobody holds two segmentations of a huge map
             candidates = gate_candidates(Segmentation.of(grid, ratios, cuts))
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         if heard is not None:
@@ -247,10 +247,10 @@ def with_gates(
     log_z: NDArray[np.float64], at_gate: NDArray[np.float32], doorway: int
 ) -> NDArray[np.float64]:
     """(N, K) log z with the odds of the doorway times max(1.2 g, 0.02), normalised again."""
-    found = np.empty_like(log_z)
+    joined = np.empty_like(log_z)
     for first in range(0, len(log_z), ROWS_AT_ONCE):
         some = slice(first, first + ROWS_AT_ONCE)
-        found[some] = log_z[some]
-        found[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
-        found[some] -= np.logaddexp.reduce(found[some].T, axis=0)[:, None]
-    return found
+        joined[some] = log_z[some]
+        joined[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
+        joined[some] -= np.logaddexp.reduce(joined[some].T, axis=0)[:, None]
+    return joined

@@ -39,3 +39,15 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
         "reproduce.html",
         "reproduce.md",
     ]
+
+
+def test_an_installed_package_says_where_the_experiments_are(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pgm_places.cli.reproduce._CHECKOUT", tmp_path)
+    code, text, error = run("reproduce", "7.1", "--out", tmp_path / "out")
+    assert (code, text) == (2, "")
+    assert error == (
+        "pgm-places: the paper's experiments come with the source, not with the installed package; "
+        "get a checkout of it, run 'pip install --editable .' there, and try again\n"
+    )

@@ -188,7 +188,7 @@ def test_only_what_paint_can_reach_is_scored_anew(monkeypatch: pytest.MonkeyPatc
     assert sum(scored) < n_cells / 2
     fresh = Teacher(grid, labeler).label(paint)
     np.testing.assert_array_equal(again.labels, fresh.labels)
-    np.testing.assert_array_equal(again.found.labeling.beliefs, fresh.found.labeling.beliefs)
+    np.testing.assert_array_equal(again.labelled.labeling.beliefs, fresh.labelled.labeling.beliefs)
     taught = teacher.teach(paint)
     np.testing.assert_array_equal(taught.labels, Teacher(grid, labeler).teach(paint).labels)
 

@@ -12,7 +12,7 @@ from typing import Any
 from pgm_places._extras import needed
 from pgm_places.errors import LogError, PgmPlacesError, printable
 from pgm_places.io.input_file import file_kind, user_path
-from pgm_places.io.logs.unpacking import check_mcap, check_ros1, plain_storage
+from pgm_places.io.logs.unpacking import bounded_chunks, plain_storage
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 
@@ -46,35 +46,28 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         raise LogError(f"{path}: no such file or folder; expected a ROS bag")
     if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
+    is_folder = file_kind(path) == "folder"
+    storage = plain_storage(path) if is_folder else contextlib.nullcontext([path])
     try:
-        with _checked(path) as files, contextlib.ExitStack() as stack:
-            with _without_qos():
+        with storage as files, contextlib.ExitStack() as stack:
+            with _without_qos(), bounded_chunks(files):
                 reader = highlevel.AnyReader(files, default_typestore=definitions)
                 stack.enter_context(reader)
             yield reader
+    except LogError as error:
+        name = str(path)
+        raise error if name in str(error) else LogError(f"{path}: {error}") from None
     except PgmPlacesError:
         raise
     # Damaged bytes make rosbags, the databases below it and whoever uses its messages raise
     # anything at all; wrong sizes even end in MemoryError.
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        said = str(error).rstrip(". ")
+        reason = f"{type(error).__name__}: {said}" if said else type(error).__name__
         raise LogError(
             f"cannot read the bag {path}: {printable(reason)[:300]}; is it complete? "
             "'rosbag reindex', 'ros2 bag reindex' and 'mcap recover' repair truncated recordings"
         ) from error
-
-
-@contextlib.contextmanager
-def _checked(path: Path) -> Iterator[list[Path]]:
-    """The files to open, once nothing in them states or unpacks to too much."""
-    is_folder = file_kind(path) == "folder"
-    with plain_storage(path) if is_folder else contextlib.nullcontext([path]) as files:
-        for file in files:
-            if file.suffix == ".mcap":
-                check_mcap(file)
-            elif file.suffix == ".bag":
-                check_ros1(file)
-        yield files
 
 
 @contextlib.contextmanager

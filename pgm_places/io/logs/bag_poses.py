@@ -114,8 +114,8 @@ def at_times(
     known = np.ones(len(times_s), np.bool_)
     mirrored = False
     for track in chain:
-        inner, found = track.at(times_s, lookup, max_gap_s)
-        known &= found
+        inner, there = track.at(times_s, lookup, max_gap_s)
+        known &= there
         side = -1.0 if mirrored else 1.0
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x, y = inner[:, 0], side * inner[:, 1]

@@ -98,8 +98,8 @@ def read_bag(
     trajectory, warnings = scans.trajectory(Path(path).stem)
     warnings += poses.warnings
     times = trajectory.times_s
-    found, known, mirrored = at_times(poses.chain, times, lookup, max_gap_s)
-    trajectory = replace(trajectory, poses=found)
+    poses_found, known, mirrored = at_times(poses.chain, times, lookup, max_gap_s)
+    trajectory = replace(trajectory, poses=poses_found)
     if mirrored:
         trajectory = _turned_round(trajectory)
     if wheels is not None:
@@ -137,12 +137,12 @@ class _Bag:
         """The topic that was asked for, or the only one of its kinds."""
         names = " or ".join(kind.rpartition("/")[2] for kind in kinds)
         if wanted is None:
-            found = self.of_type(kinds)
-            if len(found) == 1:
-                return found[0]
-            if found:
+            topics = self.of_type(kinds)
+            if len(topics) == 1:
+                return topics[0]
+            if topics:
                 raise LogError(
-                    f"{self.path} has several topics of {names}: {', '.join(found)}; choose one "
+                    f"{self.path} has several topics of {names}: {', '.join(topics)}; choose one "
                     f"as {option}"
                 )
             raise LogError(f"{self.path} has no {names} messages; {self._holds()}")

@@ -358,10 +358,10 @@ def _with_real_odometry(trajectory: Trajectory) -> Trajectory:
 
 def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Trajectory:
     if not reader.odometry:
-        found = ", ".join(f"{count} {kind[:20]}" for kind, count in reader.counts.most_common(5))
+        kinds = ", ".join(f"{count} {kind[:20]}" for kind, count in reader.counts.most_common(5))
         raise LogError(
             f"{path} holds no readable laser scans or odometry "
-            f"(lines: {found or 'none'}); is it a complete CARMEN log?"
+            f"(lines: {kinds or 'none'}); is it a complete CARMEN log?"
         )
     rows = np.frombuffer(reader.odometry).reshape(-1, 4)
     if len(rows) > MAX_SCANS:

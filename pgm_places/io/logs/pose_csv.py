@@ -67,12 +67,12 @@ def read_pose_csv(
         columns = _Columns.of(table)
         numbers, texts = table.read(columns.numbers, [] if place is None else [place])
     time, heading, degrees = columns.time, columns.heading, columns.degrees
-    found = dict(zip(columns.optional, numbers.T[2:], strict=True))
-    times = np.arange(len(numbers), dtype=np.float64) if time is None else found[time]
+    values = dict(zip(columns.optional, numbers.T[2:], strict=True))
+    times = np.arange(len(numbers), dtype=np.float64) if time is None else values[time]
     if heading is not None:
-        headings = found[heading]
+        headings = values[heading]
     elif degrees is not None:
-        headings = np.deg2rad(found[degrees])
+        headings = np.deg2rad(values[degrees])
     else:
         headings = headings_along(numbers[:, :2])
     poses = np.column_stack([numbers[:, :2], headings])
@@ -126,16 +126,16 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
     columns = _Columns.of(table)
     before, heading = None, 0.0
     for number, (values, _) in enumerate(table.rows(columns.numbers)):
-        found = dict(zip(columns.numbers, values, strict=True))
+        values_of = dict(zip(columns.numbers, values, strict=True))
         here = np.array(values[:2])
         if columns.heading is not None:
-            heading = found[columns.heading]
+            heading = values_of[columns.heading]
         elif columns.degrees is not None:
-            heading = float(np.deg2rad(found[columns.degrees]))
+            heading = float(np.deg2rad(values_of[columns.degrees]))
         elif before is not None and (here != before).any():
             heading = float(np.arctan2(*(here - before)[::-1]))
         before = here
-        time_s = float(number) if columns.time is None else found[columns.time]
+        time_s = float(number) if columns.time is None else values_of[columns.time]
         yield time_s, np.array([*here, heading])
 
 

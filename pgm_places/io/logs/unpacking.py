@@ -6,26 +6,19 @@ A kilobyte of bz2 or Zstandard can hold a gigabyte of zeros, and ``rosbags`` unp
 import bz2
 import importlib
 import shutil
-import struct
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import IO, Any
+from typing import Any
 
 from pgm_places.errors import LogError, printable, shown
 from pgm_places.io.input_file import file_kind, open_input
 from pgm_places.io.strict_yaml import read_yaml
 
-__all__ = [
-    "MAX_CHUNK_BYTES",
-    "check_mcap",
-    "check_ros1",
-    "plain_storage",
-    "unpacked_size",
-    "zstd_module",
-]
+__all__ = ["MAX_CHUNK_BYTES", "bounded_chunks", "plain_storage", "unpacked", "zstd_module"]
 
 
 MAX_CHUNK_BYTES = 256 << 20
@@ -44,40 +37,73 @@ def zstd_module() -> Any:
     )
 
 
-def unpacked_size(compression: str, data: bytes, most: int) -> int:
-    """How many bytes the data of a chunk become, counted up to a limit without keeping them.
+def unpacked(compression: str, data: bytes) -> bytes:
+    """What the data of a chunk hold: at most 256 MiB.
 
     Parameters
     ----------
-    compression : {"bz2", "lz4"}
+    compression : {"bz2", "lz4", "zstd"}
     data : bytes
-    most : int
-        Counting ends above this.
 
     Raises
     ------
-    ValueError
-        The data are damaged or truncated.
+    LogError
+        It would be more, or the data are truncated.
+    OSError, RuntimeError, ZstdError
+        The data are damaged.
     """
-    total = 0
-    while data and total <= most:
-        unpack = _decompressor(compression)
-        try:
-            while not unpack.eof and total <= most:
-                piece = unpack.decompress(data, _PIECE)
-                if not piece and unpack.needs_input and not unpack.eof:
-                    raise ValueError("it is truncated")
-                total, data = total + len(piece), b""
-        except (OSError, RuntimeError) as error:
-            raise ValueError(str(error)) from None
-        data = unpack.unused_data or b""
-    return total
+    pieces: list[bytes] = []
+    size = 0
+    while data:
+        decompressor = _decompressor(compression)
+        while not decompressor.eof:
+            piece = decompressor.decompress(data, _PIECE)
+            if not piece and decompressor.needs_input and not decompressor.eof:
+                raise LogError(f"a chunk of {compression} is truncated")
+            pieces.append(piece)
+            size, data = size + len(piece), b""
+            if size > MAX_CHUNK_BYTES:
+                raise LogError(f"a chunk unpacks to more than {MAX_CHUNK_BYTES} bytes")
+        data = decompressor.unused_data or b""
+    return b"".join(pieces)
+
+
+@contextmanager
+def bounded_chunks(files: Sequence[Path]) -> Iterator[None]:
+    """While a bag is opened: ``rosbags``, which unpacks without limits, gets decompressors of ours.
+
+    All chunks of a ROS 1 bag together may become 16 MiB and a thousand times its size. Those of
+    MCAP are unpacked by what the module holds when they are read; ours stay, since bags may be open
+    side by side.
+    """
+    left = [FREE_BYTES + MOST_TIMES * sum(file.stat().st_size for file in files)]
+
+    def within_budget(compression: str, data: bytes) -> bytes:
+        content = unpacked(compression, data)
+        left[0] -= len(content)
+        if left[0] < 0:
+            raise LogError(
+                f"it unpacks to more than {MOST_TIMES} times its size, which no recording does"
+            )
+        return content
+
+    mcap = importlib.import_module("rosbags.rosbag2.storage_mcap").DECOMPRESSORS
+    mcap.update({name: lambda data, _, n=name: unpacked(n, data) for name in ("lz4", "zstd")})
+    ros1 = importlib.import_module("rosbags.rosbag1.reader").decompressors
+    before = dict(ros1)
+    ros1.update({name: partial(within_budget, name) for name in ("bz2", "lz4")})
+    try:
+        yield
+    finally:
+        ros1.update(before)
 
 
 def _decompressor(compression: str) -> Any:
     if compression == "bz2":
         return bz2.BZ2Decompressor()
-    return importlib.import_module("lz4.frame").LZ4FrameDecompressor()
+    if compression == "lz4":
+        return importlib.import_module("lz4.frame").LZ4FrameDecompressor()
+    return zstd_module().ZstdDecompressor()
 
 
 @contextmanager
@@ -120,7 +146,7 @@ def plain_storage(folder: Path) -> Iterator[list[Path]]:
 def _unpacked(path: Path, folder: Path) -> Path:
     """The file in a folder, which is bounded while it is written."""
     target = folder / path.stem
-    room = shutil.disk_usage(folder).free - FREE_BYTES
+    free_bytes = shutil.disk_usage(folder).free - FREE_BYTES
     zstd = zstd_module()
     total = 0
     try:
@@ -137,7 +163,7 @@ def _unpacked(path: Path, folder: Path) -> Path:
                         f"{path}: it unpacks to more than {MOST_TIMES} times its size, which no "
                         "recording does"
                     )
-                if total > room:
+                if total > free_bytes:
                     raise LogError(
                         f"{path}: there is not enough space to unpack it in {folder.parent}; "
                         "set TMPDIR to "
@@ -147,196 +173,3 @@ def _unpacked(path: Path, folder: Path) -> Path:
     except (zstd.ZstdError, EOFError) as error:
         raise LogError(f"{path} is damaged: {printable(str(error))}") from None
     return target
-
-
-_MAGIC = b"#ROSBAG V2.0\n"
-
-_FILE, _CHUNK, _CHUNK_INFO = b"\x03", b"\x05", b"\x06"
-
-_MAX_HEADER = 16 << 20
-
-
-def check_ros1(path: Path) -> None:
-    """Refuse a bag whose records state wrong sizes, or whose chunks unpack to too much.
-
-    Raises
-    ------
-    LogError
-        It is damaged or truncated; a chunk has more than 256 MiB, or all together more than 16 MiB
-        and a thousand times the file's size.
-    """
-    length = path.stat().st_size
-    starts, chunks, index, named = {0, length}, set(), set(), set()
-    total = 0
-    with open_input(path, LogError, "a ROS 1 bag") as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
-            raise LogError(f"{path} is not a ROS 1 bag of version 2.0")
-        while (start := file.tell()) < length:
-            record = _Record(path, file, length)
-            starts.add(start)
-            if record.kind == _FILE:
-                index.add(record.number(b"index_pos", 8))
-            elif record.kind == _CHUNK:
-                chunks.add(start)
-                total += _chunk_size(record, file)
-            elif record.kind == _CHUNK_INFO:
-                named.add(record.number(b"chunk_pos", 8))
-                if record.number(b"count", 4) * 8 != record.size:
-                    raise LogError(f"{record.where} is damaged")
-            file.seek(record.end)
-            if total > FREE_BYTES + MOST_TIMES * length:
-                raise LogError(
-                    f"{path}: it unpacks to more than {MOST_TIMES} times its size, which no "
-                    "recording does"
-                )
-    if not (index <= starts and named <= chunks):
-        wrong = min((index - starts) | (named - chunks))
-        raise LogError(f"{path}: its index names a record at byte {wrong}; none is")
-
-
-class _Record:
-    """The header of a record, and where its data begin and end."""
-
-    def __init__(self, path: Path, file: IO[bytes], length: int) -> None:
-        self.where = f"{path}: the record at byte {file.tell()}"
-        self.fields = dict(self._fields(self._sized(file, length)))
-        self.kind = self.fields.get(b"op")
-        (self.size,) = struct.unpack("<L", self._exactly(file, 4))
-        self.end = file.tell() + self.size
-        if self.end > length:
-            raise LogError(
-                f"{self.where} states {self.size} bytes, but the file ends before that; is it "
-                "complete? "
-                "'rosbag reindex' repairs truncated recordings"
-            )
-
-    def number(self, name: bytes, n_bytes: int) -> int:
-        """A number of the header."""
-        value = self.fields.get(name, b"")
-        if len(value) != n_bytes:
-            raise LogError(f"{self.where} is damaged")
-        return int.from_bytes(value, "little")
-
-    def _sized(self, file: IO[bytes], length: int) -> bytes:
-        (size,) = struct.unpack("<L", self._exactly(file, 4))
-        if size > min(length, _MAX_HEADER):
-            raise LogError(f"{self.where} is damaged")
-        return self._exactly(file, size)
-
-    def _exactly(self, file: IO[bytes], n_bytes: int) -> bytes:
-        data = file.read(n_bytes)
-        if len(data) != n_bytes:
-            raise LogError(f"{self.where} is truncated; 'rosbag reindex' repairs such recordings")
-        return data
-
-    def _fields(self, header: bytes) -> Iterator[tuple[bytes, bytes]]:
-        at = 0
-        while at < len(header):
-            size = int.from_bytes(header[at : at + 4], "little")
-            name, _, value = header[at + 4 : at + 4 + size].partition(b"=")
-            yield name, value
-            at += 4 + size
-
-
-def _chunk_size(record: _Record, file: IO[bytes]) -> int:
-    """The size of a chunk once unpacked, if it is the one that it states."""
-    stated = record.number(b"size", 4)
-    compression = record.fields.get(b"compression", b"").decode("latin-1")
-    if stated > MAX_CHUNK_BYTES:
-        raise LogError(f"{record.where} states {stated} bytes; at most {MAX_CHUNK_BYTES} are read")
-    if compression == "none":
-        return record.size
-    if compression not in ("bz2", "lz4"):
-        raise LogError(f"{record.where} is compressed by {printable(compression)}")
-    try:
-        found = unpacked_size(compression, file.read(record.size), stated)
-    except ValueError as error:
-        raise LogError(f"{record.where} is damaged: {printable(str(error))}") from None
-    if found != stated:
-        more = "more" if found > stated else found
-        raise LogError(f"{record.where} states {stated} bytes, but its data unpack to {more}")
-    return found
-
-
-_MOST_LZ4 = 255
-"""The largest factor by which LZ4 can expand its data."""
-
-_MCAP_MAGIC = b"\x89MCAP0\r\n"
-
-_FOOTER, _MCAP_CHUNK, _CHUNK_INDEX = 0x02, 0x06, 0x08
-
-
-def check_mcap(path: Path) -> None:
-    """Refuse a file whose records, chunks or index state wrong sizes or positions.
-
-    Raises
-    ------
-    LogError
-        It is damaged or truncated, or has a chunk of more than 256 MiB.
-    """
-    with open_input(path, LogError, "an MCAP file") as file:
-        length = path.stat().st_size
-        if file.read(len(_MCAP_MAGIC)) != _MCAP_MAGIC:
-            raise LogError(f"{path} is not an MCAP file")
-        chunks, indexed = set(), set()
-        while len(head := file.read(9)) == 9:
-            kind, size = struct.unpack("<BQ", head)
-            start = file.tell()
-            if size > length - start:
-                raise LogError(
-                    f"{path}: the record at byte {start - 9} states {size} bytes, but the file "
-                    "ends before that; is it complete? 'mcap recover' repairs truncated recordings"
-                )
-            if kind == _MCAP_CHUNK:
-                _check_chunk(path, file, size)
-                chunks.add(start - 9)
-            elif kind == _CHUNK_INDEX and size >= 24:
-                indexed.add(struct.unpack("<QQQ", file.read(24))[2])
-            elif kind == _FOOTER:
-                break
-            file.seek(start + size)
-    if not indexed <= chunks:
-        raise LogError(f"{path}: its index names a chunk at byte {min(indexed - chunks)}; none is")
-
-
-def _check_chunk(path: Path, file: IO[bytes], size: int) -> None:
-    where = f"{path}: the chunk at byte {file.tell() - 9}"
-    fixed = file.read(32)
-    if len(fixed) < 32 or size < 40:
-        raise LogError(f"{where} is damaged")
-    _, _, unpacked, _, name_length = struct.unpack("<QQQII", fixed)
-    if unpacked > MAX_CHUNK_BYTES:
-        raise LogError(f"{where} states {unpacked} bytes; at most {MAX_CHUNK_BYTES} are read")
-    if name_length > min(size - 40, 100):
-        raise LogError(f"{where} is damaged")
-    compression = file.read(name_length)
-    (packed,) = struct.unpack("<Q", file.read(8))
-    if packed > size - 40 - name_length:
-        raise LogError(f"{where} states {packed} bytes, but has {size - 40 - name_length}")
-    if compression == b"zstd":
-        _check_frame(where, file.read(packed), unpacked)
-    elif compression == b"lz4" and packed * _MOST_LZ4 > MAX_CHUNK_BYTES:
-        _check_lz4(where, file.read(packed), unpacked)
-    elif compression not in (b"", b"lz4"):
-        raise LogError(f"{where} is compressed by {printable(compression.decode('latin-1'))}")
-
-
-def _check_frame(where: str, data: bytes, unpacked: int) -> None:
-    """One frame that states its size, which the decoder then holds it to."""
-    zstd = zstd_module()
-    try:
-        stated = zstd.get_frame_info(data).decompressed_size
-        is_whole = zstd.get_frame_size(data) == len(data)
-    except zstd.ZstdError as error:
-        raise LogError(f"{where} is damaged: {error}") from None
-    if stated != unpacked or not is_whole:
-        raise LogError(f"{where} states {unpacked} bytes, but its data state {stated}")
-
-
-def _check_lz4(where: str, data: bytes, unpacked: int) -> None:
-    try:
-        found = unpacked_size("lz4", data, unpacked)
-    except ValueError as error:
-        raise LogError(f"{where} is damaged: {printable(str(error))}") from None
-    if found > unpacked:
-        raise LogError(f"{where} states {unpacked} bytes, but its data unpack to more")

@@ -1,5 +1,6 @@
 """Label images: ground truth or results on the map image's own raster, with a names file."""
 
+import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -259,14 +260,22 @@ def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGri
     labelled = raster >= 0
     if not labelled.any():
         raise LabelError(f"{path}: no pixel has a label; are all its values under 'ignore'?")
-    found = Orientation.of(labelled, grid.free)
-    shares = f"{100 * found.on_free:.1f} % of the labelled pixels lie on free cells of the map"
-    if found.remedy:
-        shares += f", the other way {100 * found.best:.1f} % would"
-    if found.is_wrong:
-        raise LabelError(f"{path}: the label image is {found.what}: only {shares}; {found.remedy}")
-    if found.is_doubtful:
-        hint = f"is it {found.what}, or do the labels " if found.remedy else "do the labels "
+    orientation = Orientation.of(labelled, grid.free)
+    shares = (
+        f"{100 * orientation.on_free:.1f} % of the labelled pixels lie on free cells of the map"
+    )
+    if orientation.remedy:
+        shares += f", the other way {100 * orientation.best:.1f} % would"
+    if orientation.is_wrong:
+        raise LabelError(
+            f"{path}: the label image is {orientation.what}: only {shares}; {orientation.remedy}"
+        )
+    if orientation.is_doubtful:
+        hint = (
+            f"is it {orientation.what}, or do the labels "
+            if orientation.remedy
+            else "do the labels "
+        )
         _log.warning("%s: only %s; %sbelong to another map?", path, shares, hint)
 
 
@@ -282,6 +291,4 @@ def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
 
 
 def _quoted(name: str) -> str:
-    import json
-
     return json.dumps(name, ensure_ascii=False)  # a JSON string is a YAML string

@@ -241,9 +241,9 @@ def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> 
     table = _values_by_colour(values)
     keys = channels[coloured].astype(np.int32) @ np.array([1 << 16, 1 << 8, 1], np.int32)
     colours, first, which = np.unique(keys, return_index=True, return_inverse=True)
-    found = [table.get(colour, -1) for colour in colours.tolist()]
-    if -1 in found:
-        at = first[[k for k, value in enumerate(found) if value < 0]].min()
+    numbers = [table.get(colour, -1) for colour in colours.tolist()]
+    if -1 in numbers:
+        at = first[[k for k, value in enumerate(numbers) if value < 0]].min()
         row, column = np.argwhere(coloured)[at].tolist()
         raise LabelError(
             f"{image.path}: the colour {hex_of(channels[row, column])} at row {strip.row + row} "
@@ -252,7 +252,7 @@ def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> 
             "indexed "
             "image"
         )
-    stored[coloured] = np.array(found, np.uint8)[which]
+    stored[coloured] = np.array(numbers, np.uint8)[which]
     return stored
 
 

@@ -253,22 +253,22 @@ class MapPixels:
 
     def suspicions(self, yaml_path: Path) -> list[str]:
         """What looks wrong: grey 205 read as free, noise, nothing free, no walls."""
-        found = [*self._of_grey_205(yaml_path), *self._of_noise()]
+        lines = [*self._of_grey_205(yaml_path), *self._of_noise()]
         shares = self.fractions
         if shares.free == 0:
-            found.append(
+            lines.append(
                 "no cell is free, so there is nothing to label; check negate and the thresholds"
             )
         elif shares.occupied == 0:
-            found.append(
+            lines.append(
                 "no cell is occupied: a map without walls; check negate and the thresholds"
             )
         elif shares.occupied > max(0.5, shares.free):
-            found.append(
+            lines.append(
                 f"{100 * shares.occupied:.0f} % of the cells are occupied, more than are free; "
                 "check negate and the thresholds"
             )
-        return found
+        return lines
 
     def _of_grey_205(self, yaml_path: Path) -> list[str]:
         share = float(self.grey_counts[UNKNOWN_GREY]) / self.cells.size

@@ -58,8 +58,8 @@ def correct_free_thresh(path: Path | str) -> Path:
     yaml_path, what = user_path(path, MapError), "the map description (YAML)"
     stated = read_yaml(yaml_path, MapError, "map description").text("free_thresh")
     old = read_bytes(yaml_path, MapError, what, max_bytes=MAX_BYTES)
-    found = [line["value"] for line in _LINE.finditer(old)]
-    if found != [stated.encode()]:
+    values = [line["value"] for line in _LINE.finditer(old)]
+    if values != [stated.encode()]:
         raise MapError(
             f"{yaml_path}: the key free_thresh is not on a line of its own; set free_thresh: "
             f"{FREE_THRESH} by hand"

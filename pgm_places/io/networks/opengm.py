@@ -113,8 +113,8 @@ def _by_distance(
 
 
 def _potts(far: Array, same: float, other: float) -> Array:
-    found: Array = np.where(far == 0, same, other)
-    return found
+    values: Array = np.where(far == 0, same, other)
+    return values
 
 
 _READERS: Mapping[int, Callable[[list[int], Array], tuple[Array, int, int]]] = {
@@ -135,12 +135,12 @@ def _functions(group: Any, kind: int, count: int) -> list[Array]:
         )
     indices = group["indices"][()].tolist()
     values = np.asarray(group["values"][()], np.float64)
-    found = []
+    tables = []
     for _ in range(count):
         table, n_indices, n_values = _READERS[kind](indices, values)
-        found.append(-table)
+        tables.append(-table)
         indices, values = indices[n_indices:], values[n_values:]
-    return found
+    return tables
 
 
 def _known() -> str:

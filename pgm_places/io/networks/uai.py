@@ -119,13 +119,13 @@ def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
         The file is missing or damaged, or names a node that the network does not have.
     """
     words = _Words(Path(path), "evidence (UAI)")
-    found = words.rest_whole()
-    if len(found) > 1 and found[0] == 1 and len(found) == 2 + 2 * found[1]:
-        found = found[1:]
-    if not found or len(found) != 1 + 2 * found[0]:
+    numbers = words.rest_whole()
+    if len(numbers) > 1 and numbers[0] == 1 and len(numbers) == 2 + 2 * numbers[1]:
+        numbers = numbers[1:]
+    if not numbers or len(numbers) != 1 + 2 * numbers[0]:
         raise words.wrong("must hold a number of nodes, then a node and its label for each")
     known = np.full(n_nodes, -1)
-    for node, label in zip(found[1::2], found[2::2], strict=True):
+    for node, label in zip(numbers[1::2], numbers[2::2], strict=True):
         if node >= n_nodes:
             raise words.wrong(f"names node {node}, but the network has {n_nodes}")
         if known[node] not in (-1, label):

@@ -151,8 +151,8 @@ def export(
         raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")
     if to == "nav2-route":
         radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
-        found = route_graph(topology, robot_radius_m=radius)
-        return [write_nav2_route(folder / ROUTE_FILE, topology, found)]
+        routes = route_graph(topology, robot_radius_m=radius)
+        return [write_nav2_route(folder / ROUTE_FILE, topology, routes)]
     _refuse_radius(to, robot_radius_m)
     return EXPORTS[to](folder, topology)
 

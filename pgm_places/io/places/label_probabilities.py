@@ -42,7 +42,7 @@ def load_probabilities(
     paths = [folder / probability_file(name) for name in label_names]
     if not all(path.exists() for path in paths):
         return None
-    found = np.empty((layout.n_nodes, len(paths)), np.float32)
+    beliefs = np.empty((layout.n_nodes, len(paths)), np.float32)
     for k, path in enumerate(paths):
         with open_image(path, InputError, max_pixels=max_pixels) as image:
             shares = image.stored()
@@ -51,6 +51,6 @@ def load_probabilities(
                 f"{path}: expected a grey image of the map's {layout.shape} pixels, got "
                 f"{shares.shape}; label the map again"
             )
-        found[:, k] = layout.from_raster(shares[::-1])
-    found /= np.maximum(found.sum(axis=1, keepdims=True), 1.0)
-    return found
+        beliefs[:, k] = layout.from_raster(shares[::-1])
+    beliefs /= np.maximum(beliefs.sum(axis=1, keepdims=True), 1.0)
+    return beliefs

@@ -34,8 +34,8 @@ def nav2_route(
     InputError
         There is no edge: the Route Server refuses such a graph.
     """
-    found = route_graph(topology, robot_radius_m=robot_radius_m)
-    return route_features(topology, found, frame=frame)
+    routes = route_graph(topology, robot_radius_m=robot_radius_m)
+    return route_features(topology, routes, frame=frame)
 
 
 def route_features(
@@ -92,7 +92,7 @@ def route_features(
 def _nodes(
     topology: TopologicalMap, routes: RouteGraph, ids: list[int], frame: str
 ) -> list[Feature]:
-    found = []
+    features = []
     for number, node in zip(ids, routes.nodes, strict=True):
         metadata = {
             **_place(topology, node.region),
@@ -103,14 +103,14 @@ def _nodes(
         width_m = _door_width_m(topology, node.region)
         if width_m is not None:
             metadata["width_m"] = round(width_m, DIGITS)
-        found.append(
+        features.append(
             {
                 "type": "Feature",
                 "properties": {"id": number, "frame": frame, "metadata": metadata},
                 "geometry": {"type": "Point", "coordinates": _rounded(node.point_m)},
             }
         )
-    return found
+    return features
 
 
 def _edges(
@@ -120,7 +120,7 @@ def _edges(
     free: int,
     speeds_m_s: Mapping[str, float],
 ) -> list[Feature]:
-    found: list[Feature] = []
+    features: list[Feature] = []
     for edge in routes.edges:
         metadata = {
             **_place(topology, edge.region),
@@ -132,7 +132,7 @@ def _edges(
         for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
             line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
             properties = {
-                "id": free + len(found),
+                "id": free + len(features),
                 "startid": ids[start],
                 "endid": ids[end],
                 "cost": round(edge.length_m, DIGITS),
@@ -140,8 +140,8 @@ def _edges(
                 "metadata": metadata,
             }
             geometry = {"type": "MultiLineString", "coordinates": [line]}
-            found.append({"type": "Feature", "properties": properties, "geometry": geometry})
-    return found
+            features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+    return features
 
 
 def _speed(

@@ -18,12 +18,15 @@ from pgm_places.errors import LogError
 from pgm_places.io.logs import unpacking
 from pgm_places.io.logs.bags import read_bag
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, check_mcap, check_ros1, unpacked_size
+from pgm_places.io.logs.unpacking import unpacked
 from tests.io.logs.log_files import drive, packed_chunks, packed_files
-from tests.io.logs.test_mcap_sizes import MAGIC, chunk
 
 PATH = drive(ScanGeometry.half_circle(4), 5)
-PACKERS: dict[str, Any] = {"bz2": bz2.compress, "lz4": lz4.frame.compress}
+PACKERS: dict[str, Any] = {
+    "bz2": bz2.compress,
+    "lz4": lz4.frame.compress,
+    "zstd": zstd.compress,
+}
 ZEROS = bytes(5_000_000)
 
 
@@ -130,73 +133,74 @@ def test_messages_that_are_packed_one_by_one_are_refused(tmp_path: Path) -> None
         read_bag(folder)
 
 
-@pytest.mark.parametrize("name", ["bz2", "lz4"])
-def test_sizes_are_counted_without_keeping_what_is_unpacked(name: str) -> None:
+@pytest.mark.parametrize("name", PACKERS)
+def test_chunks_are_unpacked_up_to_a_limit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pack = PACKERS[name]
-    assert unpacked_size(name, pack(ZEROS), len(ZEROS)) == len(ZEROS)
-    assert unpacked_size(name, pack(b"ab") + pack(b"c"), 9) == 3  # one stream after the other
-    assert 1000 < unpacked_size(name, pack(ZEROS), 1000) < 3_000_000
-    for damaged in (pack(ZEROS)[:-9], b"nonsense" * 9):
-        with pytest.raises(ValueError, match=r"\w"):
-            unpacked_size(name, damaged, len(ZEROS))
+    assert unpacked(name, pack(ZEROS)) == ZEROS
+    assert unpacked(name, pack(b"ab") + pack(b"c")) == b"abc"  # one stream after the other
+    monkeypatch.setattr(unpacking, "MAX_CHUNK_BYTES", len(ZEROS) - 1)
+    with pytest.raises(LogError, match="a chunk unpacks to more than 4999999 bytes"):
+        unpacked(name, pack(ZEROS))
+    with pytest.raises(LogError, match=f"a chunk of {name} is truncated"):
+        unpacked(name, pack(b"ab")[:-3])
+    with pytest.raises((OSError, RuntimeError, zstd.ZstdError)):
+        unpacked(name, b"nonsense" * 9)
 
 
-def record(data: bytes, size: int | None = None, /, **fields: bytes) -> bytes:
-    listed = [f"{name}=".encode() + value for name, value in fields.items()]
-    header = b"".join(struct.pack("<L", len(field)) + field for field in listed)
-    sizes = struct.pack("<L", len(header)), struct.pack("<L", len(data) if size is None else size)
-    return sizes[0] + header + sizes[1] + data
+@pytest.mark.parametrize("name", ["bz2", "lz4"])
+def test_a_ros_1_bag_that_unpacks_to_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    with packed_chunks(name.upper()):
+        path = write_trajectory(tmp_path / "a.bag", PATH)
+    with monkeypatch.context() as small:
+        small.setattr(unpacking, "MAX_CHUNK_BYTES", 100)
+        with pytest.raises(LogError, match=rf"^{path}: a chunk unpacks to more than 100 bytes$"):
+            read_bag(path)
+    with monkeypatch.context() as little:
+        little.setattr(unpacking, "FREE_BYTES", 100 - unpacking.MOST_TIMES * path.stat().st_size)
+        with pytest.raises(LogError, match=rf"^{path}: it unpacks to more than 1000 times its"):
+            read_bag(path)
+    assert len(read_bag(path).trajectory) == len(PATH)
 
 
-def number(value: int, n_bytes: int = 4) -> bytes:
-    return value.to_bytes(n_bytes, "little")
-
-
-def packed_chunk(name: bytes, size: int, data: bytes) -> bytes:
-    return record(data, op=b"\x05", compression=name, size=number(size))
-
-
-def chunk_info(at: int, count: int = 1) -> bytes:
-    return record(bytes(8), op=b"\x06", chunk_pos=number(at, 8), count=number(count))
+def chunks_of(folder: Path, compression: bytes, data: bytes, size: int) -> Path:
+    """An MCAP file without an index, whose only chunk holds these data and states this size."""
+    content = write_trajectory(folder / "good.mcap", PATH).read_bytes()
+    (header_size,) = struct.unpack("<Q", content[9:17])
+    head = struct.pack("<QQQII", 0, 2**62, size, 0, len(compression)) + compression
+    chunk = head + struct.pack("<Q", len(data)) + data
+    end = struct.pack("<BQL", 15, 4, 0) + struct.pack("<BQ", 2, 20) + bytes(20) + content[:8]
+    path = folder / "a.mcap"
+    path.write_bytes(content[: 17 + header_size] + struct.pack("<BQ", 6, len(chunk)) + chunk + end)
+    return path
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("compression", "data", "size", "message"),
     [
-        (None, "is not a ROS 1 bag of version 2.0"),
-        (record(b"", 9, op=b"\x02"), "states 9 bytes, but the file ends before"),
-        (b"\1\2", "the record at byte 13 is truncated"),
-        (number(2**32 - 1), "the record at byte 13 is damaged"),
-        (packed_chunk(b"none", MAX_CHUNK_BYTES + 1, b""), "at most 268435456 are read"),
-        (packed_chunk(b"rar", 0, b""), "is compressed by rar"),
-        (packed_chunk(b"bz2", 1000, bz2.compress(ZEROS)), "states 1000 bytes, but its data unpack"),
-        (packed_chunk(b"bz2", 9, bz2.compress(b"a")), "states 9 bytes, but its data unpack to 1"),
-        (packed_chunk(b"lz4", 9, b"nonsense"), "the record at byte 13 is damaged"),
-        (8 * packed_chunk(b"bz2", 5_000_000, bz2.compress(ZEROS)), "more than 1000 times its size"),
-        (record(b"", op=b"\x03", index_pos=number(5, 8)), "names a record at byte 5; none is"),
-        (chunk_info(13), "names a record at byte 13; none is"),
-        (packed_chunk(b"none", 0, b"") + chunk_info(13, 2), "is damaged"),
+        (b"zstd", zstd.compress(ZEROS), 1000, "expected 1000 bytes, got 5000000"),
+        (b"zstd", zstd.compress(ZEROS * 60), 300_000_000, "more than 268435456 bytes"),
+        (b"lz4", lz4.frame.compress(ZEROS * 60), 300_000_000, "more than 268435456 bytes"),
+        (b"lz4", b"nonsense", 1000, "frameType_unknown"),
+        (b"rar", b"nonsense", 1000, "compression 'rar'; is it complete?"),
     ],
 )
-def test_a_ros_1_bag_whose_sizes_lie_is_refused(
-    content: bytes | None, message: str, tmp_path: Path
+def test_an_mcap_file_whose_chunk_lies_is_refused(
+    tmp_path: Path, compression: bytes, data: bytes, size: int, message: str
 ) -> None:
-    path = tmp_path / "a.bag"
-    path.write_bytes(b"" if content is None else b"#ROSBAG V2.0\n" + content)
-    with pytest.raises(LogError) as found:
+    path = chunks_of(tmp_path, compression, data, size)
+    with pytest.raises(LogError) as caught:
         read_bag(path)
-    assert message in str(found.value)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
 
 
-def test_what_is_written_is_right(tmp_path: Path) -> None:
-    check_ros1(write_trajectory(tmp_path / "a.bag", PATH))
-
-
-def test_an_mcap_file_whose_lz4_lies_is_refused(tmp_path: Path) -> None:
-    path, data = tmp_path / "a.mcap", lz4.frame.compress(bytes(MAX_CHUNK_BYTES + 5))
-    path.write_bytes(MAGIC + chunk(1000, b"lz4", data))
-    with pytest.raises(LogError, match="states 1000 bytes, but its data unpack to more"):
-        check_mcap(path)
-    path.write_bytes(MAGIC + chunk(MAX_CHUNK_BYTES, b"lz4", bytes(2_000_000)))
-    with pytest.raises(LogError, match="the chunk at byte 8 is damaged: "):
-        check_mcap(path)
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_truncated_bags_are_refused(tmp_path: Path, name: str) -> None:
+    path = write_trajectory(tmp_path / name, PATH)
+    whole = path.read_bytes()
+    for n_bytes in (0, 5, 100, len(whole) // 2, len(whole) - 9):
+        path.write_bytes(whole[:n_bytes])
+        with pytest.raises(LogError, match="is it complete"):
+            read_bag(path)
