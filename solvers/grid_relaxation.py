@@ -63,6 +63,9 @@ class _Store(NamedTuple):
     """(P + 1,) first row of each part."""
 
 
+_Edges = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
 class _Update(NamedTuple):
     """How beliefs are renewed."""
 
@@ -201,13 +204,13 @@ def relax_grid(
         )
 
 
-def _edges(store: _Store, n_labels: int, longest: int) -> list[NDArray[np.float32]]:
+def _edges(store: _Store, n_labels: int, longest: int) -> _Edges:
     """The rows at the edges of parts as they are, and room for those of the next iteration."""
     n_parts = len(store.part_start) - 1
     now, later = (np.zeros((n_parts + 2, 2, n_labels, longest), np.float32) for _ in range(2))
     for part in range(n_parts):
         copy_edges(store, part, now)
-    return [now, later]
+    return now, later
 
 
 def _check_cells(cells_rc: ArrayLike | MaskCells, n_nodes: int, shape: tuple[int, int]) -> _Cells:

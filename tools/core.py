@@ -21,6 +21,10 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))
+
+from stub import write_stub  # beside this file
+
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / f"core-{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
 FOLDERS = ("pgm_places", "models", "solvers")
@@ -28,13 +32,20 @@ COMPILERS = ("c++", "g++", "clang++")
 
 
 def has_compiler() -> bool:
-    """Whether a C++ compiler is named by ``CXX`` or found."""
-    return bool(os.environ.get("CXX")) or any(map(shutil.which, COMPILERS))
+    """Whether a C++ compiler is named by ``CXX`` or found.
+
+    On Windows only a named one counts: what CMake finds by itself there is Microsoft's, which does
+    not know vectors.
+    """
+    found = os.name != "nt" and any(map(shutil.which, COMPILERS))
+    return bool(os.environ.get("CXX")) or found
 
 
 def compiler_requirements() -> list[str]:
     """What pip has to install for there to be a compiler."""
-    return [] if has_compiler() else ["ziglang"]
+    if has_compiler():
+        return []
+    return ["ziglang", "ninja"] if os.name == "nt" else ["ziglang"]
 
 
 @contextmanager
@@ -46,15 +57,17 @@ def compiler(python: str = sys.executable) -> Iterator[None]:
     # CMake wants programs without arguments, and the same ones the next time.
     programs = {name: _program(python, name) for name in ("c++", "ar", "ranlib")}
     arguments = [f"-DCMAKE_AR={programs['ar']}", f"-DCMAKE_RANLIB={programs['ranlib']}"]
-    before = {name: os.environ.get(name) for name in ("CXX", "CMAKE_ARGS")}
+    before = {name: os.environ.get(name) for name in ("CXX", "CMAKE_ARGS", "CMAKE_GENERATOR")}
     os.environ["CXX"] = programs["c++"]
+    if os.name == "nt":
+        os.environ["CMAKE_GENERATOR"] = "Ninja"  # Visual Studio asks for no other compiler
     os.environ["CMAKE_ARGS"] = shlex.join([*shlex.split(before["CMAKE_ARGS"] or ""), *arguments])
     try:
         yield
     finally:
         for name, value in before.items():
             if value is None:
-                del os.environ[name]
+                os.environ.pop(name, None)
             else:
                 os.environ[name] = value
 
@@ -70,7 +83,7 @@ def _program(python: str, command: str) -> str:
         path = folder / f"zig-{command}"
         path.write_text(f'#!/bin/sh\nexec "{python}" -m ziglang {command} "$@"\n')
         path.chmod(0o755)
-    return str(path)
+    return path.as_posix()
 
 
 def sources() -> list[Path]:
@@ -100,17 +113,15 @@ def compile_in_place(python: str, *, tools: str = sys.executable) -> None:
     beside = target.with_suffix(".new")
     shutil.copy(module, beside)
     beside.replace(target)  # programs that run keep the one they have loaded
+    write_stub(python, _nanobind(tools).parent, module, ROOT / "pgm_places" / "_core.pyi")
     print(f"Compiled {target.relative_to(ROOT)} in {time.perf_counter() - start:.0f} s.")
 
 
 def built(python: str, tools: str, folder: Path, *options: str) -> Path:
     """The module for ``python``, made in a folder with what is installed beside ``tools``."""
-    nanobind = subprocess.run(
-        [tools, "-m", "nanobind", "--cmake_dir"], check=True, capture_output=True, text=True
-    ).stdout.strip()
     folder.mkdir(parents=True, exist_ok=True)
     configure = ["cmake", "-S", ROOT, "-B", folder, f"-DPython_EXECUTABLE={python}", *options]
-    configure += [f"-Dnanobind_DIR={nanobind}", "-DCMAKE_BUILD_TYPE=Release"]
+    configure += [f"-Dnanobind_DIR={_nanobind(tools)}", "-DCMAKE_BUILD_TYPE=Release"]
     if shutil.which("ninja"):
         configure += ["-G", "Ninja"]
     with compiler(tools):
@@ -120,6 +131,12 @@ def built(python: str, tools: str, folder: Path, *options: str) -> Path:
         _quietly(["cmake", "--build", folder, "--parallel", str(os.cpu_count() or 1)])
     [module] = [path for path in folder.glob("_core.*") if path.suffix in (".so", ".pyd")]
     return module
+
+
+def _nanobind(tools: str) -> Path:
+    """The folder of what nanobind tells CMake."""
+    asked = [tools, "-m", "nanobind", "--cmake_dir"]
+    return Path(subprocess.run(asked, check=True, capture_output=True, text=True).stdout.strip())
 
 
 def has_compiler_of_before(folder: Path) -> bool:

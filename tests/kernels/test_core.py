@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,8 +69,9 @@ def test_only_what_is_written_has_to_be_writable() -> None:
 
 
 def test_a_tuple_of_another_length_is_refused() -> None:
+    store: Any = (np.zeros((1, 1), np.float32),)
     with pytest.raises(TypeError, match=r"copy_edges\(store: tuple\["):
-        _core.copy_edges((np.zeros((1, 1), np.float32),), 0, np.zeros((3, 2, 1, 1), np.float32))
+        _core.copy_edges(store, 0, np.zeros((3, 2, 1, 1), np.float32))
 
 
 @pytest.mark.parametrize("n_tables", [1, 8])
