@@ -1,4 +1,4 @@
-"""Says to mypy which kernels there are and what they take: pgm_places/_core.pyi, by ``make core``."""
+"""Tells mypy which kernels there are and what they take: pgm_places/_core.pyi, by ``make core``."""
 
 import re
 import subprocess
@@ -6,6 +6,8 @@ from pathlib import Path
 
 HEAD = """\
 # Written by tools/stub.py from the compiled module.
+from typing import Any, overload
+
 import numpy
 from numpy.typing import NDArray
 
@@ -43,8 +45,7 @@ def with_numpy_types(stub: str) -> str:
             signature = _signature(line)
             if signature not in found:
                 found.append(signature)
-    overloaded = any(len(found) > 1 for found in signatures.values())
-    blocks = ["from typing import overload\n"] if overloaded else []
+    blocks = []
     for found in signatures.values():
         blocks += [f"@overload\n{one}" for one in found] if len(found) > 1 else found
     return HEAD + "\n".join(blocks) + "\n"
@@ -54,4 +55,6 @@ def _signature(line: str) -> str:
     """One kernel's line."""
     arguments, arrow, result = line.partition(" -> ")
     arguments = re.sub(r"\b(float|int)\b", lambda word: NUMBER[word[0]], arguments)
-    return ARRAY.sub(r"NDArray[numpy.\1]", arguments) + arrow + result.removesuffix(" ...") + " ..."
+    arguments = ARRAY.sub(r"NDArray[numpy.\1]", arguments)
+    result = re.sub(r"\barray\b", "NDArray[Any]", result)
+    return arguments + arrow + result.removesuffix(" ...") + " ..."
