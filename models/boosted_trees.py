@@ -2,18 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._core import sum_trees
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.strong_classifier import Split
-
-if TYPE_CHECKING:
-    from pgm_places.models._tree_sum_kernels import TreeArrays
 
 __all__ = ["MAX_DEPTH", "BoostedTrees", "TreeTable"]
 
@@ -124,6 +122,30 @@ class BoostedTrees:
         return BoostedTrees(moved.astype(np.int32), self.cut, self.value)
 
 
+class TreeArrays(NamedTuple):
+    """Complete trees of one depth side by side: S splits and S + 1 leaves each.
+
+    Attributes
+    ----------
+    columns : (C,) int64
+        The distinct columns that the splits look at.
+    plane : (T, S) int64
+        For each split the place of its column among those.
+    cut : (T, S) float32
+        Left is ``x < cut``.
+    value : (T, S + 1) float32
+        What each leaf, from left to right, adds to F.
+    first : (n + 1,) int64
+        Where the trees of each classifier begin.
+    """
+
+    columns: NDArray[np.int64]
+    plane: NDArray[np.int64]
+    cut: NDArray[np.float32]
+    value: NDArray[np.float32]
+    first: NDArray[np.int64]
+
+
 @dataclass(frozen=True, eq=False)
 class TreeTable:
     """The trees of several classifiers of one depth side by side, made ready for the kernel once.
@@ -134,13 +156,11 @@ class TreeTable:
         What the kernel reads.
     """
 
-    arrays: "TreeArrays"
+    arrays: TreeArrays
 
     @classmethod
     def of(cls, classifiers: Sequence[BoostedTrees]) -> Self:
         """The table of these classifiers, of which there is at least one, in this order."""
-        from pgm_places.models._tree_sum_kernels import TreeArrays
-
         feature = np.concatenate([item.feature for item in classifiers])
         columns = np.unique(feature[feature >= 0]).astype(np.int64)
         if not len(columns):
@@ -162,14 +182,12 @@ class TreeTable:
         The bits depend neither on the number of threads nor on which other classifiers are
         evaluated with one.
         """
-        from pgm_places.models._tree_sum_kernels import BLOCK, sum_trees
-
         arrays = self.arrays
-        if not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, arrays.columns])
+        if X.dtype != np.float32 or not X.flags.c_contiguous:
+            X = np.ascontiguousarray(X[:, arrays.columns], np.float32)
             arrays = arrays._replace(columns=np.arange(len(arrays.columns)))
         out = np.empty((len(arrays.first) - 1, len(X)))
-        size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
+        size = _SAMPLES_PER_TASK
 
         def work(task: int) -> None:
             sum_trees(X, task * size, min((task + 1) * size, len(X)), arrays, out)

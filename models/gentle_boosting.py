@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import gentle_masses, raise_weights
 from pgm_places.models.boosted_trees import BoostedTrees, stacked
 from pgm_places.models.boosting_rounds import initial_weights
 from pgm_places.models.sorted_features import SortedFeatures
@@ -69,8 +70,6 @@ def boost_trees(
     InputError
         One of the classes has no example.
     """
-    from pgm_places.models._tree_kernels import gentle_masses, raise_weights
-
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
     masses = np.zeros(len(weights), np.int64)

@@ -7,7 +7,8 @@ bins are merged to at most 64 coarse ones, and two or more features share a tabl
 bins, so that one pass over the examples fills the histograms of them all. The inside of a bin is
 sorted only when the search has to look at it.
 
-Memory beside the matrix: at most two bytes per example and feature.
+Memory beside the matrix: at most two bytes per example and feature, and a copy of the matrix if its
+rows do not lie one after the other.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._core import bin_members, count_bins, join_bins, quantise
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
@@ -95,8 +97,6 @@ class SortedFeatures:
         """Positions and values of one bin by ascending value; kept for the next question."""
         key = (plane, number)
         if key not in self._bins:
-            from pgm_places.models._quantising_kernels import bin_members
-
             buffer = np.empty(len(self.rows), np.int32)
             count = bin_members(self.codes[plane], number, buffer)
             values = self.X[self.rows[buffer[:count]], self.columns[plane]]
@@ -123,6 +123,7 @@ def prepare(
         finite_array("X", X, ("N", "F"), dtype=np.float32)
     if part.shape != (len(X),):
         raise InputError(f"part must have shape ({len(X)},), got {part.shape}")
+    X = np.ascontiguousarray(X)
     counts = np.bincount(part[part >= 0])
     parts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     rows = np.argsort(part, kind="stable")[len(X) - parts[-1] :]
@@ -185,8 +186,6 @@ def _codes(
     edges: NDArray[np.float32],
     n_threads: int | None,
 ) -> NDArray[np.uint8]:
-    from pgm_places.models._quantising_kernels import quantise
-
     n = len(rows)
     codes = np.empty((X.shape[1], n), np.uint8)
 
@@ -247,8 +246,6 @@ def _coarse_bins(
 
     Bins that hold no example vanish; where at most ``limit`` remain, none are merged.
     """
-    from pgm_places.models._quantising_kernels import count_bins
-
     coarse = np.zeros((len(codes), _N_BINS), np.uint8)
     coarse_pure = np.zeros((len(codes), _N_BINS), np.bool_)
     counts = np.empty(_N_BINS, np.int64)
@@ -273,8 +270,6 @@ def _tables(
     n_threads: int | None,
 ) -> JointTables:
     """The features packed into tables of at most ``limit`` cells, the finest first."""
-    from pgm_places.models._quantising_kernels import join
-
     size = coarse.max(axis=1, initial=0).astype(np.int64) + 1
     groups: list[list[int]] = []
     n_cells: list[int] = []
@@ -294,7 +289,7 @@ def _tables(
 
     def work(task: int) -> None:
         own = slice(axes[task], axes[task + 1])
-        join(codes, coarse, planes[own], sizes[own], cells[task])
+        join_bins(codes, coarse, planes[own], sizes[own], cells[task])
 
     run_tasks(work, len(groups), n_threads=n_threads)
     return JointTables(cells, axes, planes, sizes, np.cumsum([0, *n_cells]), coarse_pure)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._core import sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
@@ -188,16 +189,14 @@ class VoteTable:
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
         """(n, N) F of every classifier for every row: see :func:`score_all`."""
-        from pgm_places.models._stump_kernels import BLOCK, Stumps, sum_votes
-
         columns = self.columns
-        if not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, columns])
+        if X.dtype != np.float32 or not X.flags.c_contiguous:
+            X = np.ascontiguousarray(X[:, columns], np.float32)
             columns = np.arange(len(columns))
-        stumps = Stumps(columns, self.plane, self.cut, self.vote, self.first)
+        stumps = (columns, self.plane, self.cut, self.vote, self.first)
         n = len(X)
         out = np.empty((len(self.first) - 1, n))
-        size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
+        size = _SAMPLES_PER_TASK
 
         def work(task: int) -> None:
             sum_votes(X, task * size, min((task + 1) * size, n), stumps, out)

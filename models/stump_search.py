@@ -1,22 +1,22 @@
 """The best stump for given weights, found exactly: steps 3a to 3e of AdaBoost (paper, Fig. 2)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.threads import run_tasks
-from pgm_places.models._boosting_kernels import (
-    Histograms,
-    InnerBin,
+from pgm_places._core import (
     first_good_edge,
     interior_scores,
     neighbours_of_split,
     promising_bins,
+    reweigh,
     score_bins,
+    score_tables,
+    weigh_all,
 )
-from pgm_places.models._joint_table_kernels import Best, score_tables
-from pgm_places.models._weighing_kernels import Changes, Split, Weights, reweigh, weigh_all
+from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]
@@ -36,6 +36,64 @@ _PER_TASK = 4  # tables of coarse bins
 
 # Fewer counted masses than this are done before a second thread has started.
 _WORTH_THREADS = 4_000_000
+
+
+class Weights(NamedTuple):
+    """The weights of the examples of one binary problem, and their masses.
+
+    Signed masses are the weights as whole numbers, negative for negative examples, so that every
+    sum is exact in whatever order it is taken.
+    """
+
+    weights: NDArray[np.float64]
+    """(N,)."""
+    masses: NDArray[np.int64]
+    """(N,) signed, 0 for examples that take no part."""
+    included: NDArray[np.bool_]
+    """(N,) whether they do."""
+    segments: NDArray[np.int64]
+    """(S, 3) rows (start, stop, is positive) of the examples that do."""
+    sums: NDArray[np.int64]
+    """(2,) of the negative and of the positive masses."""
+
+    @property
+    def total(self) -> int:
+        """The sum of the signed masses."""
+        return int(self.sums[1] + self.sums[0])
+
+    @property
+    def mass(self) -> int:
+        """The sum of all masses, which stands for the weight 1."""
+        return int(self.sums[1] - self.sums[0])
+
+
+class Changes(NamedTuple):
+    """The examples whose mass changed last."""
+
+    positions: NDArray[np.uint32]
+    """(N,), as many as there are."""
+    changes: NDArray[np.int64]
+    """(N,) by how much."""
+    spans: NDArray[np.int64]
+    """(S, 3) rows (start, stop, is positive) of these lists, one for each segment."""
+
+
+class Histograms(NamedTuple):
+    """Sums of the positive and of the negative masses."""
+
+    positive: NDArray[np.int64]
+    """(D, 256) in each bin of each feature, or flat in the cells of joint tables;"""
+    negative: NDArray[np.int64]
+    """likewise, not positive."""
+
+
+class Best(NamedTuple):
+    """What each feature can reach."""
+
+    edge: NDArray[np.int64]
+    """(D,) the best score of a split between coarse bins,"""
+    bound: NDArray[np.int64]
+    """(D,) and a bound on those inside them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +194,9 @@ class StumpSearch:
         n_tables = len(tables.cells)
 
         def work(task: int) -> None:
-            part = (task * _PER_TASK, min((task + 1) * _PER_TASK, n_tables))
+            first, last = task * _PER_TASK, min((task + 1) * _PER_TASK, n_tables)
             sums = self.weighed.sums
-            score_tables(part, tables, self.changed, self.cells, sums, self.best)
+            score_tables(first, last, tables, self.changed, self.cells, sums, self.best)
 
         n_changes = int(self.changed.spans[-1, 1])
         threads = self._threads_for(n_tables * n_changes)
@@ -174,8 +232,7 @@ class StumpSearch:
         for row in found[np.argsort(-found[:, 0], kind="stable")]:
             if row[0] < best - self.tie:
                 break
-            inside, _ = self._inside(row, best)
-            best = max(best, int(inside[0]))
+            best = max(best, self._inside(row, best)[0])
             looked_into.append(row)
         return looked_into, best
 
@@ -187,29 +244,27 @@ class StumpSearch:
                 return self.promising[:count]
             self.promising = np.empty((2 * count, 5), np.int64)
 
-    def _inside(
-        self, row: NDArray[np.int64], floor: int
-    ) -> tuple[NDArray[np.int64], tuple[float, float]]:
+    def _inside(self, row: NDArray[np.int64], floor: int) -> tuple[int, int, float, float]:
+        """The best size of a score in a bin; score and neighbours of the first that reaches it."""
         _, plane, number, left, seen = (int(value) for value in row)
         members, values = self.prepared.sorted_bin(plane, number)
-        out = np.empty(2, np.int64)
-        around = interior_scores(InnerBin(members, values, left, seen), self.weighed, floor, out)
-        return out, around
+        found: tuple[int, int, float, float] = interior_scores(
+            members, values, left, seen, self.weighed, floor
+        )
+        return found
 
     def _first_of(
         self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int
     ) -> Stump:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
-        out = np.empty(3, np.int64)
-        first_good_edge(planes, self.fine, self.weighed, floor, out)
-        plane, last_left, score = (int(value) for value in out)
+        plane, last_left, score = first_good_edge(planes, self.fine, self.weighed, floor)
         for row in sorted(looked_into, key=lambda row: (row[1], row[2])):
             number = int(row[2])
             if plane >= 0 and (plane, last_left) < (row[1], number):
                 break
-            inside, (low, high) = self._inside(row, floor)
-            if inside[0] >= floor:
-                return Stump(int(row[1]), low, high, number, number, int(inside[1]))
+            best, inner_score, low, high = self._inside(row, floor)
+            if best >= floor:
+                return Stump(int(row[1]), low, high, number, number, inner_score)
         prepared = self.prepared
         low, high = neighbours_of_split(
             prepared.codes[plane],
@@ -224,7 +279,7 @@ class StumpSearch:
     def reweigh(self, stump: Stump, alpha: float) -> None:
         """Step 3e of Fig. 2: D(n) exp(-alpha l h), up to a common factor."""
         prepared = self.prepared
-        split = Split(
+        split = (
             prepared.codes[stump.plane],
             prepared.X,
             prepared.rows,

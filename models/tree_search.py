@@ -1,16 +1,20 @@
 """Regression trees grown from histograms: the weak learner of gentle AdaBoost."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._core import (
+    bin_extents,
+    examples_of_nodes,
+    first_split_reaching,
+    route_examples,
+    score_features,
+)
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
-
-if TYPE_CHECKING:
-    from pgm_places.models._tree_kernels import Examples
 
 __all__ = ["GrownTree", "TreeSearch"]
 
@@ -23,6 +27,24 @@ _TIE = 2.0**-40
 
 # Fewer additions than this are done before a second thread has started.
 _WORTH_THREADS = 4_000_000
+
+
+class Examples(NamedTuple):
+    """The examples whose histograms are filled, side by side.
+
+    Attributes
+    ----------
+    position : (n,) uint32
+        Where they stand in the rows of codes.
+    base : (n,) uint32
+        Where the histogram of the node they lie in begins.
+    mass : (n,) int64
+        Both masses: the gradient mass, signed, times 2**32, plus the curvature mass.
+    """
+
+    position: NDArray[np.uint32]
+    base: NDArray[np.uint32]
+    mass: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +126,6 @@ class TreeSearch:
         max_depth: int,
         n_threads: int | None,
     ) -> None:
-        from pgm_places.models._tree_kernels import Examples
-
         n_planes, n = prepared.codes.shape
         self.prepared = prepared
         self.segments = segments
@@ -162,8 +182,6 @@ class TreeSearch:
         Only the examples of every node's ``lighter`` child are counted, at the root all; the other
         child's histogram is what is left of the parent's.
         """
-        from pgm_places.models._tree_kernels import score_features
-
         histograms, above = self._histograms[level], self._histograms[max(level - 1, 0)]
         examples = self._counted(level, masses, lighter)
         scores = np.full((len(histograms), len(totals)), -1.0)
@@ -180,9 +198,7 @@ class TreeSearch:
 
     def _counted(
         self, level: int, masses: NDArray[np.int64], lighter: NDArray[np.int64]
-    ) -> "Examples":
-        from pgm_places.models._tree_kernels import Examples, examples_of_nodes
-
+    ) -> Examples:
         chosen = np.zeros(2**level, np.bool_)
         chosen[lighter[lighter >= 0]] = True
         position, base, mass = self._buffers
@@ -198,8 +214,6 @@ class TreeSearch:
         least: int,
     ) -> _Split | None:
         """The first split of a node, by column, then threshold, that is as good as the best."""
-        from pgm_places.models._tree_kernels import first_split_reaching
-
         total = int(totals[node])
         best = float(scores.max(initial=-1.0))
         gradient, curvature = total >> 32, total & 0xFFFFFFFF
@@ -214,12 +228,10 @@ class TreeSearch:
 
     def _route(self, found: list[_Split | None]) -> NDArray[np.int64]:
         """Send all examples to their children; each node's child with fewer, -1 if not split."""
-        from pgm_places.models._tree_kernels import route
-
         plane = np.array([0 if split is None else split.plane for split in found])
         last_left = np.array([_N_BINS if split is None else split.last_left for split in found])
         counts = np.zeros(2 * len(found), np.int64)
-        route(self.prepared.codes, self.segments, plane, last_left, self.leaf, counts)
+        route_examples(self.prepared.codes, self.segments, plane, last_left, self.leaf, counts)
         lighter = 2 * np.arange(len(found)) + (counts[1::2] < counts[::2])
         lighter[last_left == _N_BINS] = -1
         return lighter
@@ -230,8 +242,6 @@ def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
 
     Rounded so that ``x < cut`` for every value x in the bin, and for none in later ones.
     """
-    from pgm_places.models._tree_kernels import bin_extents
-
     low = np.empty((len(prepared.codes), _N_BINS), np.float32)
     high = np.empty_like(low)
     bin_extents(prepared.X, prepared.rows, prepared.columns, prepared.codes, low, high)

@@ -14,6 +14,7 @@
 #include <cstring>
 #include <initializer_list>
 #include <type_traits>
+#include <utility>
 
 #if defined(__x86_64__) || defined(_M_X64)
 #include <cpuid.h>
@@ -231,7 +232,12 @@ template <int N, int B> PGM_INLINE Lanes<float, N, B> narrow(Lanes<double, N, B>
 }
 
 template <int N, int B> PGM_INLINE Lanes<double, N, B> widen(Lanes<float, N, B> a) {
-    return Lanes<double, N, B>::every([&](int lane) { return static_cast<double>(a[lane]); });
+    using Wide = Lanes<double, N, B>;
+    using Few = typename Register<float, Wide::WIDTH>::loose;
+    return Wide::each([&](int p) PGM_INLINE_LAMBDA {
+        const Few few = reinterpret_cast<const Few *>(&a)[p];
+        return __builtin_convertvector(few, typename Wide::Part);
+    });
 }
 
 // The sum of all lanes: of the two halves' sums, added lane by lane until one is left.
@@ -255,6 +261,33 @@ template <class T, int N, int B> PGM_INLINE T highest_lane(Lanes<T, N, B> lanes)
     T highest = lanes[0];
     for (int lane = 1; lane < N; ++lane) highest = lanes[lane] > highest ? lanes[lane] : highest;
     return highest;
+}
+
+// The lanes of two parts in turn, from `FIRST` of each on.
+template <int FIRST, class Part, int... I>
+PGM_INLINE Part interleaved(Part a, Part b, std::integer_sequence<int, I...>) {
+    constexpr int N = sizeof...(I);
+#if defined(__clang__)
+    return __builtin_shufflevector(a, b, (FIRST + I / 2 + I % 2 * N)...);
+#else
+    using Places = typename Register<Flag<std::remove_cvref_t<decltype(a[0])>>, N>::type;
+    return __builtin_shuffle(a, b, Places{(FIRST + I / 2 + I % 2 * N)...});
+#endif
+}
+
+// Turn over a square of numbers: vectors of one part, as many as each has lanes.
+template <class T, int N, int B> PGM_INLINE void transpose(Lanes<T, N, B> (&rows)[N]) {
+    static_assert(Lanes<T, N, B>::PARTS == 1);
+    constexpr auto lanes = std::make_integer_sequence<int, N>();
+    for (int round = 1; round < N; round *= 2) {
+        Lanes<T, N, B> next[N];
+        for (int k = 0; k < N / 2; ++k) {
+            const auto a = rows[k].part[0], b = rows[k + N / 2].part[0];
+            next[2 * k].part[0] = interleaved<0>(a, b, lanes);
+            next[2 * k + 1].part[0] = interleaved<N / 2>(a, b, lanes);
+        }
+        std::copy_n(next, N, rows);
+    }
 }
 
 // `(code >> shift) & mask` of as many bytes as there are lanes.
