@@ -12,6 +12,9 @@ from pgm_places import _core
 from pgm_places.features.extraction import extract
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.boosting_rounds import boost
+from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.sorted_features import prepare
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.solvers.grid_relaxation import relax_grid
@@ -123,3 +126,21 @@ def test_the_compiled_module_is_newer_than_its_sources() -> None:
     code = f"import runpy, sys; sys.exit(not runpy.run_path({str(script)!r})['is_current']())"
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == 0, "a source in C++ has changed: run 'make core'"
+
+
+@pytest.mark.parametrize("width", [5, 12, 40])
+@pytest.mark.usefixtures("any_registers")
+def test_registers_of_any_width_give_the_same_classifiers(width: int) -> None:
+    rng = np.random.default_rng(width)
+    X = rng.normal(size=(700, width)).astype(np.float32)
+    y = (X[:, 0] + X[:, 4] * X[:, 2] > rng.normal(size=700)).astype(np.int64)
+    found = []
+    for bytes_wide in (16, 32, 64):
+        _core.limit_registers(bytes_wide)
+        prepared = prepare(X, y)
+        stumps = boost(prepared, [1], [0], n_rounds=20)
+        trees = [boost_trees(prepared, [1], [0], n_rounds=5, max_depth=d) for d in (2, 3, 4)]
+        parts: list[np.ndarray] = [prepared.codes, stumps.threshold, stumps.alpha, stumps.scores(X)]
+        parts += [part for tree in trees for part in (tree.cut, tree.value, tree.scores(X))]
+        found.append([part.tobytes() for part in parts])
+    assert found[0] == found[1] == found[2]
