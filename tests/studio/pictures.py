@@ -128,7 +128,8 @@ def pictures(browser: Any, address: str) -> None:
     """A picture of each panel, in the light and the dark theme by turns, and one of a phone."""
 
     def visit(theme: str, size: dict[str, int], name: str, act: Callable[[Any], None]) -> None:
-        context = browser.new_context(viewport=size, color_scheme=theme)
+        is_phone = size["width"] < 500
+        context = browser.new_context(viewport=size, color_scheme=theme, has_touch=is_phone)
         page = context.new_page()
         page.goto(address)
         settled(page)
