@@ -236,7 +236,9 @@ class Desk:
 
     def _fill(self, label: int, point: tuple[float, float]) -> PaintedPart | None:
         topology = None if self.lesson is None else self.lesson.taught.topology
-        runs = fill_cells(self.grid, self.painting.labels, topology, point)
+        kept = self._limits.doorway
+        doorway = None if kept is None or label == kept else self._shown_labels == kept
+        runs = fill_cells(self.grid, self.painting.labels, topology, point, doorway)
         return self.painting.paint_runs(runs, label)
 
     def _merge(self, first: int, second: int) -> PaintedPart | None:

@@ -18,11 +18,13 @@ def fill_cells(
     paint: NDArray[np.int16],
     topology: TopologicalMap | None,
     point: tuple[float, float],
+    doorway: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int64]:
     """(n, 3) runs of the cells that a fill at a point (x, y in cells) covers.
 
     Those of the region there; where no regions are known, the free cells that are connected to it
-    and have the same paint, or as little.
+    and have the same paint, or as little. A region reaches up to its gates, and so do half of
+    their doorways: cells (H, W) that are labelled ``doorway`` stay so, unless the region is one.
 
     Raises
     ------
@@ -32,7 +34,11 @@ def fill_cells(
     row, column = _cell(grid, point)
     region = 0 if topology is None else int(topology.region[row, column])
     if topology is not None and region:
-        return runs_of_mask(topology.region == region)
+        inside = topology.region == region
+        is_doorway = topology.place(region).label == topology.doorway_label
+        if doorway is not None and not is_doorway and not doorway[inside].all():
+            inside &= ~doorway
+        return runs_of_mask(inside)
     alike = grid.free & (paint == paint[row, column])
     pieces = connected_components(alike, connectivity=4).piece
     return runs_of_mask(pieces == pieces[row, column])

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,27 @@ def rectangle(desk: Desk, label: str, *corners: tuple[float, float]) -> dict[str
     stroke = {"tool": "rectangle", "points": [list(corner) for corner in corners], "radius": 1}
     number = desk.painting.classes.names.index(label)
     return {"kind": "stroke", "label": number, "stroke": stroke}
+
+
+def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: Desk) -> None:
+    lesson = labelled.lesson
+    assert lesson is not None
+    topology, names = lesson.taught.topology, labelled.painting.classes.names
+    place = max(topology.regions, key=lambda region: region.area_m2)
+    inside = topology.region == place.id
+    at_the_edge = np.zeros_like(inside)
+    at_the_edge[tuple(topology.cells(place.id)[:7].T)] = True
+    doorway = names.index("doorway")
+    labels = np.where(at_the_edge, np.int16(doorway), lesson.labels)
+    labelled.lesson = replace(lesson, labels=labels)
+    column, row = (float(value) + 0.5 for value in topology.cells(place.id)[-1][::-1])
+    request = {"kind": "fill", "point": [column, row]}
+    labelled.edit({**request, "label": names.index(place.label)})
+    painted = labelled.painting.labels >= 0
+    np.testing.assert_array_equal(painted, inside & (labels != doorway))
+    assert painted.sum() > inside.sum() / 2
+    labelled.edit({**request, "label": doorway})
+    np.testing.assert_array_equal(labelled.painting.labels == doorway, inside)
 
 
 def test_teaching_is_off_until_it_is_asked_for(labelled: Desk) -> None:
