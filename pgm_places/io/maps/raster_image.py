@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.io.input_file import open_input
-from pgm_places.io.maps.portable_graymap import MAGIC, Graymap, read_header
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -32,6 +31,8 @@ _JPEG_SCAN = b"\xff\xda"
 _READ_BYTES = 1 << 20
 # A JPEG takes at least a bit for each block of 8 x 8 pixels.
 _JPEG_PIXELS_A_BYTE = 8 * 64
+_PORTABLE = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6")
+
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
 _DAMAGED = (
@@ -64,7 +65,6 @@ class RasterImage:
     shape: tuple[int, int]
     _error: type[InputError]
     _picture: "Image | None" = None
-    _graymap: Graymap | None = None
     _png_bits: int = 0
 
     @property
@@ -80,8 +80,6 @@ class RasterImage:
     @property
     def is_deep(self) -> bool:
         """Whether grey values have more than 8 bits in the file."""
-        if self._graymap is not None:
-            return self._graymap.maximum > 255
         return self._picture is not None and self._picture.mode.startswith("I")
 
     def palette_rgb(self) -> NDArray[np.uint8]:
@@ -124,8 +122,6 @@ class RasterImage:
             ) from None
 
     def _decoded(self, top: int, bottom: int, indices: bool) -> Strip:
-        if self._graymap is not None:
-            return Strip(top, self._graymap.rows(top, bottom)[:, :, None], None)
         picture = self._picture
         if picture is None:
             raise ValueError("it was closed")
@@ -186,16 +182,12 @@ def open_image(
         try:
             yield image
         finally:
-            image._picture = image._graymap = None  # four bytes a pixel, for colour
+            image._picture = None  # four bytes a pixel, for colour
 
 
 def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage:
     head = file.read(32)
     file.seek(0)
-    if head[:2] in MAGIC:
-        graymap = read_header(path, file, error)
-        if graymap is not None:
-            return RasterImage(path, graymap.shape, error, _graymap=graymap)
     picture = _picture(path, file, head, error)
     if picture.mode not in _MODES:
         raise error(
@@ -220,7 +212,7 @@ def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) 
             from PIL.PngImagePlugin import PngImageFile
 
             return PngImageFile(file)
-        if head[:2] in MAGIC:
+        if head[:2] in _PORTABLE:
             from PIL.PpmImagePlugin import PpmImageFile
 
             return PpmImageFile(file)
@@ -245,8 +237,7 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
     """Refuse a header that promises more pixels than the file can hold."""
     height, width = image.shape
     picture = image._picture
-    if picture is None:
-        return  # checked with the header
+    assert picture is not None  # just opened
     if picture.format == "PPM":  # plain ones (P1 to P3) take at least a character for each number
         bits = {"1": 1, "RGB": 24}.get(picture.mode, 8)
         least = height * ((width * bits + 7) // 8)
