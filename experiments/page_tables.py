@@ -6,7 +6,7 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from experiments.paper.markdown import markdown_table
@@ -113,15 +113,18 @@ class SideBySide:
         What heads a column, with columns of the long table in braces: ``"{map}, {cells}"``.
     cell : str
         What an entry says, likewise: ``"{accuracy} / {balanced}"``.
+    beside : mapping of str to str
+        Further entries beside it, each in a column of its own, by what heads that column.
     """
 
     down: tuple[str, ...]
     across: str
     cell: str
+    beside: Mapping[str, str] = field(default_factory=dict)
 
     def fits(self, heading: Sequence[str]) -> bool:
         """Whether a table has all columns that are named."""
-        named = _FIELD.findall(self.across + self.cell)
+        named = _FIELD.findall("".join([self.across, self.cell, *self.beside.values()]))
         return {*self.down, *named} <= {*heading}
 
     def of(self, table: Table) -> Table:
@@ -131,9 +134,12 @@ class SideBySide:
         columns: dict[str, None] = {}
         for row in rows:
             column = _filled(self.across, row)
-            columns[column] = None
+            entries = {column: self.cell}
+            entries |= {f"{column}: {name}": cell for name, cell in self.beside.items()}
+            columns |= dict.fromkeys(entries)
             key = tuple(row[name] for name in self.down)
-            found.setdefault(key, {})[column] = _filled(self.cell, row)
+            filled = {name: _filled(cell, row) for name, cell in entries.items()}
+            found.setdefault(key, {}).update(filled)
         return Table(
             table.caption,
             (*self.down, *columns),

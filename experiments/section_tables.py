@@ -28,18 +28,38 @@ _SHOWN: Mapping[str, SideBySide] = {
 _VARIED = (SideBySide(("noise",), "{method}", _FIGURES), SideBySide(("",), "{method}", _FIGURES))
 _ALONE = "adaboost"
 _BUILDINGS = "buildings"
+_MEAN, _ERROR = "mean of kinds", "ECE of cells"
 
 
 def section_tables(section: Section) -> str:
     """What the page shows of a section, with captions where there are several tables."""
     shown = _SHOWN.get(section.id)
     tables = [
-        shown.of(table) if shown is not None and shown.fits(table.heading) else table
+        shown.of(table)
+        if shown is not None and shown.fits(table.heading)
+        else _with_mean_first(_error_alone(table))
         for table in section.tables
     ]
     if len(tables) == 1:
         return text_of(tables)
     return "\n".join(f"{table.caption}:\n\n{text_of([table])}" for table in tables)
+
+
+def _with_mean_first(table: Table) -> Table:
+    """The column of means, if there is one, before those that it is of."""
+    if table.heading[-1] != _MEAN:
+        return table
+    heading, *rows = ((row[0], row[-1], *row[1:-1]) for row in (table.heading, *table.rows))
+    return Table(table.caption, heading, tuple(rows))
+
+
+def _error_alone(table: Table) -> Table:
+    """A table of calibration without the figures that are in the table of steps, too."""
+    caption, found, _ = table.caption.partition(_ERROR)
+    if not found:
+        return table
+    rows = [(row[0], *(cell.partition(",")[0] for cell in row[1:])) for row in table.rows]
+    return Table(caption + found, table.heading, tuple(rows))
 
 
 def paper_table(sections: Mapping[str, Section]) -> str:

@@ -48,19 +48,23 @@ TABLES = (
     "cold",
     "joined",
 )
-_LOOPS = f"{{{LOOPS}}}; {{{JOINT}}}"
 SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
     "floors": (
         SideBySide(
             ("method",),
             "{drives in}",
-            "{accuracy} ({95 %}) / {balanced} / {doorway recall}; {passages found}, {invented}",
+            "{accuracy} / {balanced} / {doorway recall}",
+            {"95 %": "{95 %}", "passages": "{passages found}, {invented}"},
         ),
     ),
-    "prior": (SideBySide(("method",), "{weight of the map}", "{left half}; {right half}"),),
+    "prior": tuple(
+        SideBySide(("method",), f"{half}, weight {{weight of the map}}", f"{{{half}}}")
+        for half in ("left half", "right half")
+    ),
     "graphs": (
         SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
-        SideBySide(("method",), "{drives}", _LOOPS),
+        SideBySide(("method",), "{drives}: with loops", f"{{{LOOPS}}}"),
+        SideBySide(("method",), "{drives}: with the cells", f"{{{JOINT}}}"),
     ),
 }
 """How long tables are made short and wide."""
@@ -164,7 +168,8 @@ def shown(part: str, text: str) -> str:
         return text
     [table] = parsed_tables(text)
     wide = [layout.of(table) for layout in SHOWN[part]]
-    return text_of([replace(item, rows=tuple(filter(_has_figures, item.rows))) for item in wide])
+    kept = [replace(item, rows=tuple(filter(_has_figures, item.rows))) for item in wide]
+    return text_of([item for item in kept if item.rows])
 
 
 def _has_figures(row: Sequence[str]) -> bool:

@@ -135,8 +135,12 @@ def figures(scored: Sequence[Scored]) -> dict[str, list[Figures]]:
 SHOWN = SideBySide(
     ("kind left out",),
     "{map}",
-    "{accuracy / balanced / doorway F1}; {doors found / invented}; "
-    "{ECE of cells / gates / places}; {worst map}",
+    "{accuracy / balanced / doorway F1}",
+    {
+        "doors": "{doors found / invented}",
+        "ECE": "{ECE of cells / gates / places}",
+        "worst": "{worst map}",
+    },
 )
 
 

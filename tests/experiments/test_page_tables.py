@@ -81,6 +81,14 @@ def test_columns_come_to_stand_side_by_side() -> None:
     assert found.rows == (("list", "97.7 / 87.3", "95 / 80"), ("potts", "98.4 / 89.5", "-"))
 
 
+def test_an_entry_may_have_others_beside_it() -> None:
+    found = SideBySide(("method",), "{map}", "{accuracy}", {"mean": "{balanced}"}).of(LONG)
+    assert found.heading == ("method", "one", "one: mean", "two", "two: mean")
+    assert found.rows[0] == ("list", "97.7", "87.3", "95", "80")
+    assert found.rows[1] == ("potts", "98.4", "89.5", "-", "-")
+    assert not SideBySide(("method",), "{map}", "{accuracy}", {"s": "{s}"}).fits(LONG.heading)
+
+
 def test_a_table_without_the_columns_does_not_fit() -> None:
     assert SideBySide(("method",), "{map}", "{accuracy}").fits(LONG.heading)
     assert not SideBySide(("method",), "{map}", "{seconds}").fits(LONG.heading)

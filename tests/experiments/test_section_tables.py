@@ -74,6 +74,15 @@ def test_a_method_for_chains_alone_has_no_row_among_other_graphs() -> None:
         f"| drives | method | {' | '.join(graphs)} |\n"
         "|---|---|---|---|---|\n| log | filter | 1 | - | - |\n| log | potts | 2 | 3 | - |\n"
     )
-    chain, others = parsed_tables(trajectories.shown("graphs", text))
+    chain, loops = parsed_tables(trajectories.shown("graphs", text))
     assert chain.rows == (("filter", "1"), ("potts", "2"))
-    assert others.rows == (("potts", "3; -"),)
+    assert loops.rows == (("potts", "3"),)
+
+
+def test_the_mean_comes_first_and_figures_are_said_once() -> None:
+    steps = Table("Steps", ("", "a", "b", "mean of kinds"), (("list", "1", "3", "2"),))
+    errors = Table("Calibration: ECE of cells, accuracy", ("kind", "none"), (("a", "0.5, 1"),))
+    first, second = parsed_tables(section_tables(section("buildings", steps, errors)))
+    assert first.heading == ("", "mean of kinds", "a", "b")
+    assert first.rows == (("list", "2", "1", "3"),)
+    assert second.rows == (("a", "0.5"),)
