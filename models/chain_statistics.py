@@ -1,7 +1,7 @@
 """Counts of labels, of consecutive labels, and of confusions, as probabilities."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
 __all__ = [
-    "ChainCounts",
-    "count_chains",
     "count_table",
     "counted_tables",
+    "learned_tables",
     "lighter_ends",
     "moved_steps",
     "normalised",
@@ -125,28 +124,15 @@ def _logarithm(table: NDArray[np.float64]) -> NDArray[np.complex128]:
     return power * found
 
 
-class ChainCounts(NamedTuple):
-    """What was counted along labelled chains."""
-
-    moves: NDArray[np.float64]
-    """(K, K) how often the column's label came after the row's, the robot having moved."""
-    confusions: NDArray[np.float64]
-    """(K, K) how often the classifier's best label was the column where the row was true."""
-    first: NDArray[np.float64]
-    """(K,) how often each label was the first that is known."""
-    shares: NDArray[np.float64]
-    """(K,) how many steps have each label."""
-
-
-def count_chains(
+def learned_tables(
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
     moved: Callable[[LabelGraph], NDArray[np.bool_]],
     *,
     smoothing: float,
     weights: Sequence[NDArray[np.float64]],
-) -> ChainCounts:
-    """Counts over all chains, ``smoothing`` added to each.
+) -> dict[str, Any]:
+    """The tables that a hidden Markov model learns from counts over all chains, by name.
 
     Parameters
     ----------
@@ -155,6 +141,7 @@ def count_chains(
     moved : function of a chain
         (T - 1,) whether the robot moved between each step and the next.
     smoothing : float
+        Added to every count.
     weights : sequence of (T,) float
         What each step counts; a move counts as the lighter of its two steps, which is what a chain
         of one weight does as a whole.
@@ -182,7 +169,13 @@ def count_chains(
         first[truth[known[:1]]] += weight[known[:1]]
     if share.sum() == smoothing * n_labels:
         raise InputError("no step is labelled, or all that are weigh 0: nothing to train on")
-    return ChainCounts(moves, seen, first, share)
+    return {
+        "transition": normalised(moves),
+        "confusion": normalised(seen),
+        "initial": normalised(first),
+        "prior": normalised(share),
+        "counted_m": usual_step_m(problems),
+    }
 
 
 def lighter_ends(weight: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """How much a chain's observations and its rare labels count: fitted on training sequences."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -137,21 +138,28 @@ def best_weights(
 
 
 def fitted_by_mode(
-    labels_at: Callable[[str, float, float, LabelingProblem], NDArray[np.integer]],
+    model: Any,
     modes: Sequence[str],
-    weight: float | Literal["fitted"],
-    balance: float | Literal["fitted"],
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
     node_weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> dict[str, Any]:
     """The best weights and exponents of each mode, by name; None for what is not to be fitted.
 
-    ``labels_at`` is told the mode first; Viterbi's sequence does not depend on the exponent. Other
-    arguments as of :func:`best_weights`.
+    ``model`` is a hidden Markov model with options to be fitted. Viterbi's sequence does not depend
+    on the exponent. Other arguments as of :func:`best_weights`.
     """
+    weight, balance = model.evidence_weight, model.balance
     weights = WEIGHTS if weight == "fitted" else (weight,)
     balances = BALANCES if balance == "fitted" else (balance,)
+
+    def labels_at(
+        mode: Any, weight: float, balance: float, problem: LabelingProblem
+    ) -> NDArray[np.integer]:
+        other = replace(model, mode=mode, evidence_weight=weight, balance=balance)
+        found: NDArray[np.int64] = other.infer(problem).labels
+        return found
+
     found = [
         best_weights(
             partial(labels_at, mode),

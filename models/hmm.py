@@ -18,13 +18,11 @@ from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
 from pgm_places.models.chain_statistics import (
-    count_chains,
     counted_tables,
+    learned_tables,
     moved_steps,
-    normalised,
     require_chain,
     transition_at,
-    usual_step_m,
 )
 from pgm_places.models.evidence_weight import (
     Observation,
@@ -33,6 +31,7 @@ from pgm_places.models.evidence_weight import (
     possible,
     weights_at,
 )
+from pgm_places.models.step_filter import StepFilter
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
@@ -55,7 +54,7 @@ RUNS_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenMarkovModel:
+class HiddenMarkovModel(StepFilter):
     """Labels the steps of a trajectory: what the classifier says, and which place follows which.
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
@@ -159,23 +158,15 @@ class HiddenMarkovModel:
             No chain, no unary, other labels than in the first problem, or no labelled step at all.
         """
         weights = weights_of(sample_weight, problems)
-        counts = count_chains(
+        tables = learned_tables(
             problems, labelings, self._moved, smoothing=float(self.smoothing), weights=weights
         )
-        learned_now = replace(
-            self,
-            transition=normalised(counts.moves),
-            confusion=normalised(counts.confusions),
-            initial=normalised(counts.first),
-            prior=normalised(counts.shares),
-            counted_m=usual_step_m(problems),
-            learning_curve=None,
-        )
+        learned_now = replace(self, **tables, learning_curve=None)
         if self.unlabelled == "hidden":
             from pgm_places.models.baum_welch import with_unlabelled  # labelling does without it
 
-            tables = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
-            learned_now = replace(learned_now, **tables)
+            hidden = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
+            learned_now = replace(learned_now, **hidden)
         return learned_now.with_sequences(problems, labelings, sample_weight=sample_weight)
 
     def with_sequences(
@@ -193,16 +184,8 @@ class HiddenMarkovModel:
         """
         if "fitted" not in (self.evidence_weight, self.balance):
             return self
-        options = self.evidence_weight, self.balance
         weights = weights_of(sample_weight, problems)
-
-        def labels_at(
-            mode: Any, weight: float, balance: float, problem: LabelingProblem
-        ) -> NDArray[np.int64]:
-            other = replace(self, mode=mode, evidence_weight=weight, balance=balance)
-            return other.infer(problem).labels
-
-        fitted = fitted_by_mode(labels_at, MODES, *options, problems, labelings, weights)
+        fitted = fitted_by_mode(self, MODES, problems, labelings, weights)
         return replace(self, **fitted)
 
     def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
@@ -271,14 +254,10 @@ class HiddenMarkovModel:
         See :func:`pgm_places.models.chain_statistics.transition_at` and
         :func:`pgm_places.models.evidence_weight.weights_at`.
         """
-        if self.transition is None:
-            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
         counted_m = RUNS_M if self.counted_m is None else float(self.counted_m[0])
-        table, changed = transition_at(self.transition, counted_m, from_m, to_m)
+        table, changed = transition_at(self._transitions[MOVE], counted_m, from_m, to_m)
         weights = weights_at(self.fitted_weights, from_m, to_m)
         return replace(self, transition=table, fitted_weights=weights), changed
-
-    # ------------------------------------------------------------------ inference
 
     def infer(self, problem: LabelingProblem, *, further: ArrayLike | None = None) -> Labeling:
         """A label per step, with its beliefs unless the mode is ``viterbi``.
@@ -337,11 +316,7 @@ class HiddenMarkovModel:
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
     def _explained(
-        self,
-        graph: LabelGraph,
-        observed: NDArray[np.float64],
-        *,
-        everything_possible: bool = False,
+        self, graph: LabelGraph, observed: NDArray[np.float64], *, everything_possible: bool = False
     ) -> ChainBeliefs | ChainPath:
         """What the mode's algorithm finds; where everything is possible, nothing has weight 0."""
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
@@ -351,34 +326,6 @@ class HiddenMarkovModel:
             start, tables = possible(start), possible(tables)
         return methods[self.mode](start, tables, observed, actions=self._actions(graph))
 
-    def advance(
-        self,
-        unary: ArrayLike,
-        state: Any = None,
-        *,
-        moved_m: float | None = None,
-        further: ArrayLike | None = None,
-    ) -> tuple[NDArray[np.float64], Any, bool]:
-        """The belief (K,) after one more observation, the state to go on from, and if possible.
-
-        Parameters
-        ----------
-        unary : (K,) float
-            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
-            them it says that nothing was seen.
-        state : optional
-            What the model has to know of all before, None at the first step; here the belief (K,).
-        moved_m : float, optional
-            Distance from the step before, for ``stay_below_m``; None counts as moved.
-        further : (K,) float, optional
-            Log-likelihoods of what else was observed.
-        """
-        row, observed = self._observed(unary, further)
-        belief, after, was_possible = self._next(observed, state, moved_m)
-        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
-            belief, after, _ = self._next(observed, state, moved_m, everything_possible=True)
-        return belief, after, was_possible
-
     def _next(
         self,
         observed: NDArray[np.float64],
@@ -387,37 +334,23 @@ class HiddenMarkovModel:
         *,
         everything_possible: bool = False,
     ) -> tuple[NDArray[np.float64], Any, bool]:
-        """As :meth:`advance`, of checked log-likelihoods."""
         stays = moved_m is not None and moved_m < self.stay_below_m
-        forward = self._forward_of_possible if everything_possible else self._forward
+        forward = self._filters[everything_possible]
         belief, was_possible = forward.step(observed, state, STAY if stays else MOVE)
         return belief, belief, was_possible
-
-    def _observed(
-        self, unary: ArrayLike, further: ArrayLike | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The checked unary (K,) of one step, and the log-likelihoods (K,) of all its sources."""
-        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
-        observed = self._log_likelihood(row[None])[0]
-        if further is not None:
-            observed += finite_array("further", further, row.shape)
-        return row, observed
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
 
         Labels that are allowed are alike where the classifier's confusions exclude them all.
         """
-        if self.confusion is None or self.prior is None:
-            raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
-        n_labels = unary.shape[1]
-        confusion = self._confusion
-        if confusion.shape != (n_labels, n_labels):
+        confusion, prior = self._said
+        if len(prior) != unary.shape[1]:
             raise InputError(
-                f"the hidden Markov model learned {len(confusion)} labels, but there are {n_labels}"
+                f"the hidden Markov model learned {len(prior)} labels, but there are "
+                f"{unary.shape[1]}"
             )
         weight = self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
-        prior = finite_array("prior", self.prior, (n_labels,))
         return log_likelihood(unary, self.observation, confusion, prior, weight)
 
     def _fitted(
@@ -437,19 +370,18 @@ class HiddenMarkovModel:
         return self.initial if self.start == "learned" else np.full(k, 1.0 / k)
 
     @cached_property
-    def _confusion(self) -> NDArray[np.float64]:
-        """(K, K) checked."""
-        assert self.confusion is not None  # the likelihood has checked
-        confusion: NDArray[np.float64] = finite_array("confusion", self.confusion, ("K", "K"))
-        return confusion
+    def _said(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The classifier's confusions (K, K) and the labels' shares (K,), checked."""
+        if self.confusion is None or self.prior is None:
+            raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
+        confusion = finite_array("confusion", self.confusion, ("K", "K"))
+        return confusion, finite_array("prior", self.prior, (len(confusion),))
 
     @cached_property
-    def _forward(self) -> ForwardFilter:
-        return ForwardFilter(self._start(), self._transitions)
-
-    @cached_property
-    def _forward_of_possible(self) -> ForwardFilter:
-        return ForwardFilter(possible(self._start()), possible(self._transitions))
+    def _filters(self) -> tuple[ForwardFilter, ForwardFilter]:
+        """As learned, and where everything is possible."""
+        start, tables = self._start(), self._transitions
+        return ForwardFilter(start, tables), ForwardFilter(possible(start), possible(tables))
 
     @cached_property
     def _transitions(self) -> NDArray[np.float64]:

@@ -261,11 +261,7 @@ class SemiMarkovModel(HiddenMarkovModel):
         return after.belief, after, was_possible
 
     def _explained(
-        self,
-        graph: LabelGraph,
-        observed: NDArray[np.float64],
-        *,
-        everything_possible: bool = False,
+        self, graph: LabelGraph, observed: NDArray[np.float64], *, everything_possible: bool = False
     ) -> ChainBeliefs | ChainPath:
         chain = self._chain_of_possible if everything_possible else self._chain
         moved = np.linalg.norm(np.diff(_positions(graph), axis=0), axis=1)

@@ -1,0 +1,62 @@
+"""Chains labelled online: one more observation at a time, each belief from the one before."""
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+
+__all__ = ["StepFilter"]
+
+
+class StepFilter(ABC):
+    """What a model of chains does online."""
+
+    def advance(
+        self,
+        unary: ArrayLike,
+        state: Any = None,
+        *,
+        moved_m: float | None = None,
+        further: ArrayLike | None = None,
+    ) -> tuple[NDArray[np.float64], Any, bool]:
+        """The belief (K,) after one more observation, the state to go on from, and if possible.
+
+        Parameters
+        ----------
+        unary : (K,) float
+            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
+            them it says that nothing was seen.
+        state : optional
+            What the model has to know of all before, None at the first step: the belief (K,) in a
+            hidden Markov model.
+        moved_m : float, optional
+            Distance from the step before, for ``stay_below_m``; None counts as moved.
+        further : (K,) float, optional
+            Log-likelihoods of what else was observed.
+        """
+        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
+        observed = self._log_likelihood(row[None])[0]
+        if further is not None:
+            observed += finite_array("further", further, row.shape)
+        belief, after, was_possible = self._next(observed, state, moved_m)
+        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
+            belief, after, _ = self._next(observed, state, moved_m, everything_possible=True)
+        return belief, after, was_possible
+
+    @abstractmethod
+    def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden."""
+
+    @abstractmethod
+    def _next(
+        self,
+        observed: NDArray[np.float64],
+        state: Any,
+        moved_m: float | None,
+        *,
+        everything_possible: bool = False,
+    ) -> tuple[NDArray[np.float64], Any, bool]:
+        """As :meth:`advance`, of checked log-likelihoods; nothing has weight 0 if so asked."""
