@@ -24,7 +24,13 @@ def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
     bound = found.score if found.exact else None
     status = Status.EXACT if found.exact else converged(found.converged)
-    return DecodingAnswer(found.labels, status, bound, info={"moves": found.n_moves})
+    info: dict[str, Any] = {"moves": found.n_moves}
+    if problem.inside and found.exact:
+        from pgm_places.solvers.duals import cut_duals
+        from pgm_places.solvers.pairwise import pairwise_model
+
+        info["duals"] = cut_duals(pairwise_model(*problem.arrays))
+    return DecodingAnswer(found.labels, status, bound, info=info)
 
 
 def _lp(problem: DecodingTask) -> DecodingAnswer:
@@ -34,14 +40,18 @@ def _lp(problem: DecodingTask) -> DecodingAnswer:
     # an integral solution is the best only as far as the solver is exact: its bound proves it
     status = Status.CONVERGED if found.integral else Status.RELAXED
     info = {"integral": found.integral, "node_marginals": found.node_marginals}
+    if problem.inside:
+        info["duals"] = found.duals
     return DecodingAnswer(found.labels, status, found.bound, info=info)
 
 
 def _trws(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.trws import trws
 
-    found = trws(*problem.arrays, **problem.limited())
-    info = {"score_history": tuple(found.history[:, 0].tolist())}
+    found = trws(*problem.arrays, **problem.limited(), duals=problem.inside)
+    info: dict[str, Any] = {"score_history": tuple(found.history[:, 0].tolist())}
+    if problem.inside:
+        info["duals"] = found.duals
     return DecodingAnswer(found.labels, converged(found.converged), found.bound, info=info)
 
 

@@ -78,6 +78,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     feature_share : float
         Share of the features, redrawn for each tree, among which its splits are searched, above 0
         and at most 1; stumps always search all.
+    seed : int
+        Of the features that are drawn for each tree.
     n_threads : int or None
         None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
 
@@ -133,6 +135,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         max_depth: int = 1,
         shrinkage: float = 1.0,
         feature_share: float = 1.0,
+        seed: int = 0,
     ) -> None:
         self.n_rounds = n_rounds
         self.order = order
@@ -146,6 +149,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         self.max_depth = max_depth
         self.shrinkage = shrinkage
         self.feature_share = feature_share
+        self.seed = seed
 
     def fit(
         self,

@@ -73,7 +73,9 @@ def decode(
         Show in ``info`` what led to the labelling: ``pair_beliefs`` (E, K, K), the probability of
         the labels at both ends of each edge, and ``disagreement`` (E,), that they differ, from
         ``exact``, ``sum-product`` and ``mean-field``; ``messages`` (2 E, K) from ``sum-product``
-        and ``max-product``. Refused where a decoder has neither.
+        and ``max-product``; ``duals`` (2 E, K), the dual variables whose
+        :func:`~pgm_places.solvers.duals.dual_bound` is the bound, from ``trw-s``, ``lp`` and, of
+        two labels, ``graph-cut``. Refused where a decoder has none of them.
 
     Returns
     -------
@@ -205,10 +207,11 @@ def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
     of_pairs = answer.info.get("pair_beliefs")
     if of_pairs is not None:
         return {"disagreement": 1 - np.einsum("ekk->e", of_pairs)}
-    if "messages" not in answer.info:
+    if not {"messages", "duals"} & set(answer.info):
         raise InputError(
-            f"{name!r} has no messages and no beliefs to look at; 'exact', 'sum-product', "
-            "'mean-field' and 'max-product' have"
+            f"{name!r} has nothing to look at here: messages come from 'sum-product' and "
+            "'max-product', pairs of beliefs from 'exact', 'sum-product' and 'mean-field', dual "
+            "variables from 'trw-s', 'lp' and, of two labels, 'graph-cut'"
         )
     return {}
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pgm_places._option_marks import Ge, Gt, Le, Lt
-from pgm_places.options import check_options
+from pgm_places.options import Seed, check_options
 
 __all__ = ["BoostingOptions", "ListOptions", "PriorWeight"]
 
@@ -29,6 +29,9 @@ class BoostingOptions:
     feature_share : float
         Share of the features, redrawn for each tree, among which its splits are searched; stumps
         always search all. Training takes as much less time.
+    seed : int
+        Of what is drawn: the features of each tree and, where fewer examples are taken than there
+        are, these. Stumps on all examples draw nothing.
     """
 
     n_rounds: Annotated[int, Ge(1), Le(100_000)] = 100
@@ -36,6 +39,7 @@ class BoostingOptions:
     max_depth: Annotated[int, Ge(1), Le(4)] = 1
     shrinkage: Annotated[float, Gt(0), Le(1)] = 1.0
     feature_share: Annotated[float, Gt(0), Le(1)] = 1.0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
         check_options(self)

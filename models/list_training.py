@@ -255,6 +255,7 @@ def _boosted(
     if options.max_depth == 1:
         return boost(prepared, positive, negative, **more)
     more |= {"max_depth": options.max_depth, "feature_share": options.feature_share}
+    more |= {"seed": options.seed}
     return boost_trees(prepared, positive, negative, **more)
 
 

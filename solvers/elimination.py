@@ -11,7 +11,7 @@ from pgm_places._core import eliminate_labels
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
-__all__ = ["Reduction", "reduce_model"]
+__all__ = ["Reduction", "lifted_duals", "reduce_model"]
 
 
 class _Alive(NamedTuple):
@@ -47,6 +47,32 @@ class Reduction:
         whole = self.labels.copy()
         whole[self.nodes] = labels
         return whole
+
+
+def lifted_duals(
+    whole: PairwiseModel, reduced: Reduction, duals: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(2 E, K) duals of the whole problem from those of what is left of it; the bound is the same.
+
+    An edge gives what it is worth to its open end where the other one is decided; labels that were
+    ruled out are -inf.
+    """
+    edges, n_labels = whole.around.edges, whole.n_labels
+    if whole.agreement is None:
+        return duals
+    alive = np.zeros(whole.unary.shape, np.bool_)
+    alive[np.arange(whole.n_nodes), reduced.labels] = True
+    alive[reduced.nodes] = reduced.model.unary > -np.inf
+    is_open = np.zeros(whole.n_nodes, np.bool_)
+    is_open[reduced.nodes] = True
+    found = np.zeros((len(edges), 2, n_labels))  # to the second end, then to the first
+    found[is_open[edges].all(axis=1)] = duals.reshape(-1, 2, n_labels)
+    for to, end in ((0, 1), (1, 0)):
+        border = np.flatnonzero(is_open[edges[:, end]] & ~is_open[edges[:, 1 - end]])
+        label = reduced.labels[edges[border, 1 - end]]
+        found[border, to, label] = whole.agreement[border, label]
+        found[:, to][~alive[edges[:, end]]] = -np.inf
+    return found.reshape(-1, n_labels)
 
 
 def reduce_model(model: PairwiseModel) -> Reduction:

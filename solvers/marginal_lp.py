@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places._core import decode_beliefs
 from pgm_places.errors import InfeasibleError, InputError, SolverError
-from pgm_places.solvers.elimination import reduce_model
+from pgm_places.solvers.duals import dual_value
+from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -37,6 +38,8 @@ class LPDecoding:
         Whether all node marginals are 0 or 1; then ``labels`` is the best labelling of all.
     node_marginals : (N, K) float
         The relaxation's solution; rows sum to one.
+    duals : (2 E, K) float
+        What gives the bound (:func:`pgm_places.solvers.duals.dual_bound`).
     """
 
     labels: NDArray[np.int64]
@@ -44,6 +47,7 @@ class LPDecoding:
     bound: float
     integral: bool
     node_marginals: NDArray[np.float64]
+    duals: NDArray[np.float64]
 
 
 def solve_marginal_lp(
@@ -103,7 +107,10 @@ def solve_marginal_lp(
         reduced = reduce_model(model)
         left, nodes = reduced.model, reduced.nodes
         marginals[np.arange(model.n_nodes), reduced.labels] = 1.0
-    marginals[nodes], value = _solve(left, solver)
+    marginals[nodes], duals = _solve(left, solver)
+    value = dual_value(left, duals)
+    if eliminate:
+        duals = lifted_duals(model, reduced, duals)
     labels, score = _rounded(model, marginals)
     integral = bool((np.minimum(marginals, 1.0 - marginals) <= _INTEGRAL).all())
     return LPDecoding(
@@ -112,6 +119,7 @@ def solve_marginal_lp(
         bound=max(value, score),
         integral=integral,
         node_marginals=frozen(marginals),
+        duals=frozen(duals),
     )
 
 
@@ -150,10 +158,10 @@ def _expected(model: PairwiseModel, marginals: NDArray[np.float64]) -> NDArray[n
     return found.reshape(-1, model.n_labels)
 
 
-def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], float]:
-    """Node marginals (N, K) and the relaxation's value."""
+def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Node marginals (N, K) and duals (2 E, K), which give the relaxation's value."""
     if model.n_nodes == 0:
-        return np.zeros(model.unary.shape), model.offset
+        return np.zeros(model.unary.shape), np.zeros((0, model.n_labels))
     if model.agreement is not None and (model.agreement >= 0).all():
         gains, upper, equal, right = _associative_form(model, model.agreement)
     else:
@@ -173,10 +181,8 @@ def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], floa
     marginals = np.clip(result.x[: model.unary.size].reshape(model.unary.shape), 0.0, 1.0)
     marginals = marginals / marginals.sum(axis=1, keepdims=True) + 0.0  # no negative zeros
     if upper is not None:
-        bound = associative_bound(model, -scale * result.ineqlin.marginals)
-    else:
-        bound = polytope_bound(model, -scale * result.eqlin.marginals[model.n_nodes :])
-    return marginals, bound + model.offset
+        return marginals, associative_duals(model, -scale * result.ineqlin.marginals)
+    return marginals, polytope_duals(model, -scale * result.eqlin.marginals[model.n_nodes :])
 
 
 def _call_highs(*args: Any, **options: Any) -> Any:
@@ -194,28 +200,21 @@ def _call_highs(*args: Any, **options: Any) -> Any:
     return result
 
 
-def associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
-    """The dual's value with the edge duals corrected to be feasible: holds whatever HiGHS left.
+def associative_duals(model: PairwiseModel, found: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2 E, K) duals of the short form, corrected to be feasible: they bound whatever HiGHS left.
 
     Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
     """
     assert model.agreement is not None  # the caller chose this form for it
-    first = np.maximum(duals[: model.agreement.size].reshape(model.agreement.shape), 0.0)
+    first = np.maximum(found[: model.agreement.size].reshape(model.agreement.shape), 0.0)
     second = np.maximum(model.agreement - first, 0.0)
-    raised = model.unary.copy()
-    np.add.at(raised, model.around.edges[:, 0], first)
-    np.add.at(raised, model.around.edges[:, 1], second)
-    return float(raised.max(axis=1).sum())
+    return np.stack([second, first], axis=1).reshape(-1, model.n_labels)
 
 
-def polytope_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
-    """The value of the potentials after moving ``duals`` from edges to nodes: always a bound."""
-    to_first, to_second = duals.reshape(2, model.around.n_edges, model.n_labels)
-    raised = model.unary.copy()
-    np.add.at(raised, model.around.edges[:, 0], to_first)
-    np.add.at(raised, model.around.edges[:, 1], to_second)
-    left = model.edge_tables - to_first[:, :, None] - to_second[:, None, :]
-    return float(raised.max(axis=1).sum() + left.max(axis=(1, 2), initial=-np.inf).sum())
+def polytope_duals(model: PairwiseModel, found: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2 E, K) duals of the local polytope: what each edge gives its ends."""
+    to_first, to_second = found.reshape(2, model.around.n_edges, model.n_labels)
+    return np.stack([to_second, to_first], axis=1).reshape(-1, model.n_labels)
 
 
 _Form = tuple[NDArray[np.float64], sp.csr_array | None, sp.csr_array, NDArray[np.float64]]

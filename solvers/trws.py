@@ -10,7 +10,7 @@ from pgm_places._checks import frozen
 from pgm_places._core import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.adjacency import Adjacency
-from pgm_places.solvers.elimination import reduce_model
+from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
 __all__ = ["DualDecoding", "trws"]
@@ -39,6 +39,8 @@ class DualDecoding:
         Whether the gap closed to the tolerance or the bound came to rest.
     history : (n_iterations, 2) float
         After each iteration the best score so far and the bound.
+    duals : (2 E, K) float or None
+        What gives the bound (:func:`pgm_places.solvers.duals.dual_bound`), where it was asked for.
     """
 
     labels: NDArray[np.int64]
@@ -47,6 +49,7 @@ class DualDecoding:
     n_iterations: int
     converged: bool
     history: NDArray[np.float64]
+    duals: NDArray[np.float64] | None = None
 
 
 def trws(
@@ -59,6 +62,7 @@ def trws(
     max_iterations: int = 200,
     tolerance: float = 1e-6,
     eliminate: bool = True,
+    duals: bool = False,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> DualDecoding:
     """A labelling and an upper bound of the largest score, by message passing on chains.
@@ -91,6 +95,8 @@ def trws(
     eliminate : bool
         Rule out labels that cannot be best first (:func:`~pgm_places.solvers.elimination.\
 reduce_model`), which changes neither the best score nor the bound's validity.
+    duals : bool
+        Keep the dual variables that give the bound.
     on_iteration : callable, optional
         Called after each iteration with its number and the bound.
 
@@ -117,13 +123,16 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     best = None if initial is None else checked_labels(model, initial)
     floor = -np.inf if best is None else total_score(model, best)
     reduced = reduce_model(model) if eliminate else None
-    passing = _Passing(model if reduced is None else reduced.model, floor)
+    passing = _Passing(model if reduced is None else reduced.model, floor, keeps=duals)
     passing.run(max_iterations, tolerance * model.size, on_iteration)
     labels = passing.labels if reduced is None else reduced.lift(passing.labels)
     score = total_score(model, labels)
     if best is not None and not passing.improved:
         labels, score = best, floor
     history = np.array(passing.history).reshape(-1, 2)
+    kept = passing.duals() if duals else None
+    if kept is not None and reduced is not None:
+        kept = lifted_duals(model, reduced, kept)
     return DualDecoding(
         labels=frozen(labels.astype(np.int64)),
         score=score,
@@ -131,15 +140,17 @@ reduce_model`), which changes neither the best score nor the bound's validity.
         n_iterations=len(history),
         converged=passing.converged,
         history=frozen(history),
+        duals=None if kept is None else frozen(kept),
     )
 
 
 class _Passing:
     """The messages of one problem and the best labelling they have led to."""
 
-    def __init__(self, model: PairwiseModel, floor: float) -> None:
-        self.model = model
+    def __init__(self, model: PairwiseModel, floor: float, *, keeps: bool = False) -> None:
+        self.model, self.keeps = model, keeps
         self.message = np.zeros((model.around.n_edges, model.n_labels))
+        self.upwards = self.message
         self.share = np.empty(model.n_nodes)
         share_of_nodes(model.around.arcs, self.share)
         self.trial = np.zeros(model.n_nodes, np.int32)
@@ -158,6 +169,8 @@ class _Passing:
         """Pass up and down until the gap is ``closed``, the bound rests or the limit is reached."""
         for iteration in range(1, max_iterations + 1):
             self._pass(upwards=True)
+            if self.keeps:
+                self.upwards = self.message.copy()
             self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
             if self.bound == -np.inf:
                 raise InfeasibleError
@@ -182,6 +195,25 @@ class _Passing:
         return pass_over_nodes(
             upwards, model.max_terms, model.around.arcs, self.share, self.message
         )
+
+    def duals(self) -> NDArray[np.float64]:
+        """(2 E, K) what each edge gives its ends after the last pass up and down.
+
+        The upper end of an edge has heard what came up, and gives the edge its share of all that it
+        believes; the lower end hears what comes back.
+        """
+        edges = self.model.around.edges
+        lower, upper = edges.min(axis=1), edges.max(axis=1)
+        belief = self.model.unary.copy()
+        np.add.at(belief, upper, self.upwards)
+        np.add.at(belief, lower, self.message)
+        with np.errstate(invalid="ignore"):
+            to_upper = self.upwards - self.share[upper, np.newaxis] * belief[upper]
+        to_upper[belief[upper] == -np.inf] = -np.inf
+        to_lower = np.where(belief[lower] == -np.inf, -np.inf, self.message)
+        to_second = np.where((edges[:, 1] == upper)[:, np.newaxis], to_upper, to_lower)
+        to_first = np.where((edges[:, 0] == upper)[:, np.newaxis], to_upper, to_lower)
+        return np.stack([to_second, to_first], axis=1).reshape(-1, self.model.n_labels)
 
     def _decode(self) -> None:
         model = self.model

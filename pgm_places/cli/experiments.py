@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Option
 from pgm_places.cli.label_many import Jobs, Memory, Scheduler, WorkerOptions, make_workers
@@ -61,6 +62,18 @@ def compare(
             "it; [[test]] is not used.",
         ),
     ] = False,
+    folds: Annotated[
+        Annotated[int, Ge(2)] | None,
+        Option(metavar="K", help="The same with the buildings in this many groups."),
+    ] = None,
+    seeds: Annotated[
+        Annotated[int, Ge(2), Le(100)] | None,
+        Option(
+            metavar="N",
+            help="Train with the seeds 1 to N: means, and what they vary by; differences are "
+            "paired by seed.",
+        ),
+    ] = None,
     cache: Cache = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
@@ -71,40 +84,61 @@ def compare(
 ) -> None:
     """Train and evaluate every method of a configuration. Writes tables and a report.
 
-    --jobs, --scheduler and --memory are for --by-building: each building is a task of its own.
+    A configuration may list [[splits]] of its buildings in place of [[test]]. --jobs, --scheduler
+    and --memory are for several splits or seeds: each is a task of its own.
     """
-    workers = WorkerOptions(jobs, scheduler, memory)
-    if workers.given and not by_building:
-        raise InputError("--jobs, --scheduler and --memory are for compare --by-building")
+    if by_building and folds is not None:
+        raise InputError("give --by-building, which leaves out one at a time, or --folds, not both")
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import COMPARISON
 
-    shared_out = workers if by_building else None
+    runs = _Runs(by_building, folds, seeds, WorkerOptions(jobs, scheduler, memory))
     with (
         output_set(out, "compare", names=COMPARISON, force=force) as files,
         _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment,
     ):
-        table = _compare(experiment, files.stage, shared_out)
+        table = _compare(experiment, files.stage, runs)
     say(table)
     say_written(files)
 
 
-def _compare(experiment: "Experiment", folder: Path, shared_out: WorkerOptions | None) -> str:
-    """Compare the methods and write the results into the folder; the table.
+class _Runs(NamedTuple):
+    """On which splits and with how many seeds methods are compared, and who does the work."""
 
-    With workers, each building of the training maps is left out in turn.
-    """
+    by_building: bool = False
+    n_folds: int | None = None
+    n_seeds: int | None = None
+    workers: WorkerOptions = WorkerOptions()
+
+
+def _compare(experiment: "Experiment", folder: Path, runs: _Runs) -> str:
+    """Compare the methods and write the results into the folder; the table."""
     from pgm_places.experiment.runs import compare as compare_methods
     from pgm_places.report.comparison_files import write_comparison
 
-    if shared_out is None:
+    splits = experiment.config.splits
+    if splits and (runs.by_building or runs.n_folds):
+        raise InputError("the configuration lists [[splits]]; leave out --by-building and --folds")
+    if not splits and runs[:3] == _Runs()[:3]:
+        if runs.workers.given:
+            raise InputError(
+                "--jobs, --scheduler and --memory share out several splits or seeds: give "
+                "--by-building, --folds or --seeds"
+            )
         comparison = compare_methods(experiment)
     else:
-        from pgm_places.batch.left_out import compare_buildings
+        from pgm_places.batch.several_runs import compare_several
 
-        n_tasks = len(experiment.config.train)
-        workers, threads = make_workers(shared_out, n_tasks, experiment.n_threads)
-        comparison = compare_buildings(experiment, workers, n_threads=threads)
+        n_tasks = (len(splits) or len(experiment.config.train)) * (runs.n_seeds or 1)
+        workers, threads = make_workers(runs.workers, n_tasks, experiment.n_threads)
+        comparison = compare_several(
+            experiment,
+            workers,
+            by_building=runs.by_building,
+            n_folds=runs.n_folds,
+            seeds=range(1, (runs.n_seeds or 0) + 1),
+            n_threads=threads,
+        )
     with experiment.progress.stage("report"):
         write_comparison(comparison, folder)
     return comparison_table(comparison)
@@ -127,7 +161,7 @@ def demo(
     with output_set(out, "demo", names=DEMO, force=force) as files:
         config_path = write_demo(files.stage, seed=seed)
         with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-            table = _compare(experiment, files.stage, None)
+            table = _compare(experiment, files.stage, _Runs())
     say(table)
     say_written(files)
     config_path = out / config_path.name

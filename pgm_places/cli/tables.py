@@ -40,9 +40,10 @@ def comparison_table(comparison: "Comparison") -> str:
         found = method.evaluation
         row = [
             method.id,
-            _percent(found.accuracy),
+            _percent(found.accuracy) + _over_seeds(method.spread(lambda one: one.accuracy)),
             _interval(method),
-            _percent(found.balanced_accuracy),
+            _percent(found.balanced_accuracy)
+            + _over_seeds(method.spread(lambda one: one.balanced_accuracy)),
             _percent(found.macro_f1),
         ]
         row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
@@ -52,7 +53,9 @@ def comparison_table(comparison: "Comparison") -> str:
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
     note += "; doors: F found, M missed, I invented" if counts_doors else ""
-    parts = _differences(comparison) + _table_by_unit(comparison)
+    n_seeds = len(comparison.seeds)
+    note += f"; ±: standard deviation over {n_seeds} seeds" if n_seeds else ""
+    parts = _differences(comparison) + _table_by_split(comparison) + _table_by_unit(comparison)
     return f"\n{text_table(rows)}\n({note}; stages: {stages}){parts}{_selected(comparison)}"
 
 
@@ -67,10 +70,13 @@ def _differences(comparison: "Comparison") -> str:
     found = [judgement.between(top, item.id) for item in ranked[1:]]
     several = found[0].buildings.n_buildings > 1
     buildings = ["buildings A/E/B", "p"] if several else []
-    rows = [[f"{top} against", "points", "95 %", "beyond chance", *buildings]]
+    seeds = ["seeds A/E/B", "±"] if comparison.seeds else []
+    rows = [[f"{top} against", "points", "95 %", "beyond chance", *buildings, *seeds]]
     for item in found:
         signs = item.buildings
         counts = [f"{signs.better}/{signs.even}/{signs.worse}", f"{signs.p_value:.2g}"]
+        lucky = [f"{item.seeds.better}/{item.seeds.even}/{item.seeds.worse}"]
+        lucky += [f"{100 * (item.spread or 0.0):.2f}"]
         rows.append(
             [
                 item.second,
@@ -78,11 +84,27 @@ def _differences(comparison: "Comparison") -> str:
                 f"{points(item.interval.low)} to {points(item.interval.high)}",
                 "no" if item.winner is None else "yes",
                 *(counts if several else []),
+                *(lucky if seeds else []),
             ]
         )
     note = "accuracy of both methods on the same resamples"
-    note += "; A: ahead, E: even, B: behind, p: sign test" if several else ""
+    note += "; A: ahead, E: even, B: behind" if several or seeds else ""
+    note += ", p: sign test" if several else ""
     return f"\n\n{text_table(rows)}\n({note})"
+
+
+def _table_by_split(comparison: "Comparison") -> str:
+    """The accuracy of each method in each split."""
+    if not comparison.splits:
+        return ""
+    rows = [["tested on", *(method.id for method in comparison.methods)]]
+    found = [comparison.by_split(method) for method in comparison.methods]
+    rows += [[name, *(_percent(of[name].accuracy) for of in found)] for name in comparison.splits]
+    return f"\n\n{text_table(rows)}\n(accuracy by split, in percent)"
+
+
+def _over_seeds(spread: float | None) -> str:
+    return "" if spread is None else f" ±{100 * spread:.2f}"
 
 
 def _table_by_unit(comparison: "Comparison") -> str:

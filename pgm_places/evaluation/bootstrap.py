@@ -12,7 +12,7 @@ from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, paired_labels
 
-__all__ = ["Interval", "Resamples", "SignTest", "block_bootstrap", "square_blocks"]
+__all__ = ["Interval", "Resamples", "SignTest", "block_bootstrap", "pooled", "square_blocks"]
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,30 @@ class Resamples:
         counts = coo_array((ones, (self.block[known], column)), shape=shape).tocsr()
         found = np.vstack([np.asarray(counts.sum(axis=0))[None], self.draws @ counts])
         return found.reshape(-1, self.n_labels, self.n_labels)
+
+
+def pooled(repetitions: Sequence[NDArray[np.int64]], *, seed: int = 0) -> NDArray[np.int64]:
+    """(1 + R, K, K) counts of several labellings of the same nodes, such as those of several seeds.
+
+    First of all of them together, then of each draw of blocks with labellings that are drawn, too:
+    what is left to chance in a method is part of the interval. Methods with as many labellings get
+    the same draws, so that their differences are paired by seed and by block. Such an interval is
+    wide rather than narrow (A. Owen, The pigeonhole bootstrap, Annals of Applied Statistics, 2007).
+
+    Parameters
+    ----------
+    repetitions : sequence of (1 + R, K, K) int
+        :meth:`Resamples.confusions` of each labelling.
+    seed : int
+        Of the draws.
+    """
+    n, n_resamples = len(repetitions), len(repetitions[0]) - 1
+    if n == 1:
+        return repetitions[0]
+    rng = np.random.default_rng([seed, n])
+    weights = np.ones((1 + n_resamples, n), np.int64)
+    weights[1:] = rng.multinomial(n, np.full(n, 1.0 / n), size=n_resamples)
+    return np.asarray(np.einsum("rs,srkl->rkl", weights, np.stack(repetitions)))
 
 
 def block_bootstrap(

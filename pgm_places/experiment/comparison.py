@@ -1,26 +1,37 @@
 """The results of several methods on the same maps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from pgm_places.evaluation.bootstrap import numbered_apart
-from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap
-from pgm_places.experiment.judgement import Judgement, judge
-from pgm_places.experiment.labelled_items import TestItem
+from pgm_places.evaluation import confusion
+from pgm_places.evaluation.bootstrap import Resamples, pooled
+from pgm_places.evaluation.evaluation import Evaluation, Interval
+from pgm_places.experiment.judgement import Judgement, judge_seeds
+from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores
 
 __all__ = [
     "Comparison",
     "MethodResult",
+    "SeedResult",
     "history_of",
+    "intervals_over_seeds",
     "learning_of",
     "score_intervals",
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class SeedResult:
+    """What a method made of the maps with one seed: a labelling per map, and their evaluation."""
+
+    labelings: tuple[Labeling, ...]
+    evaluation: Evaluation
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +43,10 @@ class MethodResult:
     values by the name of the quantity. ``doors`` counts doors per map: () without a label for
     doorways. ``learned_with`` is the id of another method that learned for this one, too: the two
     differ in how they label, and the seconds of learning are that method's.
+
+    Where the method was taught with several seeds, ``by_seed`` has the results of each. Evaluations
+    and intervals are then of all seeds together, the seconds those of one on average, and all else
+    is of the first seed.
     """
 
     id: str
@@ -47,6 +62,18 @@ class MethodResult:
     learning: Mapping[str, Sequence[float]] = field(default_factory=dict)
     doors: tuple[DoorScores, ...] = ()
     learned_with: str | None = None
+    by_seed: Mapping[int, SeedResult] = field(default_factory=dict)
+
+    @property
+    def all_labelings(self) -> list[tuple[Labeling, ...]]:
+        """Of each seed the labelling of each map."""
+        return [item.labelings for item in self.by_seed.values()] or [self.labelings]
+
+    def spread(self, figure: Callable[[Evaluation], float | None]) -> float | None:
+        """The standard deviation of a figure over the seeds; None of one seed, or not defined."""
+        found = [figure(item.evaluation) for item in self.by_seed.values()]
+        values = [value for value in found if value is not None]
+        return float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +82,8 @@ class Comparison:
 
     ``maps`` are the labelled items: maps, drives, or, for nodes of both kinds, each map with the
     drive through it. ``selection`` records the options tried on held-out training cells, and those
-    chosen.
+    chosen. ``splits`` says by name which of the items each split tested on; it is empty where there
+    was one.
     """
 
     title: str
@@ -68,12 +96,30 @@ class Comparison:
     inputs: Mapping[str, str]
     warnings: tuple[str, ...] = ()
     selection: Mapping[str, Any] | None = None
+    splits: Mapping[str, range] = field(default_factory=dict)
 
     @cached_property
     def judgement(self) -> Judgement:
         """Which differences between methods are more than chance."""
-        labelings = {method.id: method.labelings for method in self.methods}
-        return judge(self.maps, labelings, self.label_names)
+        labelings = {method.id: method.all_labelings for method in self.methods}
+        return judge_seeds(self.maps, labelings, self.label_names)
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """With which the methods were taught; () for those of the configuration alone."""
+        return tuple(self.methods[0].by_seed) if self.methods else ()
+
+    @property
+    def n_evaluated(self) -> int:
+        """How many nodes with a true label were labelled."""
+        return sum(int((item.node_truth >= 0).sum()) for item in self.maps)
+
+    def by_split(self, method: MethodResult) -> dict[str, Evaluation]:
+        """A method's evaluation of what each split tested on."""
+        return {
+            name: Evaluation.merged([method.evaluations[k] for k in items])
+            for name, items in self.splits.items()
+        }
 
     @property
     def unit(self) -> str:
@@ -103,12 +149,26 @@ def score_intervals(
     single nodes of graphs, or ``NODES_PER_BLOCK`` side by side
     (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
-    return block_bootstrap(
-        np.concatenate([item.node_truth for item in maps]),
-        np.concatenate([labeling.labels for labeling in labelings]),
-        numbered_apart([item.blocks() for item in maps]),
-        n_labels=n_labels,
+    return intervals_over_seeds(maps, [labelings], n_labels)
+
+
+def intervals_over_seeds(
+    maps: Sequence[TestItem], labelings: Sequence[Sequence[Labeling]], n_labels: int
+) -> dict[str, Interval]:
+    """The same of the labellings of several seeds together, seeds drawn like blocks."""
+    resamples = Resamples.of(
+        np.concatenate([item.node_truth for item in maps]), blocks_of(maps), n_labels=n_labels
     )
+    counts = pooled(
+        [
+            resamples.confusions(np.concatenate([labeling.labels for labeling in found]))
+            for found in labelings
+        ]
+    )
+    return {
+        "accuracy": Interval.of(confusion.accuracy(counts)),
+        "balanced_accuracy": Interval.of(confusion.balanced_accuracy(counts)),
+    }
 
 
 _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}

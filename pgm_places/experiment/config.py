@@ -20,6 +20,7 @@ from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.experiment.source_patterns import without_patterns
+from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
@@ -158,6 +159,7 @@ class ExperimentConfig:
     ``nodes`` says what is labelled: the cells of maps, the steps of drives, both as one graph, or
     the nodes of graphs of one's own. With ``base_model``, an existing model is trained further on
     the training maps, as ``teaching`` says; its methods and the options of its training are kept.
+    ``splits`` lists buildings of ``train`` that ``compare`` tests on, in place of ``test``.
     """
 
     title: str | None = None
@@ -175,6 +177,7 @@ class ExperimentConfig:
     entered: EnteredOptions = field(default_factory=EnteredOptions)
     train: Annotated[tuple[SourceConfig, ...], MinLen(1)]
     test: tuple[SourceConfig, ...] = ()
+    splits: tuple[SplitConfig, ...] = ()
     features: tuple[FeatureConfig, ...] = ()
     select: SelectConfig | None = None
     methods: tuple[MethodConfig, ...] = ()
@@ -187,6 +190,8 @@ class ExperimentConfig:
         _check_label_names(self)
         _check_methods(self)
         _check_nodes(self)
+        if self.splits and self.test:
+            raise ConfigError("give [[splits]] of [[train]] or [[test]], not both")
         build_features(self)
         for method in self.methods:
             build_method(method)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation import confusion
-from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, numbered_apart
-from pgm_places.experiment.labelled_items import TestItem
+from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, pooled
+from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 
-__all__ = ["TESTED", "Difference", "Judgement", "judge", "points"]
+__all__ = ["TESTED", "Difference", "Judgement", "judge", "judge_seeds", "points"]
 
 FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
     "accuracy": confusion.accuracy,
@@ -49,6 +49,9 @@ class Difference:
         The difference with its 95 % interval, of both methods on the same resampled blocks.
     buildings : SignTest
         In how many buildings the first has more.
+    by_seed : tuple of float
+        The difference with each seed, where the methods were taught with several; both methods of a
+        pair have the same one.
     """
 
     first: str
@@ -56,6 +59,17 @@ class Difference:
     figure: str
     interval: Interval
     buildings: SignTest
+    by_seed: tuple[float, ...] = ()
+
+    @property
+    def spread(self) -> float | None:
+        """The standard deviation of the difference over the seeds; None of a single one."""
+        return float(np.std(self.by_seed, ddof=1)) if len(self.by_seed) > 1 else None
+
+    @property
+    def seeds(self) -> SignTest:
+        """With how many seeds the first has more; no test, for seeds are no new buildings."""
+        return SignTest.of(self.by_seed, [0.0] * len(self.by_seed))
 
     @property
     def winner(self) -> str | None:
@@ -82,6 +96,7 @@ class Difference:
             self.figure,
             Interval(-old.estimate, -old.high, -old.low),
             SignTest(signs.worse, signs.better, signs.even),
+            tuple(-value for value in self.by_seed),
         )
 
 
@@ -142,19 +157,42 @@ def judge(
         Of each item, by the id of the method.
     label_names : sequence of K str
     """
+    return judge_seeds(items, {name: [found] for name, found in labelings.items()}, label_names)
+
+
+def judge_seeds(
+    items: Sequence[TestItem],
+    labelings: Mapping[str, Sequence[Sequence[Labeling]]],
+    label_names: Sequence[str],
+) -> Judgement:
+    """The same for methods that were taught with several seeds, the same for all.
+
+    Figures are of all seeds together, and differences paired by seed: the intervals draw seeds and
+    blocks, the same for both methods. A building counts for the method that has more there with all
+    seeds together.
+
+    Parameters
+    ----------
+    items : sequence of TestItem
+    labelings : mapping of str to sequence of sequence of Labeling
+        Of each seed and item, by the id of the method.
+    label_names : sequence of K str
+    """
     if len(labelings) < 2:
         return Judgement((), {})
     resamples = Resamples.of(
         np.concatenate([item.node_truth for item in items]),
-        numbered_apart([item.blocks() for item in items]),
+        blocks_of(items),
         n_labels=len(label_names),
     )
-    figures = {
-        name: _figures(
-            resamples.confusions(np.concatenate([item.labels for item in found])), label_names
-        )
-        for name, found in labelings.items()
-    }
+    figures, by_seed = {}, {}
+    for name, repetitions in labelings.items():
+        counts = [
+            resamples.confusions(np.concatenate([item.labels for item in found]))
+            for found in repetitions
+        ]
+        figures[name] = _figures(pooled(counts), label_names)
+        by_seed[name] = {f: [float(FIGURES[f](part[0])) for part in counts] for f in TESTED}
     by_building = {
         name: _by_building(items, found, len(label_names)) for name, found in labelings.items()
     }
@@ -165,6 +203,7 @@ def judge(
             figure,
             Interval.of(figures[first][figure] - figures[second][figure]),
             SignTest.of(by_building[first][figure], by_building[second][figure]),
+            _paired(by_seed[first][figure], by_seed[second][figure]),
         )
         for figure in TESTED
         for first, second in combinations(labelings, 2)
@@ -175,6 +214,12 @@ def judge(
     }
     judged = Judgement(differences, leaders)
     return Judgement(differences, {**leaders, **{f: _tested(judged, f) for f in TESTED}})
+
+
+def _paired(first: Sequence[float], second: Sequence[float]) -> tuple[float, ...]:
+    """The difference with each seed; () where there is one."""
+    found = tuple(a - b for a, b in zip(first, second, strict=True))
+    return found if len(found) > 1 else ()
 
 
 def _figures(
@@ -189,17 +234,18 @@ def _figures(
 
 
 def _by_building(
-    items: Sequence[TestItem], labelings: Sequence[Labeling], n_labels: int
+    items: Sequence[TestItem], repetitions: Sequence[Sequence[Labeling]], n_labels: int
 ) -> dict[str, list[float]]:
-    """The tested figures of a method in each building."""
+    """The tested figures of a method in each building, with all seeds together."""
     buildings = [item.building or f"item {index}" for index, item in enumerate(items)]
     found: dict[str, list[float]] = {name: [] for name in TESTED}
     for building in dict.fromkeys(buildings):
         chosen = [k for k, name in enumerate(buildings) if name == building]
         truth = np.concatenate([items[k].node_truth for k in chosen])
-        labels = np.concatenate([labelings[k].labels for k in chosen])
-        known = truth >= 0
-        counts = confusion.confusion_matrix(truth[known], labels[known], n_labels)
+        known, counts = truth >= 0, np.zeros((n_labels, n_labels), np.int64)
+        for labelings in repetitions:
+            labels = np.concatenate([labelings[k].labels for k in chosen])
+            counts += confusion.confusion_matrix(truth[known], labels[known], n_labels)
         for name in TESTED:
             found[name].append(float(FIGURES[name](counts)))
     return found

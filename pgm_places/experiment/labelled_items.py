@@ -1,5 +1,6 @@
 """What was labelled in a comparison: maps, drives and graphs with their true labels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -7,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import square_blocks
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.experiment.graph_layout import GraphLayout
@@ -24,6 +26,7 @@ __all__ = [
     "TestGraph",
     "TestItem",
     "TestMap",
+    "blocks_of",
     "stretches",
 ]
 
@@ -179,6 +182,23 @@ class TestGraph(_Painted):
 
 
 TestItem = TestMap | TestDrive | TestGraph
+
+
+def blocks_of(items: Sequence[TestItem]) -> NDArray[np.int64]:
+    """(N,) the block of each node of the items together, which no two items share.
+
+    An item that several splits test on has the same blocks in each: they are drawn together, for
+    testing on them twice tells little that is new.
+    """
+    blocks: dict[tuple[str, str | None, bytes], NDArray[np.int64]] = {}
+    keys = [(item.name, item.building, item.node_truth.tobytes()) for item in items]
+    for key, item in zip(keys, items, strict=True):
+        if key not in blocks:
+            blocks[key] = item.blocks()
+    sizes = [len(part) for part in blocks.values()]
+    apart = np.split(numbered_apart(list(blocks.values())), np.cumsum(sizes)[:-1])
+    of_key = dict(zip(blocks, apart, strict=True))
+    return np.concatenate([of_key[key] for key in keys])
 
 
 def stretches(drive: Trajectory) -> NDArray[np.int64]:

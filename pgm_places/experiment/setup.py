@@ -102,7 +102,9 @@ def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
         beams=steps.beams,
         sensor=replace(config.sensor, max_range_m=steps.max_range_m),
         # By default the prior is left to the method, which knows how frequent places are on a path.
-        classifier=None if settings == ClassifierOptions() else settings.classifier(names),
+        classifier=None
+        if settings == ClassifierOptions(seed=settings.seed)
+        else settings.classifier(names),
         n_folds=settings.n_folds,
         n_runs=steps.n_runs,
         seed=steps.seed,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.judgement import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
@@ -40,11 +41,19 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     the figures of each. ``differences`` has how much more of a figure the first of two methods has
     than the second, with its 95 % interval, in how many buildings it is ahead, even and behind, and
     which method is better beyond chance. ``best`` names a method that is better than all others.
+    With several seeds, figures are of all of them together, and ``by_seed`` of each method and
+    difference has those of each. ``splits`` has what each split tested on, ``by_split`` of each
+    method its accuracies there.
     """
     return {
         "schema": SCHEMA,
         "title": comparison.title,
         "labels": list(comparison.label_names),
+        "seeds": list(comparison.seeds),
+        "splits": {
+            name: [comparison.maps[k].name for k in items]
+            for name, items in comparison.splits.items()
+        },
         "maps": [
             {
                 "name": item.name,
@@ -57,6 +66,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "methods": {
             method.id: _method_record(method, [item.name for item in comparison.maps])
             | _record_by_unit(comparison, method)
+            | _record_by_run(comparison, method)
             for method in comparison.methods
         },
         "differences": [_difference_record(item) for item in comparison.judgement.differences],
@@ -86,13 +96,29 @@ def _difference_record(found: Difference) -> dict[str, Any]:
             "p": signs.p_value,
         },
         "better": found.winner,
-    }
+    } | ({"by_seed": list(found.by_seed), "spread": found.spread} if found.by_seed else {})
 
 
 def _record_by_unit(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
     """``cells`` and ``steps`` apart, where both were labelled."""
     found = comparison.by_unit(method)
     return {f"{unit}s": _plain(part.to_dict()) for unit, part in found.items() if len(found) > 1}
+
+
+def _record_by_run(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
+    """Accuracies with each seed, and of each split."""
+    runs: dict[str, dict[str, Evaluation]] = {
+        "by_seed": {str(seed): item.evaluation for seed, item in method.by_seed.items()},
+        "by_split": comparison.by_split(method),
+    }
+    return {
+        kind: {
+            name: {figure: _plain(getattr(item, figure)) for figure in TESTED}
+            for name, item in found.items()
+        }
+        for kind, found in runs.items()
+        if found
+    }
 
 
 def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]:

@@ -127,7 +127,9 @@ def report_page(comparison: Comparison) -> str:
         n_drives=sum(item.unit == "step" for item in comparison.maps),
         n_graphs=sum(item.unit == "node" for item in comparison.maps),
         unit=comparison.unit,
-        n_nodes=sum(method.evaluation.n for method in comparison.methods[:1]),
+        n_nodes=comparison.n_evaluated,
+        seeds=comparison.seeds,
+        by_split=_by_split(comparison),
         warnings=comparison.warnings,
         glance=glance_of(comparison),
         differences=_differences(comparison),
@@ -189,6 +191,7 @@ class _Cell:
     value: float | None
     best: bool
     interval: Interval | None = None
+    spread: float | None = None
 
 
 def _row(method: MethodResult, comparison: Comparison) -> list[_Cell]:
@@ -198,6 +201,7 @@ def _row(method: MethodResult, comparison: Comparison) -> list[_Cell]:
             figure(method.evaluation),
             best(key) == method.id,
             method.intervals.get(key),
+            method.spread(figure),
         )
         for key, figure in _FIGURES.values()
     ]
@@ -211,6 +215,18 @@ def _row_by_label(method: MethodResult, comparison: Comparison) -> list[_Cell]:
         for name in comparison.label_names
         for kind in ("recall", "precision", "iou")
     ]
+
+
+def _by_split(
+    comparison: Comparison,
+) -> list[tuple[str, list[tuple[Evaluation, bool]]]]:
+    """By split, each method's evaluation and whether no other one is more accurate there."""
+    found = {method.id: comparison.by_split(method) for method in comparison.methods}
+    rows = []
+    for name in comparison.splits:
+        top = max(of[name].accuracy for of in found.values())
+        rows.append((name, [(of[name], of[name].accuracy == top) for of in found.values()]))
+    return rows
 
 
 _MOST_PAIRS = 15

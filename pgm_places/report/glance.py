@@ -40,6 +40,8 @@ class Standing:
         Whether it is better than all others beyond chance.
     labels, errors : Layer
         The first map as it labels it, and where that is wrong.
+    seeds_percent : sequence of float
+        Where the accuracy with each seed lies on the scale.
     """
 
     method: MethodResult
@@ -53,6 +55,7 @@ class Standing:
     is_best: bool
     labels: Layer
     errors: Layer
+    seeds_percent: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,9 @@ def glance_of(comparison: Comparison) -> Glance | None:
     shown = ranked[:MOST_METHODS]
     shown += [item for item in (first, second) if item not in shown]
     ends = [_ends(item) for item in shown]
-    scale = _Scale.over(min(low for low, _ in ends), max(high for _, high in ends))
+    drawn = [end for pair in ends for end in pair]
+    drawn += [found.evaluation.accuracy for item in shown for found in item.by_seed.values()]
+    scale = _Scale.over(min(drawn), max(drawn))
     truth, pictures = thumbnails(comparison, [item.id for item in shown])
     standings = []
     for item, (low, high), (labels, errors) in zip(shown, ends, pictures, strict=True):
@@ -111,6 +116,7 @@ def glance_of(comparison: Comparison) -> Glance | None:
                 is_best,
                 labels,
                 errors,
+                [scale.percent(found.evaluation.accuracy) for found in item.by_seed.values()],
             )
         )
     return Glance(
@@ -162,6 +168,8 @@ def difference_words(found: Difference) -> str:
     if signs.n_buildings > 1:
         text += f", ahead in {signs.better} and behind in {signs.worse} of {signs.n_buildings} "
         text += f"buildings (sign test: p = {signs.p_value:.2g})"
+    if found.by_seed:
+        text += f", ahead with {found.seeds.better} of {len(found.by_seed)} seeds"
     return text
 
 

@@ -153,9 +153,10 @@ def _pair(
 ) -> tuple[Layer, Layer]:
     true, names = truth
     found = item.layout.to_raster(method.labelings[index].labels.astype(np.int16), fill=-1)
-    evaluation, unit = method.evaluations[index], item.unit
-    correct = f"{100 * evaluation.accuracy:.2f} % correct"
-    n_wrong = evaluation.n - round(evaluation.accuracy * evaluation.n)
+    known = item.node_truth >= 0
+    n, unit = int(known.sum()), item.unit
+    n_wrong = int((method.labelings[index].labels != item.node_truth)[known].sum())
+    correct = f"{100 * (1 - n_wrong / n):.2f} % correct"
     return (
         Layer(
             index,
@@ -167,8 +168,8 @@ def _pair(
         Layer(
             index,
             f"{method.id} errors",
-            f"{item.name}: {n_wrong} of {evaluation.n} {unit}s labelled wrongly by {method.id}",
-            f"errors: {n_wrong:,} of {evaluation.n:,} {unit}s",
+            f"{item.name}: {n_wrong} of {n} {unit}s labelled wrongly by {method.id}",
+            f"errors: {n_wrong:,} of {n:,} {unit}s",
             difference_canvas(item.grid, true, found, names, view),
         ),
     )

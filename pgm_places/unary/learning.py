@@ -144,6 +144,7 @@ class UnaryLearner:
             self.features,
             n_folds=self.n_folds,
             limit=self.max_examples_per_map,
+            seed=self.classifier.seed,
             wants_all=self.with_scores or bool(self.context_m),
             feature_cache=self.feature_cache,
             n_threads=self.n_threads,
@@ -235,7 +236,7 @@ class UnaryLearner:
         With ``limit`` it is fitted on at most that many examples of each map; with the ``domain``
         (N,) of all cells it is the mean of lists that were fitted without one.
         """
-        some = slice(None) if limit is None else cells.some_examples(limit)
+        some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
         values = _beside(cells.features[some], examples, extra)
         truth, groups = cells.truth[examples], cells.groups[examples]

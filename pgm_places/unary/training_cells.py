@@ -65,19 +65,20 @@ class TrainingCells:
         *,
         n_folds: int = 5,
         limit: int | None = None,
+        seed: int = 0,
         wants_all: bool = False,
         feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress,
     ) -> Self:
-        """Those of some maps, with at most ``limit`` examples of each, drawn by chance.
+        """Those of some maps, with at most ``limit`` examples of each, drawn from the seed.
 
         Which cells of a map are drawn does not depend on the other maps. ``wants_all`` says that
         :meth:`blocks` will be asked for, so that a cache should hold all cells.
         """
         masks = [item.labelled_cells for item in maps]
         truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
-        chosen = _chosen([int(mask.sum()) for mask in masks], limit)
+        chosen = _chosen([int(mask.sum()) for mask in masks], limit, seed)
         examples = _split_mask(masks, chosen)
         cache = None if own else feature_cache
         return cls(
@@ -117,11 +118,11 @@ class TrainingCells:
         """(n,) numbers of the examples, ascending."""
         return np.flatnonzero(self.chosen)
 
-    def some_examples(self, limit: int) -> NDArray[np.int64]:
-        """Which of the examples to take for at most ``limit`` of each map, drawn by chance."""
+    def some_examples(self, limit: int, seed: int = 0) -> NDArray[np.int64]:
+        """Which of the examples to take for at most ``limit`` of each map, drawn from the seed."""
         ends = np.cumsum(self.sizes)[:-1]
         sizes = [int(part.sum()) for part in np.split(self.chosen, ends)]
-        return np.flatnonzero(_chosen(sizes, limit))
+        return np.flatnonzero(_chosen(sizes, limit, seed))
 
     def layout(self, number: int) -> GridLayout:
         """The cells of one map."""
@@ -254,12 +255,12 @@ def _shape(mask: NDArray[np.bool_]) -> tuple[int, int]:
     return int(mask.sum()), n_columns(())
 
 
-def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_]:
+def _chosen(sizes: Sequence[int], limit: int | None, seed: int) -> NDArray[np.bool_]:
     """(N,) the examples: all, or at most ``limit`` of each map by chance."""
     if limit is None or max(sizes) <= limit:
         return np.ones(sum(sizes), np.bool_)
     # Each map begins anew: with other maps beside it, the same of its cells are drawn, and kept.
-    return np.concatenate([np.random.default_rng(0).permutation(n) < limit for n in sizes])
+    return np.concatenate([np.random.default_rng(seed).permutation(n) < limit for n in sizes])
 
 
 def _split_mask(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places import LabelGraph, Potentials, decode
 from pgm_places.errors import InputError
+from pgm_places.solvers.duals import dual_bound
 from tests.reference.energy import Model, pair_marginals
 
 TREE = LabelGraph.from_edges(5, [(0, 1), (1, 2), (1, 3), (3, 4)])
@@ -69,11 +70,34 @@ def test_messages_and_unaries_are_the_beliefs(method: str) -> None:
 
 
 def test_nothing_is_shown_unless_asked_for() -> None:
-    info = decode(TREE, potentials_on(TREE, 0), "sum-product").info
-    assert not {"pair_beliefs", "messages", "disagreement"} & set(info)
+    for method in ("sum-product", "trw-s", "lp"):
+        info = decode(TREE, potentials_on(TREE, 0), method).info
+        assert not {"pair_beliefs", "messages", "disagreement", "duals"} & set(info)
 
 
-@pytest.mark.parametrize("method", ["trw-s", "icm"])
-def test_decoders_with_nothing_to_show_say_so(method: str) -> None:
-    with pytest.raises(InputError, match=f"'{method}' has no messages and no beliefs to look at"):
-        decode(TREE, potentials_on(TREE, 0), method, inside=True)
+@pytest.mark.parametrize("method", ["trw-s", "lp"])
+@pytest.mark.parametrize("seed", range(5))
+def test_duals_are_those_of_the_bound(method: str, seed: int) -> None:
+    potentials = potentials_on(RING, seed)
+    found = decode(RING, potentials, method, inside=True)
+    arrays = potentials.unary, RING.edges, None, potentials.pairwise
+    bound = dual_bound(*arrays, duals=found.info["duals"])
+    assert found.bound == pytest.approx(bound, abs=1e-9)
+    assert found.bound == decode(RING, potentials, method).bound
+
+
+def test_graph_cuts_of_two_labels_show_their_flow() -> None:
+    unary = np.random.default_rng(1).normal(size=(4, 2))
+    potentials = Potentials.potts(unary, 0.4)
+    found = decode(RING, potentials, "graph-cut", inside=True)
+    table = potentials.pairwise
+    bound = dual_bound(unary, RING.edges, None, table, duals=found.info["duals"])
+    assert bound == pytest.approx(found.score, abs=1e-12)
+    three = Potentials.potts(np.zeros((4, 3)), 0.4)
+    with pytest.raises(InputError, match="of two labels, 'graph-cut'"):
+        decode(RING, three, "graph-cut", inside=True)
+
+
+def test_decoders_with_nothing_to_show_say_so() -> None:
+    with pytest.raises(InputError, match="'icm' has nothing to look at here: messages come from"):
+        decode(TREE, potentials_on(TREE, 0), "icm", inside=True)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._core import edge_score, max_of_distances
 from pgm_places.solvers import pairwise as pairwise_module
 from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.duals import dual_bound
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.pairwise import label_distances, pairwise_model
 from pgm_places.solvers.trws import trws
@@ -144,3 +145,41 @@ def test_the_best_labelling_of_a_small_chain_is_found(
         found = trws(*chain.arrays)
         assert found.bound >= best - 1e-9
         assert found.score == pytest.approx(best, abs=1e-6)
+
+
+RING = [(0, 1), (1, 2), (2, 3), (0, 3)]
+MESHES = {"triangle": [(0, 1), (0, 2), (1, 2)], "ring": RING, "clique": [*RING, (0, 2), (1, 3)]}
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("scale", [1.0, 1e-12, 1e12])
+def test_small_graphs_with_cycles_are_bounded_and_solved_as_by_the_table(
+    mesh: str, power: int, scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against all labellings, and message by message against the table."""
+    edges = np.array(MESHES[mesh])
+    rng = np.random.default_rng([power, len(edges)])
+    for _ in range(12):
+        n_labels, cap = int(rng.integers(3, 6)), float(rng.choice([1.5, 3.0, 1e6]))
+        values = np.stack(
+            [table(n_labels, w, power, cap * w, -0.5) for w in rng.choice([0.3, 1.0], len(edges))]
+        )
+        unary = np.round(rng.normal(size=(edges.max() + 1, n_labels)), int(rng.integers(1, 4)))
+        unary[rng.random(unary.shape) < 0.15] = -np.inf
+        unary[:, 0] = np.maximum(unary[:, 0], -5.0)
+        model = Model(scale * unary, edges, pairwise=scale * values)
+        monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 3, 2.0: 3})
+        assert pairwise_model(*model.arrays).max_terms.pairwise.ndim == 1
+        best, slack = best_score(model), 1e-9 * scale
+        found = trws(*model.arrays, duals=True)
+        said = belief_propagation(*model.arrays, kind="max-product", max_iterations=6)
+        assert found.score - slack <= best <= found.bound + slack
+        assert dual_bound(*model.arrays, duals=found.duals) == pytest.approx(found.bound, abs=slack)
+        monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 10**6, 2.0: 10**6})
+        by_table = trws(*model.arrays)
+        assert found.bound == pytest.approx(by_table.bound, abs=slack)
+        assert found.score == pytest.approx(by_table.score, abs=slack)
+        plain = belief_propagation(*model.arrays, kind="max-product", max_iterations=6)
+        np.testing.assert_allclose(said.messages, plain.messages, rtol=1e-12, atol=1e-12 * scale)
+        assert said.score == pytest.approx(plain.score, abs=slack)

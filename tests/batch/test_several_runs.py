@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.batch.left_out import compare_buildings, fold_tasks
 from pgm_places.batch.local_workers import LocalWorkers
+from pgm_places.batch.several_runs import RunTask, compare_several, run_tasks
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import Evaluation
@@ -16,6 +16,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.experiment.runs import compare
+from pgm_places.experiment.splits import splits_of
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.report.comparison_files import write_comparison
@@ -49,13 +50,17 @@ def experiment(tmp_path: Path) -> Experiment:
     return Experiment(load_config(tmp_path / "config.toml"), tmp_path)
 
 
+def held_out(experiment: Experiment) -> list[RunTask]:
+    return run_tasks(experiment, splits_of(experiment))
+
+
 def names(sources: tuple[object, ...]) -> list[str]:
     return [str(vars(item)["map"]).partition("/")[0] for item in sources]
 
 
 def test_a_building_is_never_in_its_own_training(experiment: Experiment) -> None:
-    tasks = fold_tasks(experiment)
-    assert [task.building for task in tasks] == ["a", "b", "c"]
+    tasks = held_out(experiment)
+    assert [task.split for task in tasks] == ["a", "b", "c"]
     assert [names(task.config.test) for task in tasks] == [
         ["floor0", "floor2"],
         ["floor1"],
@@ -72,7 +77,7 @@ def test_a_copy_of_a_map_in_another_building_is_told_once(
     """Each fold is compared by a worker, which tells nobody."""
     shutil.rmtree(tmp_path / "floor3")
     shutil.copytree(tmp_path / "floor1", tmp_path / "floor3")
-    found = compare_buildings(experiment, Here())
+    found = compare_several(experiment, Here(), by_building=True)
     overlaps = [message for message in found.warnings if "also trained on" in message]
     assert [message.split("(")[1].split(")")[0] for message in overlaps] == ["floor1", "floor3"]
     assert experiment.warnings == list(found.warnings)
@@ -82,10 +87,10 @@ def test_the_results_of_all_folds_are_one_comparison(
     experiment: Experiment, tmp_path: Path
 ) -> None:
     cached = replace(experiment, feature_cache=FeatureCache(tmp_path / "cache"))
-    found = compare_buildings(cached, Here())
+    found = compare_several(cached, Here(), by_building=True)
     assert [item.name for item in found.maps] == ["floor0", "floor2", "floor1", "floor3"]
     assert found.title == "Place labelling: each of 3 buildings left out"
-    alone = [compare(Experiment(task.config, experiment.folder)) for task in fold_tasks(experiment)]
+    alone = [compare(Experiment(task.config, experiment.folder)) for task in held_out(experiment)]
     [method], parts = found.methods, [part.methods[0] for part in alone]
     every = [item for part in parts for item in part.labelings]
     for one, other in zip(method.labelings, every, strict=True):
@@ -100,18 +105,20 @@ def test_the_results_of_all_folds_are_one_comparison(
 
 
 def test_processes_find_the_same(experiment: Experiment) -> None:
-    here, there = (compare_buildings(experiment, item) for item in (Here(), LocalWorkers(1)))
+    here, there = (
+        compare_several(experiment, item, by_building=True) for item in (Here(), LocalWorkers(1))
+    )
     np.testing.assert_array_equal(
         here.methods[0].evaluation.confusion, there.methods[0].evaluation.confusion
     )
 
 
 def test_a_building_whose_workers_die_is_an_error(experiment: Experiment) -> None:
-    with pytest.raises(Exception, match="every worker died while a was left out"):
-        compare_buildings(experiment, Dying())
+    with pytest.raises(Exception, match="every worker died on a:"):
+        compare_several(experiment, Dying(), by_building=True)
 
 
 def test_one_building_cannot_be_left_out(experiment: Experiment) -> None:
     alone = replace(experiment.config, train=experiment.config.train[1:2])
     with pytest.raises(ConfigError, match="needs maps of two buildings"):
-        compare_buildings(replace(experiment, config=alone), Here())
+        compare_several(replace(experiment, config=alone), Here(), by_building=True)

@@ -1,0 +1,145 @@
+"""One comparison from several runs: on every split of the data, and with every seed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+from pgm_places.batch.workers import Workers
+from pgm_places.errors import OutputError
+from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.pooling import over_seeds, over_splits
+from pgm_places.experiment.runs import compare
+from pgm_places.experiment.seeds import seeded_config
+from pgm_places.experiment.splits import Split, splits_of
+from pgm_places.experiment.tasks import task_of
+
+__all__ = ["RunTask", "compare_run", "compare_several", "run_tasks"]
+
+
+@dataclass(frozen=True, eq=False)
+class RunTask:
+    """A split to learn and test on with a seed.
+
+    Parameters
+    ----------
+    split : str or None
+        Its name; None where ``[[test]]`` is tested on.
+    seed : int or None
+        None for the seeds of the configuration.
+    config : ExperimentConfig
+    folder : Path
+        What the configuration's paths are relative to.
+    feature_cache : FeatureCache, optional
+    n_threads : int
+    """
+
+    split: str | None
+    seed: int | None
+    config: ExperimentConfig
+    folder: Path
+    feature_cache: FeatureCache | None
+    n_threads: int
+
+    @property
+    def words(self) -> str:
+        """What a message calls it."""
+        seed = None if self.seed is None else f"seed {self.seed}"
+        return ", ".join(part for part in (self.split, seed) if part is not None)
+
+
+def run_tasks(
+    experiment: Experiment,
+    splits: Sequence[Split],
+    seeds: Sequence[int] = (),
+    *,
+    n_threads: int = 1,
+) -> list[RunTask]:
+    """A task for each split and seed; without splits, for each seed on ``[[test]]``."""
+    parts: list[tuple[str | None, ExperimentConfig]]
+    parts = [(item.name, item.config) for item in splits] or [(None, experiment.config)]
+    numbers: list[int | None] = [*seeds] or [None]
+    folder, cache = experiment.folder, experiment.feature_cache
+    return [
+        RunTask(
+            name,
+            seed,
+            config if seed is None else seeded_config(config, seed),
+            folder,
+            cache,
+            n_threads,
+        )
+        for (name, config), seed in product(parts, numbers)
+    ]
+
+
+def compare_run(task: RunTask) -> Comparison:
+    """All methods, trained and tested on a split with a seed."""
+    experiment = Experiment(
+        task.config, task.folder, n_threads=task.n_threads, feature_cache=task.feature_cache
+    )
+    return compare(experiment)
+
+
+def compare_several(
+    experiment: Experiment,
+    workers: Workers,
+    *,
+    by_building: bool = False,
+    n_folds: int | None = None,
+    seeds: Sequence[int] = (),
+    n_threads: int = 1,
+) -> Comparison:
+    """All methods of a configuration on every split and with every seed, as one comparison.
+
+    The splits are those that the configuration lists, or, ``by_building``, each building held out
+    in turn, or ``n_folds`` groups of them; else ``[[test]]`` is tested on. Options of ``[select]``
+    are chosen for every split and seed separately, on what is learned from.
+
+    Raises
+    ------
+    ConfigError
+        There are not enough buildings, or a listed split does not fit them.
+    OutputError
+        A worker died on a run each time.
+    """
+    task_of(experiment.config).check(experiment.config)
+    wants_splits = by_building or n_folds is not None or bool(experiment.config.splits)
+    splits = splits_of(experiment, n_folds=n_folds) if wants_splits else []
+    tasks = run_tasks(experiment, splits, seeds, n_threads=n_threads)
+    found: dict[tuple[str | None, int | None], Comparison] = {}
+    with experiment.progress.stage("runs") as stage:
+        for task, result in workers.run(compare_run, tasks):
+            if result is None:
+                raise OutputError(
+                    f"every worker died on {task.words}: probably killed for memory; use fewer "
+                    "--jobs, or set max_examples_per_map"
+                )
+            found[task.split, task.seed] = result
+            stage.update(len(found) / len(tasks), f"{len(found)} of {len(tasks)}")
+    if not seeds:
+        return _of_seed(experiment, splits, found, None)
+    by_seed = {seed: _of_seed(experiment, splits, found, seed) for seed in seeds}
+    return over_seeds(experiment, by_seed)
+
+
+def _of_seed(
+    experiment: Experiment,
+    splits: Sequence[Split],
+    found: dict[tuple[str | None, int | None], Comparison],
+    seed: int | None,
+) -> Comparison:
+    """The comparisons of all splits with one seed as one."""
+    if not splits:
+        return found[None, seed]
+    words = f"{len(splits)} splits"
+    if not experiment.config.splits:
+        held_out = [{item.building for item in found[split.name, seed].maps} for split in splits]
+        n_buildings = len(set().union(*held_out))
+        words = f"each of {n_buildings} buildings left out"
+        if len(splits) < n_buildings:
+            words = f"{n_buildings} buildings in {len(splits)} folds"
+    return over_splits(experiment, {item.name: found[item.name, seed] for item in splits}, words)

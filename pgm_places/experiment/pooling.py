@@ -1,0 +1,133 @@
+"""Comparisons of several splits, and of several seeds, as one."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import (
+    Comparison,
+    MethodResult,
+    SeedResult,
+    intervals_over_seeds,
+    score_intervals,
+)
+from pgm_places.experiment.experiment import Experiment
+
+__all__ = ["over_seeds", "over_splits"]
+
+
+def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: str) -> Comparison:
+    """The comparisons of all splits as one: what was tested, side by side.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Gets the warnings of all parts.
+    parts : mapping of str to Comparison
+        By the name of the split.
+    words : str
+        What the title adds.
+    """
+    first = next(iter(parts.values()))
+    maps = tuple(item for part in parts.values() for item in part.maps)
+    ends = np.cumsum([0, *(len(part.maps) for part in parts.values())]).tolist()
+    methods = []
+    for number, _ in enumerate(first.methods):
+        merged = _side_by_side([part.methods[number] for part in parts.values()])
+        intervals = score_intervals(maps, merged.labelings, len(first.label_names))
+        methods.append(replace(merged, intervals=intervals))
+    every = list(parts.values())
+    return replace(
+        _noted(experiment, every),
+        title=f"{first.title}: {words}",
+        maps=maps,
+        methods=tuple(methods),
+        splits={name: range(*ends[k : k + 2]) for k, name in enumerate(parts)},
+        selection=None,
+    )
+
+
+def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Comparison:
+    """The comparisons of the same data with several seeds as one: means, and what they vary by.
+
+    Figures are of all seeds together. Labellings, histories, doors and what was learned are those
+    of the first seed; ``by_seed`` of each method has the labellings of all.
+    """
+    first = next(iter(parts.values()))
+    methods = []
+    for number, _ in enumerate(first.methods):
+        results = {seed: part.methods[number] for seed, part in parts.items()}
+        pooled = _repeated(results)
+        labelings = [item.labelings for item in results.values()]
+        intervals = intervals_over_seeds(first.maps, labelings, len(first.label_names))
+        methods.append(replace(pooled, intervals=intervals))
+    if all(_always_the_same(method) for method in methods):
+        experiment.warn(
+            f"all methods label alike with each of the {len(parts)} seeds: nothing in what they "
+            "learn is drawn by chance, so seeds say nothing; compare on several splits instead"
+        )
+    return replace(
+        _noted(experiment, list(parts.values())),
+        title=f"{first.title}, {len(parts)} seeds",
+        methods=tuple(methods),
+        selection=None,
+    )
+
+
+def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
+    """The first of the parts, with the seconds, inputs and warnings of all."""
+    seconds: dict[str, float] = {}
+    inputs = dict(experiment.inputs)
+    for part in parts:
+        inputs |= part.inputs
+        for name, value in part.stage_seconds.items():
+            seconds[name] = seconds.get(name, 0.0) + value
+    for message in (message for part in parts for message in part.warnings):
+        experiment.warn(message)
+    notes = tuple(experiment.warnings)
+    return replace(parts[0], stage_seconds=seconds, inputs=inputs, warnings=notes)
+
+
+def _side_by_side(results: Sequence[MethodResult]) -> MethodResult:
+    """The results of one method on all splits; what it learned differs between them."""
+    return replace(
+        results[0],
+        labelings=tuple(item for result in results for item in result.labelings),
+        evaluations=tuple(item for result in results for item in result.evaluations),
+        evaluation=Evaluation.merged([result.evaluation for result in results]),
+        seconds={key: sum(result.seconds[key] for result in results) for key in ("learn", "infer")},
+        learned={},
+        histories=tuple(item for result in results for item in result.histories),
+        learning={},
+        doors=tuple(item for result in results for item in result.doors),
+    )
+
+
+def _repeated(results: Mapping[int, MethodResult]) -> MethodResult:
+    """The results of one method with all seeds; its seconds are those of one seed on average."""
+    every = list(results.values())
+    by_map: Iterable[tuple[Evaluation, ...]] = zip(
+        *(item.evaluations for item in every), strict=True
+    )
+    return replace(
+        every[0],
+        evaluations=tuple(Evaluation.merged(found) for found in by_map),
+        evaluation=Evaluation.merged([item.evaluation for item in every]),
+        seconds={
+            key: float(np.mean([item.seconds[key] for item in every])) for key in ("learn", "infer")
+        },
+        by_seed={
+            seed: SeedResult(item.labelings, item.evaluation) for seed, item in results.items()
+        },
+    )
+
+
+def _always_the_same(method: MethodResult) -> bool:
+    first, *others = (item.labelings for item in method.by_seed.values())
+    return all(
+        np.array_equal(one.labels, two.labels)
+        for other in others
+        for one, two in zip(first, other, strict=True)
+    )
