@@ -18,6 +18,9 @@ __all__ = ["DecoderReport", "check_decoder", "small_problems"]
 SCALES = (1.0, 1e-12, 1e12)
 """Of potentials, in turn."""
 
+RATIOS = (1e-12, 1e-6, 1e6, 1e12)
+"""Of the potentials of edges to those of nodes, in every fourth problem."""
+
 ROUNDING = 1e-11
 """Of the score and the size of a problem: ten times what counts as proved."""
 
@@ -47,8 +50,9 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
     """Try a decoder by name on random problems of up to 8 nodes and 3 labels, against brute force.
 
     Graphs with and without cycles; rewards of agreement and tables; many ties; labels and pairs of
-    labels that are forbidden; labels that are known; potentials of about 1, 1e-12 and 1e12. Use it
-    as the first test of a decoder of your own.
+    labels that are forbidden; labels that are known; potentials of about 1, 1e-12 and 1e12, and
+    edges that count a million or a trillion times more or less than nodes. Use it as the first test
+    of a decoder of your own.
 
     Parameters
     ----------
@@ -61,10 +65,11 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
     Raises
     ------
     SolverError
-        A promise is broken: ``EXACT`` beside a better labelling, a bound that one exceeds, a
-        forbidden labelling or an unkept known label where others are allowed, beliefs that do not
-        sum to one or fall on forbidden labels, or "infeasible" where a labelling is allowed. The
-        message says which, and on which problem (:func:`small_problems` has it again).
+        A promise is broken: ``EXACT`` beside a better labelling, a bound that one exceeds or that
+        proves a labelling not called ``EXACT``, a forbidden labelling or an unkept known label
+        where others are allowed, ``REPAIRED`` beside a better label of one node, beliefs that do
+        not sum to one or fall on forbidden labels, or "infeasible" where a labelling is allowed.
+        The message says which, and on which problem (:func:`small_problems` has it again).
 
     Examples
     --------
@@ -110,12 +115,12 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
         barred = rng.random(unary.shape) < rng.choice([0.0, 0.3])
         barred[np.arange(n_nodes), rng.integers(0, n_labels, n_nodes)] = False
         unary[barred] = -np.inf
-        kind = number % 5
+        kind, ratio = number % 5, RATIOS[number // 4 % len(RATIOS)] if number % 4 == 3 else 1.0
         if kind < 2:
-            reward = drawn(graph.n_edges, n_labels)
+            reward = ratio * drawn(graph.n_edges, n_labels)
             yield graph, Potentials(unary, agreement=np.abs(reward) if kind else reward)
             continue
-        table = drawn(*([graph.n_edges] if kind < 4 else []), n_labels, n_labels)
+        table = ratio * drawn(*([graph.n_edges] if kind < 4 else []), n_labels, n_labels)
         table[rng.random(table.shape) < rng.choice([0.0, 0.3])] = -np.inf
         potentials = Potentials(unary, pairwise=table)
         known = np.full(n_nodes, -1)
@@ -155,11 +160,30 @@ def _check(
         raise SolverError(f"{where}: it breaks a rule, but its status is {found.status}")
     if found.bound is not None and found.bound < best - slack:
         raise SolverError(f"{where}: its bound is {found.bound:.12g}, but one scores {best:.12g}")
+    if found.status is Status.INFEASIBLE and found.score > -np.inf:
+        raise SolverError(f"{where}: called infeasible, but it breaks no rule")
+    if found.bound == found.score and found.status is not Status.EXACT:
+        raise SolverError(f"{where}: its bound proves it, but its status is {found.status}")
+    if found.status is Status.REPAIRED and _gain_of_one(graph, potentials, found) > slack:
+        raise SolverError(f"{where}: called repaired, but another label at one node scores more")
     is_best = bool(found.score >= best - slack)
     if found.status is Status.EXACT and not is_best:
         raise SolverError(
             f"{where}: called exact with {found.score:.12g}, but one scores {best:.12g}"
         )
+    if found.beliefs is not None and (abs(found.beliefs.sum(axis=1) - 1) > 1e-9).any():
+        raise SolverError(f"{where}: its beliefs do not sum to one")
     if found.beliefs is not None and found.beliefs[potentials.unary == -np.inf].any():
         raise SolverError(f"{where}: it believes in a label that is forbidden")
     return is_best
+
+
+def _gain_of_one(graph: LabelGraph, potentials: Potentials, found: Labeling) -> float:
+    """What the best change of a single node's label would gain."""
+    assert found.score is not None
+    best = found.score
+    for node, label in np.ndindex(potentials.unary.shape):
+        changed = found.labels.copy()
+        changed[node] = label
+        best = max(best, score(graph, potentials, changed))
+    return best - found.score

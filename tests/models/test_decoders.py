@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, LabelingProblem, Potentials, build, decode
-from pgm_places.errors import ConfigError, InputError, SolverError
+from pgm_places.errors import ConfigError, InfeasibleError, InputError, SolverError
 from pgm_places.inference.labeling import Status
+from pgm_places.inference.potentials import score
+from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoder_checks import check_decoder, small_problems
 from pgm_places.models.decoders import GROUP, decoder_names, named_decoder, register_decoder
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
@@ -31,6 +33,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     targets = {
         "mine": f"{__name__}:by_unary",
         "believing": f"{__name__}:BELIEVING",
+        "enumerating": f"{__name__}:at_the_best",
         "word": f"{__name__}:NO_FUNCTION",
         "lost": "not_there:run",
     }
@@ -43,13 +46,46 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pgm_places.models.decoders._registered", {})
 
 
-@pytest.mark.parametrize("name", ALL)
+EVERY = [*ALL, *(name for name in decoder_names() if name not in DECODERS)]
+"""Those of the package, and what else is installed beside it."""
+
+
+@pytest.mark.parametrize("name", EVERY)
 def test_every_decoder_keeps_its_word(name: str) -> None:
     report = check_decoder(name, n_problems=60)
     assert sum(report.statuses.values()) + report.refused == 60
     assert report.best >= report.statuses.get("exact", 0)
     if name in ("exact", "toulbar2"):
         assert report.best + report.statuses["infeasible"] == 60
+
+
+def at_the_best(task: DecodingTask) -> DecodingAnswer:
+    """By enumeration: a decoder that keeps every promise there is."""
+    n, k = task.potentials.unary.shape
+    every = np.indices((k,) * n).reshape(n, -1).T
+    scores = [score(task.graph, task.potentials, labels) for labels in every]
+    if max(scores) == -np.inf:
+        raise InfeasibleError
+    beliefs = np.full((n, k), 0.0)
+    labels = every[int(np.argmax(scores))]
+    beliefs[np.arange(n), labels] = 1.0
+    return DecodingAnswer(labels, Status.EXACT, max(scores), beliefs)
+
+
+@pytest.mark.usefixtures("registered", "installed")
+def test_the_contract_is_asked_of_every_name_that_there_is() -> None:
+    """Built in, registered for a process, and installed by an entry point."""
+    register_decoder("at-the-best", at_the_best, gives_beliefs=True)
+    others = set(decoder_names()) - set(DECODERS)
+    assert others == {"at-the-best", "enumerating", "mine", "believing", "word", "lost"}
+    for name in ("at-the-best", "enumerating"):
+        report = check_decoder(name, n_problems=60)
+        assert report.refused == 0 and set(report.statuses) <= {"exact", "infeasible"}
+    assert check_decoder("mine", n_problems=60).statuses["repaired"] > 0
+
+
+def test_no_decoder_of_the_package_is_left_out() -> None:
+    assert [one.values[0] for one in ALL] == list(DECODERS)
 
 
 @pytest.mark.usefixtures("registered", "installed")
@@ -130,6 +166,8 @@ def of_unary(task: DecodingTask, **answer: Any) -> DecodingAnswer:
         ({"status": lambda _: Status.EXACT}, "called exact with"),
         ({"bound": lambda unary: unary.max(axis=1).sum()}, "its bound is|its bound is wrong"),
         ({"beliefs": lambda unary: np.full(unary.shape, 1 / unary.shape[1])}, "forbidden"),
+        ({"status": lambda _: Status.INFEASIBLE}, "called infeasible, but it breaks no rule"),
+        ({"status": lambda _: Status.REPAIRED}, "another label at one node scores more"),
     ],
 )
 def test_the_check_finds_decoders_that_break_their_word(
