@@ -31,7 +31,7 @@ BY_DISTANCE, BY_TABLE = {1.0: 0, 2.0: 0}, {1.0: 10**9, 2.0: 10**9}
 def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the table."""
     rows = []
-    for n_labels in (24, 48) if quick else (24, 48, 200):
+    for n_labels in (16, 64) if quick else (16, 64, 256):
         steps = np.arange(float(n_labels))
         apart = np.abs(np.subtract.outer(steps, steps))
         tables = {

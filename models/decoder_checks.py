@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ SCALES = (1.0, 1e-12, 1e12)
 """Of potentials, in turn."""
 
 RATIOS = (1e-12, 1e-6, 1e6, 1e12)
-"""Of the potentials of edges to those of nodes, in every fourth problem."""
+"""Of the potentials of edges to those of nodes, in turn where they are to differ."""
 
 ROUNDING = 1e-11
 """Of the score and the size of a problem: ten times what counts as proved."""
@@ -49,10 +50,10 @@ class DecoderReport:
 def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> DecoderReport:
     """Try a decoder by name on random problems of up to 8 nodes and 3 labels, against brute force.
 
-    Graphs with and without cycles; rewards of agreement and tables; many ties; labels and pairs of
-    labels that are forbidden; labels that are known; potentials of about 1, 1e-12 and 1e12, and
-    edges that count a million or a trillion times more or less than nodes. Use it as the first test
-    of a decoder of your own.
+    Graphs with and without cycles, some so torn that relaxations are not tight; rewards of
+    agreement and tables; many ties; labels and pairs of labels that are forbidden; labels that are
+    known; potentials of about 1, 1e-12 and 1e12, and edges that count a million or a trillion times
+    more or less than nodes. Use it as the first test of a decoder of your own.
 
     Parameters
     ----------
@@ -101,8 +102,12 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
     """The problems that :func:`check_decoder` tries, one after the other."""
     rng = np.random.default_rng(seed)
     for number in range(n_problems):
-        n_nodes, n_labels = int(rng.integers(1, MOST_NODES + 1)), int(rng.integers(1, 4))
-        graph = LabelGraph.from_edges(n_nodes, _edges(rng, n_nodes, forest=number % 3 == 0))
+        traits = _TRAITS[number % len(_TRAITS)]
+        least = (5, MOST_LABELS) if traits.torn else (1, 1)
+        n_nodes = int(rng.integers(least[0], MOST_NODES + 1))
+        n_labels = int(rng.integers(least[1], MOST_LABELS + 1))
+        forest = number % 3 == 0 and not traits.torn
+        graph = LabelGraph.from_edges(n_nodes, _edges(rng, n_nodes, forest, torn=traits.torn))
         coarse = rng.random() < 0.5
         unit = SCALES[number // 3 % len(SCALES)]
 
@@ -111,17 +116,19 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
             values = rng.integers(-3, 4, shape) / 2 if coarse else rng.normal(size=shape)
             return unit * values
 
-        unary = drawn(n_nodes, n_labels)
-        barred = rng.random(unary.shape) < rng.choice([0.0, 0.3])
+        unary = drawn(n_nodes, n_labels) * (0.1 if traits.torn else 1.0)
+        barred = rng.random(unary.shape) < (0.0 if traits.torn else rng.choice([0.0, 0.3]))
         barred[np.arange(n_nodes), rng.integers(0, n_labels, n_nodes)] = False
         unary[barred] = -np.inf
-        kind, ratio = number % 5, RATIOS[number // 4 % len(RATIOS)] if number % 4 == 3 else 1.0
+        kind = number % 5
+        ratio = RATIOS[number // 4 % len(RATIOS)] if traits.apart else 1.0
         if kind < 2:
             reward = ratio * drawn(graph.n_edges, n_labels)
             yield graph, Potentials(unary, agreement=np.abs(reward) if kind else reward)
             continue
         table = ratio * drawn(*([graph.n_edges] if kind < 4 else []), n_labels, n_labels)
-        table[rng.random(table.shape) < rng.choice([0.0, 0.3])] = -np.inf
+        share = 0.5 if traits.ruled else 0.0 if traits.torn else rng.choice([0.0, 0.3])
+        table[rng.random(table.shape) < share] = -np.inf
         potentials = Potentials(unary, pairwise=table)
         known = np.full(n_nodes, -1)
         if kind == 4:
@@ -129,11 +136,28 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
         yield graph, potentials.with_known(known)
 
 
-def _edges(rng: np.random.Generator, n_nodes: int, *, forest: bool) -> list[tuple[int, int]]:
+class _Traits(NamedTuple):
+    """What makes a problem hard."""
+
+    torn: bool = False
+    """Weak nodes on many cycles of strong edges: relaxations are not tight."""
+    ruled: bool = False
+    """Half of the pairs of labels are forbidden: labellings have to be repaired."""
+    apart: bool = False
+    """Edges count far more or far less than nodes."""
+
+
+_TRAITS = (_Traits(), _Traits(torn=True), _Traits(ruled=True), _Traits(apart=True))
+"""In turn."""
+
+
+def _edges(
+    rng: np.random.Generator, n_nodes: int, forest: bool, *, torn: bool
+) -> list[tuple[int, int]]:
     if forest:
         return [(int(rng.integers(0, j)), j) for j in range(1, n_nodes) if rng.random() < 0.9]
     every = [(i, j) for j in range(n_nodes) for i in range(j)]
-    share = rng.random()
+    share = rng.uniform(0.5 if torn else 0.0, 1.0)
     return [pair for pair in every if rng.random() < share]
 
 

@@ -52,11 +52,15 @@ EVERY = [*ALL, *(name for name in decoder_names() if name not in DECODERS)]
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_decoder_keeps_its_word(name: str) -> None:
-    report = check_decoder(name, n_problems=60)
-    assert sum(report.statuses.values()) + report.refused == 60
+    report = check_decoder(name, n_problems=300, seed=1)
+    assert sum(report.statuses.values()) + report.refused == 300
     assert report.best >= report.statuses.get("exact", 0)
     if name in ("exact", "toulbar2"):
-        assert report.best + report.statuses["infeasible"] == 60
+        assert report.best + report.statuses["infeasible"] == 300
+    elif name in DECODERS:
+        # It also ends short of the best, where calling that exact would be noticed.
+        assert report.best + report.refused + report.statuses["infeasible"] < 300
+        assert set(report.statuses) & {"converged", "relaxed"}
 
 
 def at_the_best(task: DecodingTask) -> DecodingAnswer:
