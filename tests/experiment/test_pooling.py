@@ -8,8 +8,7 @@ import pytest
 
 from pgm_places.batch.several_runs import compare_several, run_tasks
 from pgm_places.cli.tables import comparison_table
-from pgm_places.evaluation.bootstrap import Resamples, pooled
-from pgm_places.evaluation.sign_test import SignTest
+from pgm_places.evaluation.bootstrap import Resamples, SignTest, pooled
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.judgement import judge_seeds
