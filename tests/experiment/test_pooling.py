@@ -148,6 +148,15 @@ def test_what_two_splits_test_on_is_drawn_together() -> None:
     assert width(floors(6), others) < 0.9 * width(items, once)
 
 
+def test_methods_that_share_their_luck_are_even_to_the_bit() -> None:
+    """Both methods of a pair get the same draws of seeds."""
+    items = floors(3)
+    found = [wrong_at(items, share, seed) for share, seed in ((0.05, 1), (0.2, 2), (0.4, 3))]
+    [one, _] = judge_seeds(items, {"one": found, "twin": list(found)}, NAMES).differences
+    assert (one.interval.low, one.interval.estimate, one.interval.high) == (0.0, 0.0, 0.0)
+    assert one.by_seed == (0.0, 0.0, 0.0) and one.seeds == SignTest(0, 0, 3)
+
+
 def test_luck_with_seeds_widens_the_interval() -> None:
     """A method that is good with one seed and bad with the other is not shown to be better."""
     items = floors(4)
