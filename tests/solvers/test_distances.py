@@ -175,6 +175,7 @@ def test_small_graphs_with_cycles_are_bounded_and_solved_as_by_the_table(
         found = trws(*model.arrays, duals=True)
         said = belief_propagation(*model.arrays, kind="max-product", max_iterations=6)
         assert found.score - slack <= best <= found.bound + slack
+        assert found.duals is not None
         assert dual_bound(*model.arrays, duals=found.duals) == pytest.approx(found.bound, abs=slack)
         monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 10**6, 2.0: 10**6})
         by_table = trws(*model.arrays)
