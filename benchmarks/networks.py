@@ -128,6 +128,6 @@ def _files(archive: Path) -> Iterator[tuple[str, str]]:
 
 
 if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
+    from benchmarks.__main__ import markdown_tables
 
-    print(markdown_table(run(Path(sys.argv[1]))))
+    print(markdown_tables(run(Path(sys.argv[1]))))
