@@ -21,6 +21,9 @@ SPACES = ("layouts", "segmentation", "segment_features", "gates", "unentered")
 TESTS = [
     *(f"tests/solvers/test_{name}.py" for name in SOLVERS),
     *(f"tests/spaces/test_{name}.py" for name in SPACES),
+    *(f"tests/datasets/test_{name}.py" for name in ("layouts", "survey")),
+    *(f"tests/topology/test_{name}.py" for name in ("layouts", "skeleton")),
+    "tests/studio/test_strokes.py",
 ]
 IS_READY = "PGM_PLACES_SANITIZED"
 
