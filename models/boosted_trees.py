@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places._core import sum_trees
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import run_tasks
-from pgm_places.models.strong_classifier import Split
+from pgm_places.models.strong_classifier import Split, score_rows
 
 __all__ = ["MAX_DEPTH", "BoostedTrees", "TreeTable"]
 
 MAX_DEPTH = 4
 """The deepest trees, of 16 leaves: all splits of a tree are worked out for every sample."""
-
-_SAMPLES_PER_TASK = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +119,10 @@ class BoostedTrees:
         return BoostedTrees(moved.astype(np.int32), self.cut, self.value)
 
 
-class TreeArrays(NamedTuple):
-    """Complete trees of one depth side by side: S splits and S + 1 leaves each.
+class TreeTable(NamedTuple):
+    """The trees of several classifiers of one depth side by side, made ready for the kernel once.
+
+    Trees are complete, with S splits and S + 1 leaves each.
 
     Attributes
     ----------
@@ -145,19 +144,6 @@ class TreeArrays(NamedTuple):
     value: NDArray[np.float32]
     first: NDArray[np.int64]
 
-
-@dataclass(frozen=True, eq=False)
-class TreeTable:
-    """The trees of several classifiers of one depth side by side, made ready for the kernel once.
-
-    Attributes
-    ----------
-    arrays : TreeArrays
-        What the kernel reads.
-    """
-
-    arrays: TreeArrays
-
     @classmethod
     def of(cls, classifiers: Sequence[BoostedTrees]) -> Self:
         """The table of these classifiers, of which there is at least one, in this order."""
@@ -165,35 +151,22 @@ class TreeTable:
         columns = np.unique(feature[feature >= 0]).astype(np.int64)
         if not len(columns):
             columns = np.zeros(1, np.int64)  # trees without splits ignore it
-        arrays = TreeArrays(
+        return cls(
             columns,
             np.searchsorted(columns, np.maximum(feature, columns[0])),
             np.concatenate([item.cut for item in classifiers]),
             np.concatenate([item.value for item in classifiers]),
             np.cumsum([0, *(item.n_rounds for item in classifiers)]),
         )
-        return cls(arrays)
 
     def scores(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
-        """(n, N) F of every classifier for every row, in one pass over the rows.
+        """(n, N) F of every classifier for every row.
 
-        The bits depend neither on the number of threads nor on which other classifiers are
-        evaluated with one.
+        See :func:`~pgm_places.models.strong_classifier.score_rows`.
         """
-        arrays = self.arrays
-        if X.dtype != np.float32 or not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, arrays.columns], np.float32)
-            arrays = arrays._replace(columns=np.arange(len(arrays.columns)))
-        out = np.empty((len(arrays.first) - 1, len(X)))
-        size = _SAMPLES_PER_TASK
-
-        def work(task: int) -> None:
-            sum_trees(X, task * size, min((task + 1) * size, len(X)), arrays, out)
-
-        run_tasks(work, -(-len(X) // size), n_threads=n_threads)
-        return out
+        return score_rows(sum_trees, self, X, n_threads)
 
 
 def stacked(

@@ -1,6 +1,6 @@
 """A strong classifier: the weighted vote of decision stumps (paper, eq. 1 and step 4 of Fig. 2)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -12,7 +12,7 @@ from pgm_places._core import sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
-__all__ = ["Split", "StrongClassifier", "VoteTable", "score_all"]
+__all__ = ["Split", "StrongClassifier", "VoteTable", "score_all", "score_rows"]
 
 _SAMPLES_PER_TASK = 8192
 
@@ -142,16 +142,11 @@ def score_all(
     *,
     n_threads: int | None = None,
 ) -> NDArray[np.float64]:
-    """(len(classifiers), N) F of every classifier for every row, in one pass over the rows.
-
-    Only columns that some stump uses are read. The bits depend neither on the number of threads
-    nor on which other classifiers are evaluated with one.
-    """
+    """(len(classifiers), N) F of every classifier for every row: see :func:`score_rows`."""
     return VoteTable.of(classifiers).scores(X, n_threads=n_threads)
 
 
-@dataclass(frozen=True, eq=False)
-class VoteTable:
+class VoteTable(NamedTuple):
     """The stumps of several classifiers side by side, made ready for the kernel once.
 
     Attributes
@@ -188,21 +183,29 @@ class VoteTable:
     def scores(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
-        """(n, N) F of every classifier for every row: see :func:`score_all`."""
-        columns = self.columns
-        if X.dtype != np.float32 or not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, columns], np.float32)
-            columns = np.arange(len(columns))
-        stumps = (columns, self.plane, self.cut, self.vote, self.first)
-        n = len(X)
-        out = np.empty((len(self.first) - 1, n))
-        size = _SAMPLES_PER_TASK
+        """(n, N) F of every classifier for every row: see :func:`score_rows`."""
+        return score_rows(sum_votes, self, X, n_threads)
 
-        def work(task: int) -> None:
-            sum_votes(X, task * size, min((task + 1) * size, n), stumps, out)
 
-        run_tasks(work, -(-n // size), n_threads=n_threads)
-        return out
+def score_rows(
+    kernel: Callable[..., None], table: Any, X: NDArray[np.float32], n_threads: int | None
+) -> NDArray[np.float64]:
+    """(n, N) what a kernel says of every row, for the n classifiers of a table of stumps or trees.
+
+    Only the table's ``columns`` are read. The bits depend neither on the number of threads nor on
+    which other classifiers are evaluated with one.
+    """
+    if X.dtype != np.float32 or not X.flags.c_contiguous:
+        X = np.ascontiguousarray(X[:, table.columns], np.float32)
+        table = table._replace(columns=np.arange(len(table.columns)))
+    n, size = len(X), _SAMPLES_PER_TASK
+    out = np.empty((len(table.first) - 1, n))
+
+    def work(task: int) -> None:
+        kernel(X, task * size, min((task + 1) * size, n), table, out)
+
+    run_tasks(work, -(-n // size), n_threads=n_threads)
+    return out
 
 
 def _joined(parts: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
