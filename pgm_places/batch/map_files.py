@@ -1,7 +1,9 @@
-"""The files of one labelled map: labels, pictures and places, written as one set."""
+"""The files of one labelled map, written as one set while large arrays wait in files."""
 
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,6 @@ from numpy.typing import NDArray
 from pgm_places.batch.ready_model import ReadyModel
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet
-from pgm_places.io.set_aside import set_aside
 from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
@@ -21,7 +22,12 @@ from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["LabelledFile", "label_file", "write_labelled"]
+__all__ = [
+    "LabelledFile",
+    "label_file",
+    "set_aside",
+    "write_labelled",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,3 +140,28 @@ def _inputs_of_places(result: LabelledPlaces, folder: Path, *, gates: bool) -> d
         "layout": result.layout,
         "doorways": result.doorways if gates else None,
     }
+
+
+def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
+    """The same values, read-only, from a file without a name, which goes when they do.
+
+    Arrays of fewer bytes than ``at_least`` stay in memory; so do those for which the folder has no
+    room.
+
+    Parameters
+    ----------
+    array : array
+        Of any shape; whoever holds it must let it go for the memory to be free.
+    folder : Path
+        On the disk that the file is to lie on.
+    at_least : int
+    """
+    if array.nbytes < max(at_least, 1):
+        return array
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            array.tofile(file)
+            file.flush()
+            return np.memmap(file, array.dtype, "r", shape=array.shape)
+    except OSError:
+        return array

@@ -12,8 +12,8 @@ from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.places.label_probabilities import probability_file
-from pgm_places.io.raster_png import raster_png
 from pgm_places.io.text_file import read_json
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.report.drawing import Packing

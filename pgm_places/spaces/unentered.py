@@ -12,7 +12,7 @@ from pgm_places._core import grow_pieces, label_components, open_cells, sum_piec
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.spaces.open_space import open_space
+from pgm_places.spaces.relief import open_space
 
 __all__ = ["Unentered", "find_unentered"]
 

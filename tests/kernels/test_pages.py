@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.io.set_aside import set_aside
+from pgm_places.batch.map_files import set_aside
 from pgm_places.kernels.pages import Planes, leave_in_file
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="pages are given back on Linux")

@@ -12,8 +12,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.spaces.basins import find_basins, neighbour_steps
-from pgm_places.spaces.open_space import open_space
-from pgm_places.spaces.relief import UNIT, half_width_m, relief_of
+from pgm_places.spaces.relief import UNIT, half_width_m, open_space, relief_of
 from pgm_places.spaces.segmentation import Segmentation, _require_numbers
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference

@@ -23,8 +23,7 @@ from pgm_places.io.maps.label_values import (
     read_label_values,
     values_of_colours,
 )
-from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
-from pgm_places.io.raster_png import raster_png
+from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image, raster_png
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["Orientation", "load_labels", "save_labels"]

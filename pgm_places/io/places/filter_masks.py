@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.raster_png import raster_png
+from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = [

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError, shown
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
-from pgm_places.io.raster_png import raster_png
+from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.text_file import read_json
 from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid

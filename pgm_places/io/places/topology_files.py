@@ -14,9 +14,8 @@ from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
+from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
-from pgm_places.io.raster_png import raster_png
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.io.text_file import read_json
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.graph import bands
-from pgm_places.maps.raster_runs import RasterRuns
+from pgm_places.spaces.doorways import RasterRuns
 from tests.strategies import varied_arrays
 
 RASTERS = varied_arrays(

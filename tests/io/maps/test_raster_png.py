@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.datasets import generate_building
-from pgm_places.io.raster_png import raster_png
+from pgm_places.io.maps.raster_image import raster_png
 
 
 def building_of(kind: str) -> Image.Image:
