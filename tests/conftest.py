@@ -10,11 +10,11 @@ from hypothesis import settings
 
 from tests import real_data
 
-# A first call compiles, so no example can be timed; the same examples in every run.
+# Machines are shared, so no example can be timed; the same examples in every run.
 settings.register_profile("pgm_places", deadline=None, derandomize=True)
 settings.load_profile("pgm_places")
 
-# As on the command line: compiling and importing make millions of objects that stay.
+# As on the command line: importing makes objects that stay.
 gc.set_threshold(100_000, 50, 50)
 
 # A shell that starts the suite in the background has it ignore Ctrl-C, and so would every process
@@ -27,7 +27,6 @@ LONGEST = (
     "test_decoding.py",
     "test_backend_contract.py",
     "test_teacher.py",
-    "test_machine_code.py",
     "test_commands.py",
     "test_halls.py",
 )

@@ -37,7 +37,7 @@ def test_public_names_are_sorted_and_exist() -> None:
 
 
 @pytest.mark.parametrize(
-    "heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "rich"]
+    "heavy", ["cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "rich"]
 )
 def test_importing_the_package_stays_light(heavy: str) -> None:
     code = f"import sys, pgm_places; sys.exit({heavy!r} in sys.modules)"
@@ -45,7 +45,7 @@ def test_importing_the_package_stays_light(heavy: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "jinja2", "numpy", "pydantic", "rich"]
+    "heavy", ["cvxpy", "sklearn", "matplotlib", "jinja2", "numpy", "pydantic", "rich"]
 )
 def test_help_needs_nothing_heavy(heavy: str) -> None:
     code = (

@@ -10,7 +10,6 @@ from experiments.paper.sections import SECTIONS, chosen_sections
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
-from pgm_places.cli.warm_up import WarmUp
 from pgm_places.io.output_set import claim
 
 __all__ = ["reproduce"]
@@ -32,14 +31,13 @@ def reproduce(
     if any(data_for(SECTIONS[key]) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     finished = []
-    with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
-        sections = run_sections(
-            ids, out, again=again, force=force, progress=progress, n_threads=n_threads
-        )
-        for section in sections:
-            finished.append(section)
-            if not quiet:
-                say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
+    sections = run_sections(
+        ids, out, again=again, force=force, progress=progress, n_threads=n_threads
+    )
+    for section in sections:
+        finished.append(section)
+        if not quiet:
+            say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
     table = overview_table(finished)
     say(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
     for name in ("reproduce.md", "reproduce.html"):

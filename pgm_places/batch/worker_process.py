@@ -14,7 +14,7 @@ def start_worker(memory_bytes: int | None) -> None:
     # Ctrl-C reaches the whole group of processes; the parent ends its workers itself.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
-    gc.set_threshold(100_000, 50, 50)  # as on the command line: compiling makes objects that stay
+    gc.set_threshold(100_000, 50, 50)  # as on the command line
     if memory_bytes is not None:
         limit_memory(memory_bytes)
 

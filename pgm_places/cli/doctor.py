@@ -1,4 +1,4 @@
-"""``pgm-places doctor``: checks the installation, the cache of compiled code, and maps."""
+"""``pgm-places doctor``: checks the installation and maps."""
 
 import platform
 from pathlib import Path
@@ -19,7 +19,6 @@ REQUIRED = (
     "numpy",
     "scipy",
     "scikit-learn",
-    "numba",
     "cvxpy",
     "osqp",
     "networkx",
@@ -68,6 +67,7 @@ def doctor(
     """
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names
+    from pgm_places.kernels.threads import resolve_threads
     from pgm_places.models.decoders import decoder_names
 
     rows = [["package", "version"], ["pgm-places", __version__]]
@@ -78,7 +78,7 @@ def doctor(
     say(f"\nmethods: {', '.join(backend_names())}")
     say(f"decoders: {', '.join(decoder_names())}")
     say(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
-    _kernels()
+    say(f"threads: {resolve_threads()}")
     if maps:
         _maps(maps, model, unknown_value, fix=fix)
     elif fix:
@@ -107,18 +107,3 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "not installed"
-
-
-def _kernels() -> None:
-    from pgm_places.kernels.cache import cache_folder
-    from pgm_places.kernels.shipped_code import COMPILED, shipped_folder
-    from pgm_places.kernels.threads import resolve_threads
-
-    if COMPILED.is_dir():
-        folder = shipped_folder()
-        fit = "not for this Python, numba and processor" if folder is None else "in use"
-        say(f"kernels that came compiled: {fit}")
-    folder = cache_folder()
-    where = folder if folder is not None else "nowhere (recompiled in every process)"
-    say(f"compiled kernels are cached in: {where}")
-    say(f"threads: {resolve_threads()}")

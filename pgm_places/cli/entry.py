@@ -25,7 +25,7 @@ EXIT_MAPS_FAILED = 3
 class _Stops:
     """Signals that ask the process to end, each raised as an interrupt so that all is cleaned up.
 
-    Without this, SIGTERM would leave temporary files and the process that compiles ahead behind.
+    Without this, SIGTERM would leave temporary files and worker processes behind.
     """
 
     def __init__(self) -> None:
@@ -82,8 +82,7 @@ def main() -> None:
 def _run() -> None:
     from pgm_places.errors import PgmPlacesError
 
-    # Compiling makes millions of objects that stay; searching them for garbage again and again
-    # takes a tenth of a first run.
+    # Importing makes objects that stay; searching them for garbage again and again takes time.
     gc.set_threshold(100_000, 50, 50)
     # At the end of the process the system takes everything back; Python need not look at it all.
     atexit.register(gc.freeze)

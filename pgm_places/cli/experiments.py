@@ -1,7 +1,5 @@
 """The commands demo, compare and train: read inputs, call the library, write results."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -12,7 +10,6 @@ from pgm_places.cli.label_many import Jobs, Memory, Scheduler, WorkerOptions, ma
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, say, say_written
-from pgm_places.cli.warm_up import WarmUp
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.options import Seed
 
@@ -23,32 +20,25 @@ if TYPE_CHECKING:
 __all__ = ["compare", "demo", "train"]
 
 
-@contextmanager
 def _experiment(
     config_path: Path, *, cache: Path | None = None, n_threads: int | None, quiet: bool
-) -> "Iterator[Experiment]":
-    """The experiment of a configuration; a second process compiles what it will need."""
+) -> "Experiment":
+    """The experiment of a configuration."""
     from pgm_places.experiment.config import load_config
+    from pgm_places.experiment.experiment import Experiment
+    from pgm_places.experiment.feature_cache import FeatureCache
 
-    config = load_config(config_path)
-    of_maps = ["segments", "space", "trees"] if config.nodes != "graph" else []
-    before = ["features"] if config.nodes != "graph" else []
-    stages = [*before, "boosting", *of_maps, *(item.name for item in config.methods)]
-    with WarmUp(stages, n_threads=n_threads):
-        from pgm_places.experiment.experiment import Experiment
-        from pgm_places.experiment.feature_cache import FeatureCache
-
-        experiment = Experiment(
-            config,
-            config_path.resolve().parent,
-            progress=make_progress(quiet=quiet),
-            n_threads=n_threads,
-            feature_cache=None
-            if cache is None
-            else FeatureCache(cache.absolute(), None if quiet else complain),
-        )
-        experiment.record_input(config_path.resolve())
-        yield experiment
+    experiment = Experiment(
+        load_config(config_path),
+        config_path.resolve().parent,
+        progress=make_progress(quiet=quiet),
+        n_threads=n_threads,
+        feature_cache=None
+        if cache is None
+        else FeatureCache(cache.absolute(), None if quiet else complain),
+    )
+    experiment.record_input(config_path.resolve())
+    return experiment
 
 
 def compare(
@@ -93,10 +83,8 @@ def compare(
     from pgm_places.report.outputs import COMPARISON
 
     runs = _Runs(by_building, folds, seeds, WorkerOptions(jobs, scheduler, memory))
-    with (
-        output_set(out, "compare", names=COMPARISON, force=force) as files,
-        _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment,
-    ):
+    with output_set(out, "compare", names=COMPARISON, force=force) as files:
+        experiment = _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet)
         table = _compare(experiment, files.stage, runs)
     say(table)
     say_written(files)
@@ -160,8 +148,8 @@ def demo(
         say("Three methods learn from the left part of a generated building, and label the right.")
     with output_set(out, "demo", names=DEMO, force=force) as files:
         config_path = write_demo(files.stage, seed=seed)
-        with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-            table = _compare(experiment, files.stage, _Runs())
+        experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
+        table = _compare(experiment, files.stage, _Runs())
     say(table)
     say_written(files)
     config_path = out / config_path.name
@@ -181,21 +169,20 @@ def train(
     quiet: Quiet = False,
 ) -> None:
     """Train a model on labelled maps and save it as a folder."""
-    with _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.persistence.model_folder import check_target
+    from pgm_places.experiment.runs import train as train_labeler
+    from pgm_places.experiment.setup import make_labeler
+    from pgm_places.persistence.model_folder import check_target
+    from pgm_places.persistence.place_labeler import check_savable
+    from pgm_places.persistence.stored import save
 
-        check_target(out)
-        from pgm_places.experiment.runs import train as train_labeler
-        from pgm_places.experiment.setup import make_labeler
-        from pgm_places.persistence.place_labeler import check_savable
-        from pgm_places.persistence.stored import save
-
-        if experiment.config.nodes != "cells":
-            _require_one_method(experiment)
-        elif experiment.config.base_model is None:
-            check_savable(make_labeler(experiment.config))  # not after hours of training
-        trained = train_labeler(experiment)
-        save(trained.labeler, out, record=_training_record(trained))
+    experiment = _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet)
+    check_target(out)
+    if experiment.config.nodes != "cells":
+        _require_one_method(experiment)
+    elif experiment.config.base_model is None:
+        check_savable(make_labeler(experiment.config))  # not after hours of training
+    trained = train_labeler(experiment)
+    save(trained.labeler, out, record=_training_record(trained))
     names, methods = ", ".join(trained.label_names), list(trained.labelers)
     word = "methods" if len(methods) > 1 else "method"
     say(f"wrote {out} (labels: {names}; {word}: {', '.join(methods)})")

@@ -17,7 +17,6 @@ from pgm_places.cli.label_many import (
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
-from pgm_places.cli.warm_up import WarmUp
 from pgm_places.errors import InputError
 from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -173,41 +172,35 @@ def _label_one(
     n_threads: int | None,
     progress: "Progress",
 ) -> None:
-    _ = options.folder  # a model that is not there shows before the imports, which take seconds
-    with WarmUp(["features"], n_threads=n_threads) as warm_up:
-        from pgm_places.batch.map_files import label_file
-        from pgm_places.inference.backends import METHODS
-        from pgm_places.io.maps.map_server import load_map
-        from pgm_places.io.output_set import output_set
-        from pgm_places.report.outputs import label_names
-        from pgm_places.report.topology_output import places_summary
+    from pgm_places.batch.map_files import label_file
+    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.outputs import label_names
+    from pgm_places.report.topology_output import places_summary
 
-        model = _read(options, progress)
-        # The run divides the map first, which leaves time for all that comes after it.
-        spaces = ["scans", "space"] if model.chosen.sees_spaces else []
-        warm_up.compile([*spaces, METHODS.name_of(type(model.chosen.backend)), "topology"])
-        with progress.stage("map"):
-            loaded = load_map(map_yaml, unknown_value=options.unknown_value)
-        for message in loaded.warnings:
-            progress.warn(message)
-        known = None
-        if corrections is not None:
-            from pgm_places.teaching.paint import Paint
+    model = _read(options, progress)
+    with progress.stage("map"):
+        loaded = load_map(map_yaml, unknown_value=options.unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    known = None
+    if corrections is not None:
+        from pgm_places.teaching.paint import Paint
 
-            known = Paint.read(corrections, loaded.grid, model.labeler.label_names_).labels
-        names = label_names(model.labeler.label_names, options.outputs)
-        with output_set(out, "label", names=names, force=force) as files:
-            say(shares_line(loaded.fractions))
-            found = label_file(
-                model,
-                loaded,
-                files,
-                known=known,
-                max_cells=options.max_cells,
-                outputs=options.outputs,
-                n_threads=n_threads,
-                progress=progress,
-            )
+        known = Paint.read(corrections, loaded.grid, model.labeler.label_names_).labels
+    names = label_names(model.labeler.label_names, options.outputs)
+    with output_set(out, "label", names=names, force=force) as files:
+        say(shares_line(loaded.fractions))
+        found = label_file(
+            model,
+            loaded,
+            files,
+            known=known,
+            max_cells=options.max_cells,
+            outputs=options.outputs,
+            n_threads=n_threads,
+            progress=progress,
+        )
     say(f"{found.summary}\n{places_summary(found.topology, out)}")
     if found.unentered is not None:
         say(f"{found.unentered}; label it with --unentered")

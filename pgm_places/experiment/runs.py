@@ -31,7 +31,7 @@ from pgm_places.options import option_values
 
 __all__ = ["Trained", "compare", "compare_fitted", "method_result", "train", "versions"]
 
-REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp", "networkx")
+REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "cvxpy", "osqp", "networkx")
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,6 @@ from pgm_places.features.beams import (
 )
 from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
-from pgm_places.kernels.lanes import aligned_planes
 from pgm_places.kernels.threads import run_tasks
 
 __all__ = ["ScanExtractor", "Workspace", "extract", "extract_one", "resample_beams"]
@@ -49,6 +48,17 @@ TILE_ROWS = N_BEAMS + 1
 
 SHAPE_ROWS = 4
 """Rows a tile has in ``shape``: area, perimeter and centroid, which later kernels need."""
+
+
+_CACHE_LINE_BYTES = 64
+
+
+def aligned_planes(rows: int, dtype: Any) -> NDArray[Any]:
+    """(rows, 16) uninitialised array that starts on a cache line, so that no vector straddles two."""
+    size = rows * LANES * np.dtype(dtype).itemsize
+    raw = np.empty(size + _CACHE_LINE_BYTES, np.uint8)
+    start = -raw.ctypes.data % _CACHE_LINE_BYTES
+    return raw[start : start + size].view(dtype).reshape(rows, LANES)
 
 
 class Workspace:

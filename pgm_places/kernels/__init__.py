@@ -1,1 +1,1 @@
-"""Compiling, machine code on disk, vector instructions, threads: all that imports numba."""
+"""Threads, memory in pages, and the headers that all kernels in C++ share."""

@@ -1,8 +1,8 @@
 """Work spread over threads so that results never depend on the number of threads.
 
 Kernels release the interpreter lock; each task writes its own part of the output, so any number of
-threads gives the same bits. Threads of this process are used, not numba's own pool, because they
-compile faster, work in forked processes, and are bounded by the caller.
+threads gives the same bits. Threads of this process are used, not a pool in C++, because they
+work in forked processes and are bounded by the caller.
 """
 
 import os

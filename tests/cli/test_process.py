@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.cli import app, entry, warm_up
+from pgm_places.cli import app, entry
 from pgm_places.cli.terminal import complain, say
 from tests.cli.conftest import Run
 
@@ -96,19 +96,17 @@ def test_without_streams_files_are_written_as_with_them(building: Path) -> None:
 
 
 def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
-    for name in ("numpy", "numba", "pydantic", "yaml"):
+    for name in ("numpy", "pydantic", "yaml"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('a stranger ran')")
-    for command in ([*COMMAND[:1], "-m", "pgm_places", "--help"], [*warm_up.COMMAND]):
-        ended = subprocess.run(
-            command,
-            cwd=tmp_path,
-            input="potts\n",
-            capture_output=True,
-            text=True,
-            env=environment(PGM_PLACES_CACHE_DIR=str(tmp_path / "none"), NUMBA_DISABLE_JIT="1"),
-            check=False,
-        )
-        assert (ended.returncode, ended.stderr) == (0, "")
+    ended = subprocess.run(
+        [*COMMAND[:1], "-m", "pgm_places", "--help"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=environment(),
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 WORKERS = """
@@ -131,7 +129,6 @@ assert "none" in answer
     "command",
     [
         pytest.param([*COMMAND, "--help"], id="command"),
-        pytest.param([*warm_up.COMMAND], id="warm-up"),
         pytest.param([sys.executable, "-P", "-c", WORKERS], id="workers"),
         pytest.param([sys.executable, "-P", "-c", MAP_PROCESS], id="live"),
     ],
@@ -141,7 +138,7 @@ def test_no_process_takes_a_module_of_the_current_folder_for_a_library(
 ) -> None:
     ran = tmp_path / "ran"
     poison = f"open({str(ran)!r}, 'a').write(__name__)\nraise SystemExit(1)"
-    for name in {*sys.stdlib_module_names, "joblib", "numba", "numpy", "yaml"}:
+    for name in {*sys.stdlib_module_names, "joblib", "numpy", "yaml"}:
         (tmp_path / f"{name}.py").write_text(poison)
     ended = subprocess.run(
         command,
@@ -149,7 +146,7 @@ def test_no_process_takes_a_module_of_the_current_folder_for_a_library(
         input="",
         capture_output=True,
         text=True,
-        env=environment(PGM_PLACES_CACHE_DIR=str(tmp_path / "none"), NUMBA_DISABLE_JIT="1"),
+        env=environment(),
         check=False,
     )
     assert not ran.exists(), ran.read_text()
@@ -227,8 +224,8 @@ def test_kernels_that_are_missing_or_old_are_one_line(state: str) -> None:
 def test_the_second_process_ends_with_the_first() -> None:
     helper = (
         "import time\n"
-        "from pgm_places.cli import warm_up\n"
-        "warm_up.end_with_parent()\n"
+        "from pgm_places.batch.worker_process import end_with_parent\n"
+        "end_with_parent()\n"
         "print('watching', flush=True)\n"
         "time.sleep(60)\n"
     )

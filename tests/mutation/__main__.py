@@ -1,7 +1,6 @@
 """``python -m tests.mutation MODULE.py TESTS...``: change the code, and see whether tests notice.
 
-Each change is made in a process of its own, forked once everything is imported. Kernels
-(``_NAME_kernels.py``) are changed without compiling them.
+Each change is made in a process of its own, forked once everything is imported.
 """
 
 import argparse
@@ -34,9 +33,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--lines", default="1-100000", help="of the module, such as 120-160")
     options = parser.parse_args()
-    if options.module.stem.endswith("_kernels") and "NUMBA_DISABLE_JIT" not in os.environ:
-        os.environ["NUMBA_DISABLE_JIT"] = "1"
-        os.execv(sys.executable, [sys.executable, "-m", "tests.mutation", *sys.argv[1:]])
     tree = ast.parse(options.module.read_text(encoding="utf-8"))
     first, last = map(int, options.lines.split("-"))
     possible = [
