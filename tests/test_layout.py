@@ -36,9 +36,7 @@ def test_public_names_are_sorted_and_exist() -> None:
         assert hasattr(pgm_places, name)
 
 
-@pytest.mark.parametrize(
-    "heavy", ["cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "rich"]
-)
+@pytest.mark.parametrize("heavy", ["cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "rich"])
 def test_importing_the_package_stays_light(heavy: str) -> None:
     code = f"import sys, pgm_places; sys.exit({heavy!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -54,7 +54,7 @@ _CACHE_LINE_BYTES = 64
 
 
 def aligned_planes(rows: int, dtype: Any) -> NDArray[Any]:
-    """(rows, 16) uninitialised array that starts on a cache line, so that no vector straddles two."""
+    """(rows, 16) uninitialised array on whole cache lines, so that no vector straddles two."""
     size = rows * LANES * np.dtype(dtype).itemsize
     raw = np.empty(size + _CACHE_LINE_BYTES, np.uint8)
     start = -raw.ctypes.data % _CACHE_LINE_BYTES
