@@ -4,7 +4,6 @@ from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
@@ -45,6 +44,8 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
     >>> loop_links(way, 0.3).tolist()
     [[4, 6], [3, 7], [2, 8], [1, 9], [0, 10]]
     """
+    from scipy.spatial import cKDTree  # labelling a map does not need it
+
     positions = finite_array("positions_m", positions_m, ("T", 2))
     if not within_m >= 0:
         raise InputError(f"within_m must be at least 0 metres, got {within_m}")
