@@ -77,13 +77,13 @@ WRITTEN_BY = re.compile(r"<!-- table: [^,>]+, by (python -m [^>]+?) -->\n")
 """Where a command writes a table (experiments/page_tables.py)."""
 
 ROW = re.compile(r"^\|.*", re.MULTILINE)
-SLASH = re.compile(r"(?<=\d) / (?=\d)")
+FIGURES = re.compile(r"(?<=\d) (/|to|of|±) (?=\d)")
 
 
 def prepare_tables(_app, _page, source):
     """Set commands above the tables that they have written; keep figures like 1 / 2 together."""
     text = WRITTEN_BY.sub(r":::{div} written-by\n`\1`\n:::\n", source[0])
-    source[0] = ROW.sub(lambda row: SLASH.sub("\u00a0/\u00a0", row[0]), text)
+    source[0] = ROW.sub(lambda row: FIGURES.sub("\u00a0\\1\u00a0", row[0]), text)
 
 
 def setup(app):
