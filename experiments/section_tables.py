@@ -75,17 +75,15 @@ def paper_table(sections: Mapping[str, Section]) -> str:
 def ablation_table(sections: Mapping[str, Section]) -> str:
     """A row for each value of what an ablation varies, a column for each method."""
     methods = (_ALONE, "relaxation", "amn")
-    rows = [
-        (
-            spec.title.removeprefix("Ablation: "),
-            value,
-            *(found.get(method, "-") for method in methods),
-        )
-        for key, spec in ABLATIONS.items()
-        if key != CHOICES and key in sections
-        for value, found in _varied(sections[key].tables[0])
-    ]
-    return text_of([Table("", ("varied", "", *methods), tuple(rows))])
+    rows = []
+    for key, spec in ABLATIONS.items():
+        if key == CHOICES or key not in sections:
+            continue
+        name = spec.title.removeprefix("Ablation: ")
+        for value, found in _varied(sections[key].tables[0]):
+            rows.append((name, value, *(found.get(method, "-") for method in methods)))
+            name = ""  # the rows below are of the same
+    return text_of([Table("", ("varied", "value", *methods), tuple(rows))])
 
 
 def _varied(table: Table) -> Iterator[tuple[str, Mapping[str, str]]]:
