@@ -43,11 +43,10 @@ unary = -60 * cost.reshape(-1, n_labels)
 # %%
 # Neighbours: half a unit for each step between their labels, at most two, and twice as much where
 # the picture has no edge.
-apart = np.abs(np.subtract.outer(np.arange(n_labels), np.arange(n_labels)))
 grey = left.mean(axis=-1).ravel()
 alike = np.abs(grey[graph.edges[:, 0]] - grey[graph.edges[:, 1]]) < 0.04
-price = np.minimum(0.5 * apart, 2.0)
-potentials = Potentials(unary, pairwise=-price * np.where(alike, 2.0, 1.0)[:, None, None])
+weight = np.where(alike, 2.0, 1.0)
+potentials = Potentials.by_distance(unary, 0.5 * weight, cap=2.0 * weight)
 found = {"each pixel": unary.argmax(axis=1)}
 for name, options in {"icm": {}, "trw-s": {"max_iterations": 40}}.items():
     start = time.perf_counter()

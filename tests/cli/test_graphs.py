@@ -91,6 +91,42 @@ def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run:
     assert code == 2 and "needs graphs of two buildings in [[train]]" in err
 
 
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--by-building", "--folds", "2"), "give --by-building, which leaves out one at a time"),
+        (("--jobs", "2"), "share out several splits or seeds: give --by-building, --folds or"),
+        (("--seeds", "1"), "--seeds"),
+    ],
+)
+def test_runs_that_contradict_themselves_are_refused(
+    tmp_path: Path, run: Run, flags: tuple[str, ...], message: str
+) -> None:
+    write_ring(tmp_path)
+    (tmp_path / "ring.toml").write_text(CONFIG)
+    code, _, err = run("compare", tmp_path / "ring.toml", "--out", tmp_path / "out", *flags)
+    assert code == 2 and message in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_listed_splits_and_seeds_are_run_by_the_command(tmp_path: Path, run: Run) -> None:
+    write_ring(tmp_path)
+    ring = '[[train]]\ngraph = { file = "ring.graphml", label = "says" }\nbuilding = "NAME"\n'
+    start, rest = CONFIG.split("[[train]]", 1)
+    methods = "[[methods]]" + rest.split("[[methods]]", 1)[1]
+    tables = [ring.replace("NAME", name) for name in "ab"]
+    splits = '[[splits]]\nname = "from b"\ntest = ["a"]\n'
+    (tmp_path / "rings.toml").write_text(start + "".join(tables) + splits + methods)
+    out = tmp_path / "out"
+    code, text, err = run("compare", tmp_path / "rings.toml", "--out", out, "--seeds", "2")
+    assert code == 0, err
+    assert "from b" in text and "±" in text
+    found = json.loads((out / "results.json").read_text())
+    assert found["seeds"] == [1, 2] and found["splits"] == {"from b": ["ring"]}
+    code, _, err = run("compare", tmp_path / "rings.toml", "--out", out, "--by-building", "--force")
+    assert code == 2 and "the configuration lists [[splits]]" in err
+
+
 def test_graphs_of_one_group_are_left_out_together(tmp_path: Path, run: Run) -> None:
     write_ring(tmp_path)
     ring = '[[train]]\ngraph = { file = "ring.graphml", label = "says" }\nname = "NAME"\n'

@@ -1,6 +1,7 @@
 """Potentials and the score that judges every answer."""
 
 import itertools
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from pgm_places import LabelGraph, Potentials, score
 from pgm_places.errors import InputError
+from pgm_places.solvers.pairwise import pairwise_model
 
 
 def score_by_hand(
@@ -65,3 +67,35 @@ def test_sizes_must_fit_the_graph() -> None:
         score(graph, Potentials(np.zeros((2, 2)), agreement=np.zeros((2, 2))), [0, 0])
     with pytest.raises(InputError, match="labels must hold integers from 0 to 1, got 2"):
         score(graph, Potentials(np.zeros((2, 2))), [0, 2])
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("per_edge", [False, True])
+def test_labels_on_a_scale_cost_their_distance_and_are_passed_on_as_such(
+    power: Literal[1, 2], per_edge: bool
+) -> None:
+    graph, n_labels = LabelGraph.from_edges(3, [(0, 1), (1, 2), (0, 2)]), 50
+    weight = np.array([0.5, 1.0, 2.0]) if per_edge else np.array(0.5)
+    cap = np.array([3.0, 9.0, np.inf]) if per_edge else np.array(7.0)
+    made = Potentials.by_distance(np.zeros((3, n_labels)), weight, power=power, cap=cap)
+    tables = made.edge_tables(graph)
+    for e, (a, b) in itertools.product(range(3), [(0, 0), (3, 4), (49, 0), (10, 30)]):
+        w, c = (float(np.broadcast_to(values, 3)[e]) for values in (weight, cap))
+        assert tables[e, a, b] == -min(w * abs(a - b) ** power, c)
+    model = pairwise_model(made.unary, graph.edges, None, made.pairwise)
+    assert model.max_terms.pairwise.ndim == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"weight": -1.0}, "weight must be at least 0 and no NaN, got -1"),
+        ({"weight": 1.0, "cap": np.nan}, "cap must be at least 0 and no NaN"),
+        ({"weight": np.inf}, "weight must be at least 0"),
+        ({"weight": 1.0, "power": 3}, "power must be 1 or 2, got 3"),
+        ({"weight": np.ones((2, 2))}, r"numbers or one of each edge, got shapes \(2, 2\)"),
+    ],
+)
+def test_distances_that_mean_nothing_are_refused(arguments: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        Potentials.by_distance(np.zeros((2, 3)), **arguments)
