@@ -1,0 +1,28 @@
+"""The configuration by which wheels are built for all platforms."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def configuration() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_each_python_finds_a_wheel() -> None:
+    settings = configuration()
+    oldest = settings["project"]["requires-python"].removeprefix(">=").replace(".", "")
+    stable = settings["tool"]["scikit-build"]["wheel"]["py-api"]
+    before = [f"cp{minor}" for minor in range(int(oldest), int(stable.removeprefix("cp")))]
+    built = settings["tool"]["cibuildwheel"]["build"]
+    assert built == [f"{python}-*" for python in [*before, stable]]
+
+
+def test_five_platforms_are_built_and_what_tries_them_is_there() -> None:
+    wheels = configuration()["tool"]["cibuildwheel"]
+    assert sum(len(wheels[system]["archs"]) for system in ("linux", "macos", "windows")) == 5
+    words = " ".join(wheels["test-command"]).split()
+    paths = [*wheels["test-sources"], *(word for word in words if word.startswith("tests/"))]
+    assert [path for path in paths if not (ROOT / path).exists()] == []
