@@ -23,6 +23,7 @@ TESTS = [
     *(f"tests/spaces/test_{name}.py" for name in SPACES),
     *(f"tests/datasets/test_{name}.py" for name in ("layouts", "survey")),
     *(f"tests/topology/test_{name}.py" for name in ("layouts", "skeleton")),
+    "tests/models/test_layouts.py",
     "tests/studio/test_strokes.py",
 ]
 IS_READY = "PGM_PLACES_SANITIZED"

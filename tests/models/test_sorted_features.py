@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pgm_places._core import bin_members, count_bins
 from pgm_places.errors import InputError
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 
@@ -118,3 +119,19 @@ def test_huge_finite_values_pass() -> None:
     X = np.full((4, 2), 3e38, np.float32)
     X[0] = -3e38
     assert prepare(X, np.array([0, 0, 1, 1])).codes.shape == (1, 4)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 7, 1000])
+def test_bins_are_counted(n: int) -> None:
+    codes = np.random.default_rng(n).integers(0, 256, n).astype(np.uint8)
+    counts = np.full(256, -1)
+    count_bins(codes, counts)
+    np.testing.assert_array_equal(counts, np.bincount(codes, minlength=256))
+
+
+def test_members_of_a_bin_are_listed() -> None:
+    codes = np.random.default_rng(0).integers(0, 5, 1000).astype(np.uint8)
+    for wanted in range(6):
+        members = np.empty(len(codes), np.int32)
+        count = bin_members(codes, wanted, members)
+        np.testing.assert_array_equal(members[:count], np.flatnonzero(codes == wanted))
