@@ -43,7 +43,7 @@ def dual_bound(
     >>> unary, edges, agreement = [[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]
     >>> dual_bound(unary, edges, agreement, duals=np.zeros((2, 2)))
     1.9
-    >>> dual_bound(unary, edges, agreement, duals=[[0.4, 0.0], [0.1, 0.0]])
+    >>> dual_bound(unary, edges, agreement, duals=[[0.5, 0.0], [0.0, 0.5]])
     1.5
     """
     model = pairwise_model(unary, edges, agreement, pairwise)
