@@ -4,9 +4,10 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, printable
@@ -35,24 +36,19 @@ TYPES: dict[str, int] = {
 }
 """The number of each kind in a CostmapFilterInfo message."""
 
-_LIMIT = "speed_limit_topic: /speed_limit"
+_LIMIT = {"speed_limit_topic": "/speed_limit"}
 
-_FILTERS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
-    "keepout": ("keepout_filter", "KeepoutFilter", "", ("global", "local")),
-    "speed-percent": (
-        "speed_filter",
-        "SpeedFilter",
-        _LIMIT,
-        ("global",),
-    ),
+_FILTERS: dict[str, tuple[str, str, dict[str, Any], tuple[str, ...]]] = {
+    "keepout": ("keepout_filter", "KeepoutFilter", {}, ("global", "local")),
+    "speed-percent": ("speed_filter", "SpeedFilter", _LIMIT, ("global",)),
     "speed-m-s": ("speed_filter", "SpeedFilter", _LIMIT, ("global",)),
     "binary": (
         "binary_filter",
         "BinaryFilter",
-        "binary_state_topic: /binary_state\n        flip_threshold: 50.0",
+        {"binary_state_topic": "/binary_state", "flip_threshold": 50.0},
         ("global",),
     ),
-    "zones": ("zone_filter", "ZoneParameterFilter", "", ("local",)),
+    "zones": ("zone_filter", "ZoneParameterFilter", {}, ("local",)),
 }
 """Name, plugin and output of each filter, and the costmaps that it belongs in."""
 
@@ -64,8 +60,8 @@ def filter_parameters(
     *,
     multiplier: float = 1.0,
     states: Mapping[str, int] | None = None,
-) -> str:
-    """The text of a parameter file.
+) -> dict[str, Any]:
+    """The content of a parameter file.
 
     It holds the parameters of ``map_server`` (as ``filter_mask_server``) and of
     ``costmap_filter_info_server``, and a block ``filters`` for the costmaps that names their
@@ -88,75 +84,35 @@ def filter_parameters(
 
     Examples
     --------
-    >>> print(filter_parameters("keepout", "keepout", Path("/maps/keepout.yaml")))
-    filter_mask_server:
-      ros__parameters:
-        topic_name: "/keepout_mask"
-        yaml_filename: "/maps/keepout.yaml"
-    costmap_filter_info_server:
-      ros__parameters:
-        type: 0
-        filter_info_topic: "/keepout_mask_info"
-        mask_topic: "/keepout_mask"
-        base: 0.0
-        multiplier: 1.0
-    global_costmap:
-      global_costmap:
-        ros__parameters:
-          filters: ["keepout_filter"]
-          keepout_filter:
-            plugin: "nav2_costmap_2d::KeepoutFilter"
-            enabled: true
-            filter_info_topic: "/keepout_mask_info"
-    local_costmap:
-      local_costmap:
-        ros__parameters:
-          filters: ["keepout_filter"]
-          keepout_filter:
-            plugin: "nav2_costmap_2d::KeepoutFilter"
-            enabled: true
-            filter_info_topic: "/keepout_mask_info"
-    <BLANKLINE>
+    >>> found = filter_parameters("keepout", "keepout", Path("/maps/keepout.yaml"))
+    >>> list(found)
+    ['filter_mask_server', 'costmap_filter_info_server', 'global_costmap', 'local_costmap']
+    >>> found["filter_mask_server"]["ros__parameters"]
+    {'topic_name': '/keepout_mask', 'yaml_filename': '/maps/keepout.yaml'}
     """
     topic = f"/{name.replace('-', '_')}_mask"
-    lines = [
-        "filter_mask_server:",
-        "  ros__parameters:",
-        f'    topic_name: "{topic}"',
-        f'    yaml_filename: "{mask_yaml}"',
-        "costmap_filter_info_server:",
-        "  ros__parameters:",
-        f"    type: {TYPES[kind]}",
-        f'    filter_info_topic: "{topic}_info"',
-        f'    mask_topic: "{topic}"',
-        "    base: 0.0",
-        f"    multiplier: {float(multiplier)!r}",
-    ]
     filter_name, plugin, output, costmaps = _FILTERS[kind]
+    info = {"filter_info_topic": f"{topic}_info"}
+    found = {
+        "filter_mask_server": _node(topic_name=topic, yaml_filename=str(mask_yaml)),
+        "costmap_filter_info_server": _node(
+            type=TYPES[kind], **info, mask_topic=topic, base=0.0, multiplier=float(multiplier)
+        ),
+    }
     for costmap in costmaps:
-        lines += [
-            f"{costmap}_costmap:",
-            f"  {costmap}_costmap:",
-            "    ros__parameters:",
-            f'      filters: ["{filter_name}"]',
-            f"      {filter_name}:",
-            f'        plugin: "nav2_costmap_2d::{plugin}"',
-            "        enabled: true",
-            f'        filter_info_topic: "{topic}_info"',
-            *([f"        {output}"] if output else []),
-            *(_states(states or {}) if kind == "zones" else []),
-        ]
-    if output.startswith("speed_limit"):
-        lines += ["controller_server:", "  ros__parameters:", f"    {output}"]
-    return "\n".join(lines) + "\n"
+        of_filter = {"plugin": f"nav2_costmap_2d::{plugin}", "enabled": True, **info, **output}
+        if kind == "zones" and states:
+            of_filter["states"] = list(states)
+            of_filter |= {state: {"id": value} for state, value in states.items()}
+        filters = _node(filters=[filter_name], **{filter_name: of_filter})
+        found[f"{costmap}_costmap"] = {f"{costmap}_costmap": filters}
+    if kind.startswith("speed"):
+        found["controller_server"] = _node(**_LIMIT)
+    return found
 
 
-def _states(states: Mapping[str, int]) -> list[str]:
-    listed = ", ".join(f'"{state}"' for state in states)
-    return [
-        *([f"        states: [{listed}]"] if states else []),
-        *(f"        {state}:\n          id: {value}" for state, value in states.items()),
-    ]
+def _node(**parameters: Any) -> dict[str, Any]:
+    return {"ros__parameters": parameters}
 
 
 MOST = 100
@@ -238,7 +194,9 @@ def write_filter_mask(
     paths, parameters = mask_files(
         target, topology, kind, values=values, robot_radius_m=robot_radius_m, lies_in=lies_in
     )
-    return [*paths, write_text(target.with_name(f"{target.name}_params.yaml"), parameters)]
+    listed = yaml.safe_dump(parameters, sort_keys=False, allow_unicode=True)
+    text = f"# {_legend(topology, values)}\n{listed}"
+    return [*paths, write_text(target.with_name(f"{target.name}_params.yaml"), text)]
 
 
 def mask_files(
@@ -249,8 +207,8 @@ def mask_files(
     values: Mapping[str, float] | None = None,
     robot_radius_m: float = 0.0,
     lies_in: Path | None = None,
-) -> tuple[list[Path], str]:
-    """The mask's picture and YAML file, written, and the text of its parameters.
+) -> tuple[list[Path], dict[str, Any]]:
+    """The mask's picture and YAML file, written, and its parameters.
 
     All as :func:`write_filter_mask` writes it.
     """
@@ -288,7 +246,7 @@ def mask_files(
         multiplier=multiplier,
         states={name: number for number, name in named.items() if number},
     )
-    return [image_path, yaml_path], f"# {_legend(topology, values)}\n{parameters}"
+    return [image_path, yaml_path], parameters
 
 
 def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int], float]:

@@ -105,11 +105,10 @@ def write_nav2(
         masks.append(("speed-m-s", speeds, 0.0))
     for kind, values, radius_m in masks:
         name = kind.replace("-", "_")
-        paths, text = mask_files(
+        paths, parameters = mask_files(
             folder / name, topology, kind, values=values, robot_radius_m=radius_m, lies_in=home
         )
         written += paths
-        parameters = yaml.safe_load(text)
         for server, executable in zip(SERVERS, ("map_server", SERVERS[1]), strict=True):
             own = f"{name}_{server}"
             servers.append(("nav2_map_server", executable, own))

@@ -299,3 +299,13 @@ def test_no_name_breaks_a_file_that_others_read(tmp_path: Path) -> None:
     assert r"hall\x1b[2J\n" in set(nx.get_node_attributes(found, "label").values())
     export(topology, "zones", tmp_path)
     assert yaml.safe_load((tmp_path / "zones_params.yaml").read_text())
+
+
+def test_parameters_hold_any_path(tmp_path: Path) -> None:
+    folder = tmp_path / 'lab "a" \\ b'
+    folder.mkdir()
+    paths = export(floor_map(), "zones", folder)
+    params = yaml.safe_load(paths[-1].read_text())
+    server = params["filter_mask_server"]["ros__parameters"]
+    assert server["yaml_filename"] == str(folder.resolve() / "zones.yaml")
+    assert "&" not in paths[-1].read_text()  # ROS reads no aliases
