@@ -132,7 +132,7 @@ def places_record(taught: Taught) -> dict[str, Any]:
             "doubtful_m2": check.doubtful_m2,
             "second_label": _second_label(check, topology),
         }
-        for check in taught.checks[:MOST_CHECKS]
+        for check in taught.unanswered[:MOST_CHECKS]
         if min(check.place.area_m2, check.doubtful_m2) >= LEAST_M2
     ]
     return {

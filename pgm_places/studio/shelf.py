@@ -176,6 +176,6 @@ def progress_of(desk: Desk) -> dict[str, Any]:
         "painted_m2": desk.painting.n_painted * cell_m2,
         "working": desk.learner.state.working,
         "problem": desk.learner.state.problem,
-        "doubtful_m2": None if taught is None else sum(c.doubtful_m2 for c in taught.checks),
+        "doubtful_m2": None if taught is None else sum(c.doubtful_m2 for c in taught.unanswered),
         "agrees": desk.agrees,
     }

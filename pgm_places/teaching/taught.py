@@ -18,6 +18,9 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["Taught"]
 
+ANSWERED = 0.75
+"""A place of which so much is painted needs no further answer."""
+
 
 @dataclass(frozen=True, eq=False)
 class Taught:
@@ -99,6 +102,19 @@ class Taught:
     def checks(self) -> list[PlaceCheck]:
         """Where to look: places by doubt times area, those with most of it first."""
         return places_to_check(self.topology)
+
+    @cached_property
+    def unanswered(self) -> list[PlaceCheck]:
+        """Those of the places to check that nobody has painted for the most part.
+
+        What is left of a painted place are the doorways at its edge, which are no reason to look
+        at it again.
+        """
+        region = self.topology.region
+        n_cells = np.bincount(region.ravel())
+        n_painted = np.bincount(region[self.paint.painted], minlength=len(n_cells))
+        is_answered = n_painted >= ANSWERED * n_cells
+        return [check for check in self.checks if not is_answered[check.place.id]]
 
 
 def _raster(places: LabelledPlaces) -> NDArray[Any] | None:

@@ -84,6 +84,14 @@ def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: Desk) -> Non
     painted = labelled.painting.labels >= 0
     np.testing.assert_array_equal(painted, inside & (labels != doorway))
     assert painted.sum() > inside.sum() / 2
+    wait(labelled, labelled.painting.revision)
+    assert labelled.taught is not None
+    at = labelled.taught.topology.region_at(*place.anchor_m)
+    assert at is not None
+    listed = [check.place.id for check in labelled.taught.unanswered]
+    assert at.id not in listed
+    assert at.id not in [check["id"] for check in places_record(labelled.taught)["checks"]]
+    assert set(listed) < {region.id for region in labelled.taught.topology.regions}
     labelled.edit({**request, "label": doorway})
     np.testing.assert_array_equal(labelled.painting.labels == doorway, inside)
 
