@@ -16,7 +16,15 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["Line", "Parts", "cut_along", "line_width_m", "narrowest_line", "opening_cuts"]
+__all__ = [
+    "Line",
+    "Parts",
+    "cut_along",
+    "cuts_with_depth",
+    "line_width_m",
+    "narrowest_line",
+    "opening_cuts",
+]
 
 Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 """The two ends of a line in the map frame."""
@@ -118,14 +126,24 @@ def opening_cuts(
     are the gate candidates within the place that are narrow enough; of all sets of them that part
     two neighbouring segments, the one with the smallest total width is taken.
     """
+    return [lines for lines, _ in cuts_with_depth(topology, place, narrower_than_m)]
+
+
+def cuts_with_depth(
+    topology: TopologicalMap, place: Region, narrower_than_m: float
+) -> list[tuple[tuple[Line, ...], float]]:
+    """The same, each with the depth in metres of the deepest of its openings."""
     alone = _alone(topology, place)
     gates = gate_candidates(Segmentation.of(alone))
     saddles = alone.cell_centres_m(gates.openings.centre_rc)
     every = (
-        tuple(narrowest_line(topology, place, saddles[g]) for g in chosen)
+        (
+            tuple(narrowest_line(topology, place, saddles[g]) for g in chosen),
+            float(gates.depth_m[chosen].max()),
+        )
         for chosen in _smallest_sets(gates, narrower_than_m)
     )
-    return [lines for lines in every if max(map(line_width_m, lines)) <= narrower_than_m]
+    return [item for item in every if max(map(line_width_m, item[0])) <= narrower_than_m]
 
 
 def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:

@@ -7,20 +7,24 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
+from pgm_places.topology.cuts import Line, cut_along, cuts_with_depth, line_width_m
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["HiddenRooms", "hidden_rooms"]
 
-WIDEST_M = 1.8
-"""Wider openings are parts of a room."""
+WIDEST_M, DEEPEST_M = 1.9, 0.75
+"""Wider openings are parts of a room; what is narrow for longer than any wall is thick lies between
+a wall and a bed, or a counter."""
+
+DOOR_WIDTH_M, DOOR_DEPTH_M = 1.2, 0.55
+"""Openings up to this size are doors even where a room is hardly broader."""
 
 LEAST_PART_M2 = 4.0
 """What is smaller is a niche, or lies between furniture."""
 
-NARROWEST_SHARE = 0.85
-"""The opening is narrower than so much of the breadth of what lies on either side of it."""
+DOOR_SHARE, OTHER_SHARE = 1.15, 0.75
+"""The opening is narrower than this times the breadth of what lies on either side of it."""
 
 CIRCULATION = ("corridor", "hall")
 """Long and winding by nature: they narrow at each joint, and are one place nonetheless."""
@@ -54,10 +58,12 @@ class HiddenRooms:
 def hidden_rooms(topology: TopologicalMap) -> tuple[HiddenRooms, ...]:
     """The places that look like several rooms, by their ids.
 
-    An opening parts rooms if it is no wider than 1.8 m, leaves at least 4 m² on either side, and is
-    clearly narrower than what lies there: than 0.85 of four times the mean clearance, which is the
-    width of a strip. Two or three openings between the same two parts count as one. Corridors and
-    halls, which narrow at each joint, are left out, as are doorways.
+    An opening parts rooms if it is no wider than 1.9 m and no deeper than a thick wall (0.75 m),
+    leaves at least 4 m² on either side, and is narrow for what lies there: narrower than 0.75 of
+    four times the mean clearance, which is the width of a strip, or than 1.15 of it where the
+    opening has the size of a door, 1.2 m and 0.55 m deep. Two or three openings between the same
+    two parts count as one. Corridors and halls, which narrow at each joint, are left out, as are
+    doorways.
 
     Examples
     --------
@@ -89,7 +95,9 @@ def _looked_for(topology: TopologicalMap) -> Iterator[HiddenRooms]:
 def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
     """The lines of all cuts that part rooms; where two overlap, those of the narrower one."""
     cuts = [
-        cut for cut in opening_cuts(topology, place, WIDEST_M) if _parts_rooms(topology, place, cut)
+        cut
+        for cut, depth_m in cuts_with_depth(topology, place, WIDEST_M)
+        if depth_m <= DEEPEST_M and _parts_rooms(topology, place, cut, depth_m)
     ]
     chosen: tuple[Line, ...] = ()
     for cut in sorted(cuts, key=lambda lines: sum(map(line_width_m, lines))):
@@ -101,8 +109,10 @@ def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
     return chosen
 
 
-def _parts_rooms(topology: TopologicalMap, place: Region, cut: tuple[Line, ...]) -> bool:
-    """Whether both sides of a cut are large enough, and broader than its widest line."""
+def _parts_rooms(
+    topology: TopologicalMap, place: Region, cut: tuple[Line, ...], depth_m: float
+) -> bool:
+    """Whether both sides of a cut are large enough, and broad for its widest line."""
     parts = cut_along(topology, place, cut)
     if len(parts) < 2 or parts.area_m2[-1] < LEAST_PART_M2:
         return False
@@ -111,4 +121,7 @@ def _parts_rooms(topology: TopologicalMap, place: Region, cut: tuple[Line, ...])
     inside = parts.cells - (rows.start, columns.start)
     clearance_m = np.sqrt(squared[tuple(inside.T)]) * topology.grid.resolution_m
     breadth_m = 4 * np.bincount(parts.number, clearance_m) / np.bincount(parts.number)
-    return max(map(line_width_m, cut)) <= NARROWEST_SHARE * float(breadth_m.min())
+    width_m = max(map(line_width_m, cut))
+    is_door = width_m <= DOOR_WIDTH_M and depth_m <= DOOR_DEPTH_M
+    share = DOOR_SHARE if is_door else OTHER_SHARE
+    return width_m <= share * float(breadth_m.min())

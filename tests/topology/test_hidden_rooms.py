@@ -73,6 +73,19 @@ def test_what_is_one_place_is_left_alone(found: TopologicalMap) -> None:
     assert "looks like" not in places_summary(found, Path("out"))
 
 
+@pytest.mark.parametrize(("depth_m", "n_rooms"), [(0.2, 2), (0.4, 2), (0.9, 1)])
+def test_an_opening_is_as_deep_as_a_wall_and_a_gap_beside_a_bed_is_none(
+    depth_m: float, n_rooms: int
+) -> None:
+    depth = round(depth_m / 0.1)
+    cells = np.full((44, 84 + depth), OCCUPIED, np.int8)
+    cells[2:42, 2:42] = cells[2:42, 42 + depth : 82 + depth] = FREE
+    cells[32:42, 42 : 42 + depth] = FREE  # a metre is left beside a bed that is as wide as this
+    grid = OccupancyGrid(cells, 0.1)
+    found = topological_map(grid, np.where(cells == FREE, 0, -1), NAMES)
+    assert [item.count for item in hidden_rooms(found)] == [2] * (n_rooms == 2)
+
+
 def test_two_doors_between_the_same_rooms_count_as_one() -> None:
     [hidden] = hidden_rooms(two_rooms(2))
     assert (hidden.count, len(hidden.lines_m)) == (2, 2)
