@@ -1,7 +1,5 @@
 // The sums of stumps that classifiers are made of.
 
-#include <vector>
-
 #include "models/gathering.hpp"
 
 namespace {
@@ -18,14 +16,14 @@ struct Stumps {  // see the table of votes in strong_classifier.py
     auto fields() { return std::tie(columns, plane, cut, vote, first); }
 };
 
-// Write to `total` (BLOCK,) the votes of group `k` on the samples in `values`.
+// Add to `total` (BLOCK,) the votes of group `k` on the samples in `values`.
 template <int BYTES>
-PGM_INLINE void sum_group(const Stumps &stumps, int64_t k, const float *values, double *total) {
-    constexpr int AT_ONCE = BYTES;  // samples, whose sums fill eight registers
-    using Values = pgm::Lanes<float, AT_ONCE, std::min(BYTES,32)>;
-    using Sums = pgm::Lanes<double, AT_ONCE, std::min(BYTES,32)>;
+PGM_INLINE void add_group(const Stumps &stumps, int64_t k, const float *values, double *total) {
+    constexpr int AT_ONCE = BYTES;  // samples, whose sums stay in registers
+    using Values = pgm::Lanes<float, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using Sums = pgm::Lanes<double, AT_ONCE, pgm::COMPARED<BYTES>>;
     for (int i = 0; i < BLOCK; i += AT_ONCE) {
-        Sums sum = Sums::splat(0.0);
+        Sums sum = Sums::load(total + i);
         for (int64_t t = stumps.first(k); t < stumps.first(k + 1); ++t) {
             const Values x = Values::load(values + stumps.plane(t) * BLOCK + i);
             const Sums vote = Sums::splat(stumps.vote(t)), other = Sums::splat(-stumps.vote(t));
@@ -43,18 +41,11 @@ struct SumVotes {
     template <int BYTES>
     static PGM_INLINE void run(Array<const float, 2> X, int64_t start, int64_t stop, Stumps stumps,
                                Array<double, 2> out) {
-        const int64_t n_wanted = stumps.columns.size();
-        std::vector<float> room((n_wanted + 1) * BLOCK);
-        const Array<float, 2> values(room.data(), {n_wanted + 1, BLOCK});
-        for (int64_t block = start; block < stop; block += BLOCK) {
-            const int64_t size = std::min<int64_t>(BLOCK, stop - block);
-            pgm::gather<BYTES>(X, block, size, stumps.columns, values);
-            for (int64_t k = 0; k < out.shape(0); ++k) {
-                double total[BLOCK];
-                sum_group<BYTES>(stumps, k, room.data(), total);
-                std::copy_n(total, size, &out(k, block));
-            }
-        }
+        pgm::score_blocks<BYTES>(
+            X, start, stop, stumps.columns, out,
+            [&](int64_t k, const float *values, double *total) PGM_INLINE_LAMBDA {
+                add_group<BYTES>(stumps, k, values, total);
+            });
     }
 };
 

@@ -1,7 +1,5 @@
 // The sums of trees that classifiers are made of.
 
-#include <vector>
-
 #include "models/gathering.hpp"
 
 namespace {
@@ -11,7 +9,6 @@ using pgm::BLOCK;
 using std::int64_t;
 
 constexpr int AT_ONCE = 16;  // samples
-
 
 struct Trees {  // see boosted_trees.py
     Array<const int64_t, 1> columns;
@@ -37,8 +34,8 @@ PGM_INLINE L said(const Trees &trees, int64_t t, int64_t s, const float *samples
 // Add to `total` (BLOCK,) what the trees of group `k` say of the samples in `values`.
 template <int LEVELS, int BYTES>
 PGM_INLINE void add_group(const Trees &trees, int64_t k, const float *values, double *total) {
-    using L = pgm::Lanes<float, AT_ONCE, std::min(BYTES, 32)>;
-    using Sums = pgm::Lanes<double, AT_ONCE, std::min(BYTES, 32)>;
+    using L = pgm::Lanes<float, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using Sums = pgm::Lanes<double, AT_ONCE, pgm::COMPARED<BYTES>>;
     for (int64_t t = trees.first(k); t < trees.first(k + 1); ++t)
         for (int i = 0; i < BLOCK; i += AT_ONCE)
             (Sums::load(total + i) + widen(said<LEVELS, L>(trees, t, 0, values + i))).store(total + i);
@@ -53,23 +50,17 @@ struct SumTrees {
     template <int BYTES>
     static PGM_INLINE void run(Array<const float, 2> X, int64_t start, int64_t stop, Trees trees,
                                Array<double, 2> out) {
-        const int64_t n_splits = trees.plane.shape(1), n_wanted = trees.columns.size();
-        std::vector<float> room((n_wanted + 1) * BLOCK);
-        const Array<float, 2> values(room.data(), {n_wanted + 1, BLOCK});
-        for (int64_t block = start; block < stop; block += BLOCK) {
-            const int64_t size = std::min<int64_t>(BLOCK, stop - block);
-            pgm::gather<BYTES>(X, block, size, trees.columns, values);
-            for (int64_t k = 0; k < out.shape(0); ++k) {
-                double total[BLOCK] = {};
+        const int64_t n_splits = trees.plane.shape(1);
+        pgm::score_blocks<BYTES>(
+            X, start, stop, trees.columns, out,
+            [&](int64_t k, const float *values, double *total) PGM_INLINE_LAMBDA {
                 if (n_splits == 3)
-                    add_group<2, BYTES>(trees, k, room.data(), total);
+                    add_group<2, BYTES>(trees, k, values, total);
                 else if (n_splits == 7)
-                    add_group<3, BYTES>(trees, k, room.data(), total);
+                    add_group<3, BYTES>(trees, k, values, total);
                 else
-                    add_group<4, BYTES>(trees, k, room.data(), total);
-                std::copy_n(total, size, &out(k, block));
-            }
-        }
+                    add_group<4, BYTES>(trees, k, values, total);
+            });
     }
 };
 

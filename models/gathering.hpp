@@ -2,12 +2,17 @@
 
 #pragma once
 
+#include <vector>
+
 #include "pgm_places/kernels/lanes.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace pgm {
 
 constexpr int BLOCK = 128;  // samples whose used columns are worked on together
+
+// Bytes of the registers that samples are compared in: GCC takes longer ones apart.
+template <int BYTES> constexpr int COMPARED = std::min(BYTES, 32);
 
 // Write `values(c, i) = X(start + i, columns(c))` for `i < size`; `columns` ascend.
 //
@@ -39,6 +44,26 @@ PGM_INLINE void gather(const Array<const float, 2> &X, std::int64_t start, std::
             }
             transpose(square);
             for (int k = 0; k < WIDTH; ++k) square[k].store(&values(place[k], i));
+        }
+    }
+}
+
+// Write to `out(k, n)` what `add_group(k, values, total)` adds up for each group `k` and row `n`.
+//
+// It gets the `columns` of a block of samples, and adds to their `total` (BLOCK,).
+template <int BYTES, class AddGroup>
+PGM_INLINE void score_blocks(const Array<const float, 2> &X, std::int64_t start, std::int64_t stop,
+                             const Array<const std::int64_t, 1> &columns,
+                             const Array<double, 2> &out, AddGroup add_group) {
+    const std::int64_t n_rows = columns.size() + 1;
+    std::vector<float> room(n_rows * BLOCK);
+    for (std::int64_t block = start; block < stop; block += BLOCK) {
+        const std::int64_t size = std::min<std::int64_t>(BLOCK, stop - block);
+        gather<BYTES>(X, block, size, columns, Array<float, 2>(room.data(), {n_rows, BLOCK}));
+        for (std::int64_t k = 0; k < out.shape(0); ++k) {
+            double total[BLOCK] = {};
+            add_group(k, room.data(), total);
+            std::copy_n(total, size, &out(k, block));
         }
     }
 }
