@@ -25,62 +25,60 @@ class GraphTables(NamedTuple):
     edges: Table
 
 
-def read_table(path: Path, error: type[InputError] = InputError) -> Table:
+def read_table(path: Path) -> Table:
     """A table's columns: texts of a CSV file, values of any kind of a Parquet file.
 
     Raises
     ------
-    error
+    InputError
         The file cannot be read or is not such a table.
     """
     if path.suffix.lower() in (".parquet", ".pq"):
-        return _read_parquet(path, error)
-    with open_table(path, error, "a table (CSV with a header)", max_bytes=MAX_BYTES) as table:
+        return _read_parquet(path)
+    with open_table(path, InputError, "a table (CSV with a header)", max_bytes=MAX_BYTES) as table:
         _, columns = table.read((), range(len(table.names)))
         return dict(zip(table.names, columns, strict=True))
 
 
-def _read_parquet(path: Path, error: type[InputError]) -> Table:
+def _read_parquet(path: Path) -> Table:
     parquet = needed("pyarrow.parquet", extra="tables", purpose=f"reading {path.name}")
     arrow = needed("pyarrow", extra="tables", purpose=f"reading {path.name}")
-    with open_input(path, error, "a table (Parquet)", max_bytes=MAX_BYTES) as raw:
+    with open_input(path, InputError, "a table (Parquet)", max_bytes=MAX_BYTES) as raw:
         try:
             columns: Table = parquet.read_table(raw).to_pydict()
         except (arrow.ArrowException, OSError) as problem:
-            raise error(f"{path} is not a Parquet table: {_line(problem)}") from None
+            raise InputError(f"{path} is not a Parquet table: {_line(problem)}") from None
         except UnicodeDecodeError:
-            raise error(
+            raise InputError(
                 f"{path}: a name or a value is not UTF-8, which texts in Parquet must be; write "
                 "the table anew, with texts decoded, or bytes as a binary column"
             ) from None
         except (ValueError, OverflowError) as problem:  # a date beyond the year 9999
-            raise error(f"{path}: a value cannot be read: {_line(problem)}") from None
+            raise InputError(f"{path}: a value cannot be read: {_line(problem)}") from None
     if not columns or not next(iter(columns.values())):
-        raise error(f"{path} has no rows")
+        raise InputError(f"{path} has no rows")
     return columns
 
 
-def read_graphml(
-    path: Path, node: str, ends: tuple[str, str], error: type[InputError] = InputError
-) -> GraphTables:
+def read_graphml(path: Path, node: str, ends: tuple[str, str]) -> GraphTables:
     """A GraphML file as tables; an attribute that a node or an edge lacks is None.
 
     ``node`` and ``ends`` are what the columns of their names are to be called.
 
     Raises
     ------
-    error
+    InputError
         The file cannot be read, is not GraphML, or has no nodes.
     """
     import networkx as nx
 
-    with open_input(path, error, _GRAPHML, max_bytes=MAX_BYTES) as raw:
+    with open_input(path, InputError, _GRAPHML, max_bytes=MAX_BYTES) as raw:
         try:
             graph: Any = nx.read_graphml(raw)
         except (ParseError, nx.NetworkXException, LookupError, TypeError, ValueError) as problem:
-            raise error(f"{path} is not {_GRAPHML}: {_line(problem)}") from None
+            raise InputError(f"{path} is not {_GRAPHML}: {_line(problem)}") from None
     if not len(graph):
-        raise error(f"{path} has no nodes; expected {_GRAPHML}")
+        raise InputError(f"{path} has no nodes; expected {_GRAPHML}")
     names = list(graph.nodes)
     pairs = list(graph.edges(data=True))
     nodes = _columns([graph.nodes[name] for name in names], {node: names})

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
+from pgm_places.io.maps.raster_image import open_image
 
 __all__ = ["load_probabilities", "probability_file"]
 
@@ -19,7 +19,7 @@ def probability_file(label: str) -> str:
 
 
 def load_probabilities(
-    folder: Path, label_names: Sequence[str], layout: GridLayout, *, max_pixels: int = MAX_PIXELS
+    folder: Path, label_names: Sequence[str], layout: GridLayout
 ) -> NDArray[np.float32] | None:
     """(N, K) probability of each label at the nodes of a map; None where a label has no image.
 
@@ -31,8 +31,6 @@ def load_probabilities(
     label_names : sequence of str
     layout : GridLayout
         The free cells of the map.
-    max_pixels : int
-        The largest image that is read.
 
     Raises
     ------
@@ -44,7 +42,7 @@ def load_probabilities(
         return None
     beliefs = np.empty((layout.n_nodes, len(paths)), np.float32)
     for k, path in enumerate(paths):
-        with open_image(path, InputError, max_pixels=max_pixels) as image:
+        with open_image(path, InputError) as image:
             shares = image.stored()
         if shares.shape != layout.shape:
             raise InputError(
