@@ -1,6 +1,7 @@
 """Tests with kernels that check every access to memory and all arithmetic: with GCC, on Linux.
 
     python -m tests.sanitized [ARGUMENTS OF PYTEST]
+    python -m tests.sanitized fuzz [ARGUMENTS OF tests.fuzz]
 
 The kernels are compiled once more, with GCC's sanitizers for addresses and undefined behaviour; the
 first error ends the run.
@@ -68,9 +69,12 @@ def main() -> int:
     path = os.environ.get(IS_READY)
     if path is None:
         return run_again(arguments)
+    load(path)
+    if arguments[0] == "fuzz":
+        sys.argv = sys.argv[1:]
+        runpy.run_module("tests.fuzz", run_name="__main__", alter_sys=True)
     import pytest
 
-    load(path)
     return int(pytest.main(["-q", "-p", "no:cacheprovider", *arguments]))
 
 
