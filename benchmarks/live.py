@@ -110,7 +110,7 @@ def latency(side: int, seconds: float, *, with_maps: bool) -> dict[str, Any]:
             messages = list(robot.messages(step))
             begin, worked = time.perf_counter(), time.thread_time()
             for what, raw in messages:
-                node.take(what, raw)
+                node.take(what, raw, now_s=begin)
             node.turn(begin)
             now = time.perf_counter() - begin, time.thread_time() - worked
             steps.append((n_topologies, *now))
