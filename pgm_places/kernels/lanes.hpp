@@ -16,7 +16,9 @@
 #include <type_traits>
 #include <utility>
 
-#if defined(__x86_64__) || defined(_M_X64)
+// Checked kernels are compiled once: they are for tests, and compiling takes longest.
+#if (defined(__x86_64__) || defined(_M_X64)) && !defined(PGM_CHECKED)
+#define PGM_VARIANTS
 #include <cpuid.h>
 #endif
 
@@ -301,7 +303,7 @@ inline int &register_limit() {
     return bytes;
 }
 
-#if defined(__x86_64__) || defined(_M_X64)
+#ifdef PGM_VARIANTS
 // Asked of the processor itself: not every compiler's library knows.
 inline int widest_registers() {
     static const int bytes = [] {
@@ -333,7 +335,7 @@ template <class Kernel, class Signature> struct Variants;
 
 template <class Kernel, class Result, class... Arguments>
 struct Variants<Kernel, Result (*)(Arguments...)> {
-#if defined(__x86_64__) || defined(_M_X64)
+#ifdef PGM_VARIANTS
     __attribute__((target("arch=x86-64-v4"), flatten)) static Result v4(Arguments... arguments) {
         return Kernel::template run<64>(arguments...);
     }
@@ -345,7 +347,7 @@ struct Variants<Kernel, Result (*)(Arguments...)> {
         return Kernel::template run<16>(arguments...);
     }
     static Result run(Arguments... arguments) {
-#if defined(__x86_64__) || defined(_M_X64)
+#ifdef PGM_VARIANTS
         const int bytes = register_bytes();
         if (bytes == 64) return v4(arguments...);
         if (bytes == 32) return v3(arguments...);
