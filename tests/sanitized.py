@@ -47,7 +47,7 @@ def run_again(arguments: list[str]) -> int:
         **os.environ,
         IS_READY: str(module),
         "LD_PRELOAD": " ".join(libraries),
-        "ASAN_OPTIONS": "detect_leaks=0",  # Python keeps what it has
+        "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1",  # as Python expects
         "UBSAN_OPTIONS": "print_stacktrace=1",
     }
     command = [sys.executable, "-m", "tests.sanitized", *arguments]

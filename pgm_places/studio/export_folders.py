@@ -64,8 +64,11 @@ class ExportFolders:
             raise InputError(f"write {text!r} out: '~' is not understood here")
         try:
             folder = (self.working / text).resolve()  # links are followed before it is judged
+            in_circles = any(path.is_symlink() for path in (folder, *folder.parents))
         except (OSError, RuntimeError, ValueError):
-            raise InputError(f"{text!r} cannot be a folder") from None
+            in_circles = True  # Python before 3.13 raises, later ones leave the link as it is
+        if in_circles:
+            raise InputError(f"{text!r} cannot be a folder")
         if folder == own.resolve():
             return own
         root = next((root for root in self.roots(own) if folder.is_relative_to(root)), None)
