@@ -116,7 +116,7 @@ def memory_row(title: str, task: MaxMarginProblem) -> dict[str, Any]:
 def compare(title: str, task: MaxMarginProblem) -> list[dict[str, Any]]:
     """The rows of one map."""
     learned(task, max_iterations=2)
-    certify_weights(task, np.zeros(task.n_weights))  # compiles
+    certify_weights(task, np.zeros(task.n_weights))
     results = {}
     for name, learn in learners(task).items():
         start = time.process_time()

@@ -82,7 +82,7 @@ def single_seconds(maps: Path, out: Path) -> Taken:
     wall_s = processor_s = 0.0
     for first, found in enumerate(find_maps([str(maps)], out).maps):
         task = MapTask(found.name, found.path, out / found.name, OPTIONS, sha256)
-        if not first:  # compiles
+        if not first:  # imports, and reads the model
             label_one(MapTask("warm", found.path, out / "warm", OPTIONS, sha256))
         start, before = time.perf_counter(), processor_seconds()
         assert isinstance(label_one(task), LabelledRow)
@@ -153,7 +153,6 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
     maps, out, rng = folder / "small", folder / "out", random.Random(0)
     write_maps(maps, N_KILLED_MAPS, SMALL_PART_M)
     few = sorted(maps.iterdir())[:N_FIRST]
-    seconds_of(few, folder / "compiled")  # what compiling takes is no time to kill a batch in
     longest_s = seconds_of(few, folder / "first")
     n_killed, lost, done_twice = 0, 0, 0
     done: dict[Path, int] = {}

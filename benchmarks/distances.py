@@ -60,7 +60,7 @@ def _solvers(n_labels: int, table: Any) -> dict[str, Callable[[], Any]]:
 
 
 def _seconds(work: Callable[[], Any], *ways: dict[float, int]) -> list[float]:
-    """The least of three runs of each way, one after the other, once compiled."""
+    """The least of three runs of each way, one after the other, once warm."""
     best = [np.inf] * len(ways)
     for turn in range(4):
         labels = []

@@ -3,7 +3,7 @@
 The map is the real building 79 at 5 cm if the data is available, otherwise the generated building.
 Strokes of 0.6 m are painted one after the other, each in turn as corridor and as room; after each
 one the model learns from all of them and labels the whole map again. "clamp" labels without
-learning. Wall-clock seconds on all cores, after a first labelling that also compiles.
+learning. Wall-clock seconds on all cores, after a first labelling.
 """
 
 import statistics

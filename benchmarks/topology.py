@@ -31,7 +31,7 @@ from pgm_places.topology.outlines import outlines
 
 
 def seconds(work: Callable[[], object], repeats: int) -> float:
-    """Median processor seconds after a call that compiles."""
+    """Median processor seconds after a call that warms up."""
     if repeats > 1:
         work()
     times = []

@@ -3,7 +3,7 @@
 One row for each kind of map. Doors are covered where a candidate matches them. Purity is the share
 of the labelled cells, doorways apart, that have the label of most of their place where the true
 gates are accepted. The last column names the map with the smallest share of its doors covered.
-Processor time on one thread after a first call that compiles.
+Processor time on one thread after a first call.
 """
 
 import argparse

@@ -101,7 +101,7 @@ class PlaceFinder:
         self._since_s = math.inf
 
     def warm_up(self) -> None:
-        """Compile what a scan needs, so that the first one is not late."""
+        """Import and make what a scan needs, so that the first one is not late."""
         geometry = ScanGeometry.half_circle(180)
         readings = np.full(180, 2.0, np.float32)
         self._labeler.online(geometry).step(Scan(0.0, np.zeros(3), readings, geometry))

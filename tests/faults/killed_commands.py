@@ -2,7 +2,7 @@
 
 A script of its own, because it forks: ``python -m tests.faults.killed_commands FOLDER KILLS SEED
 COMMAND...``.
-Everything is compiled and imported before the first fork, so that a kill is cheap.
+Everything is imported before the first fork, so that a kill is cheap.
 """
 
 import contextlib

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
@@ -17,7 +17,6 @@ rasters = varied_arrays(
 
 
 @pytest.mark.parametrize("connectivity", [4, 8])
-@settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
 def test_components_are_those_of_flood_fill(connectivity: int, raster: np.ndarray) -> None:
     found = connected_components(raster, connectivity=connectivity)
@@ -29,7 +28,6 @@ def test_components_are_those_of_flood_fill(connectivity: int, raster: np.ndarra
 
 
 @pytest.mark.parametrize("connectivity", [4, 8])
-@settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
 def test_a_mask_is_one_label(connectivity: int, raster: np.ndarray) -> None:
     mask = raster > 0
@@ -53,7 +51,6 @@ def test_values_of_pieces_are_written_to_their_cells(band_cells: int) -> None:
     assert found.piece.tolist() == painted.tolist()
 
 
-@settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
 def test_windows_are_as_small_as_they_can_be(raster: np.ndarray) -> None:
     found = connected_components(raster)

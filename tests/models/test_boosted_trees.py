@@ -1,9 +1,5 @@
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -80,26 +76,6 @@ def large_set(n: int = 3_000) -> tuple[Matrix, NDArray[np.int64]]:
     X = np.round(20 * rng.normal(size=(n, 6))).clip(-99, 99).astype(np.float32)
     margin = X[:, 0] * X[:, 1] / 200 + X[:, 2] / 30 + rng.normal(size=n)
     return X, np.where(np.argsort(np.argsort(-margin)) < n // 3, 1, -1)
-
-
-def test_without_a_compiler_the_trees_are_the_same() -> None:
-    script = (
-        "from tests.models.test_boosted_trees import large_set, learned\n"
-        "trees = learned(*large_set(200), n_rounds=2, max_depth=3, shrinkage=0.5)\n"
-        "print(trees.feature.tolist(), trees.cut.tolist())"
-    )
-    plain, compiled = (
-        subprocess.run(
-            [sys.executable, "-W", "error", "-c", script],
-            env=os.environ | {"NUMBA_DISABLE_JIT": disable},
-            cwd=Path(__file__).parents[2],
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        for disable in ("1", "0")
-    )
-    assert plain == compiled and plain.startswith("[[")
 
 
 def test_grows_the_trees_of_the_exhaustive_search_on_larger_data() -> None:

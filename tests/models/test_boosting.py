@@ -1,8 +1,3 @@
-import inspect
-import json
-import os
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -15,7 +10,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from pgm_places.errors import InputError
 from pgm_places.models import sorted_features, stump_search
 from pgm_places.models.boosting import AdaBoostStumps
-from pgm_places.models.boosting_rounds import MAX_EDGE, boost
+from pgm_places.models.boosting_rounds import MAX_EDGE
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import StrongClassifier, score_all
 from tests.models.columns import random_columns
@@ -305,33 +300,3 @@ def test_three_classes_are_refused() -> None:
 def test_values_without_a_float32_are_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="X contains"):
         AdaBoostStumps().fit([[0.0], [bad]], [0, 1])
-
-
-def _tiny_scores() -> list[list[float]]:
-    rng = np.random.default_rng(8)
-    X = np.round(rng.normal(size=(60, 3)), 1).astype(np.float32)
-    X[:, 2] = np.round(X[:, 2])
-    y = (X[:, 0] + X[:, 2] + rng.normal(size=60) > 0).astype(np.int64)
-    found = boost(prepare(X, y, n_threads=1), [1], [0], n_rounds=6, n_threads=1)
-    return [found.feature.tolist(), found.threshold.tolist(), found.scores(X).tolist()]
-
-
-def test_kernels_do_the_same_without_compilation() -> None:
-    source = "\n".join(
-        [
-            "import json",
-            "import numpy as np",
-            "from pgm_places.models.boosting_rounds import boost",
-            "from pgm_places.models.sorted_features import prepare",
-            inspect.getsource(_tiny_scores),
-            "print(json.dumps(_tiny_scores()))",
-        ]
-    )
-    plain = subprocess.run(
-        [sys.executable, "-c", source],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert json.loads(plain.stdout) == _tiny_scores()

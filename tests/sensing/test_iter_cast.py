@@ -80,7 +80,7 @@ def test_memory_stays_within_what_was_stated(memory_mib: int, occupied: float) -
     mask[:, 250:350] = False
     grid.free  # noqa: B018  computed once and kept by the map
     for _ in iter_cast(random_grid(1, (9, 9)), sensor):
-        pass  # compiles
+        pass  # what is made once
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]

@@ -116,7 +116,7 @@ def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 20_000)
     cells, r = MaskCells.of(np.ones((1200, 1200), np.bool_)), np.zeros((1, 4, 4))
     unary = np.zeros((len(cells), 3), np.float32)
-    relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # compiles
+    relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # what is made once
     tracemalloc.start()
     found = relax_grid(unary, cells, (1200, 1200), r, iterations=1, n_threads=2)
     _, peak = tracemalloc.get_traced_memory()

@@ -197,7 +197,7 @@ def test_a_journal_of_an_earlier_studio_is_read(tmp_path: Path) -> None:
 def test_an_edit_takes_memory_for_its_runs_and_not_for_each_cell(tmp_path: Path) -> None:
     painting = blank(tmp_path, (1000, 1000))
     everything = np.array([[row, 0, 1000] for row in range(1000)])
-    painting.paint_runs(everything[:1], 0)  # what is compiled once
+    painting.paint_runs(everything[:1], 0)  # what is made once
     tracemalloc.start()
     try:
         painting.paint_runs(everything, 1)

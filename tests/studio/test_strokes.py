@@ -80,7 +80,7 @@ def test_a_stroke_takes_memory_for_the_runs_that_it_touches() -> None:
         Stroke(tool="brush", points=corner_to_corner, radius=1.0),
         Stroke(tool="rectangle", points=corner_to_corner),
     ]
-    stroke_cells(Stroke(tool="brush", points=((3.0, 3.0),)), grid)  # what is compiled once
+    stroke_cells(Stroke(tool="brush", points=((3.0, 3.0),)), grid)  # what is made once
     for stroke in strokes:
         tracemalloc.start()
         try:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.graph import bands
@@ -15,7 +15,6 @@ rasters = varied_arrays(
 )
 
 
-@settings(deadline=None)  # the first call compiles
 @given(raster=rasters, band_cells=st.integers(1, 60))
 def test_borders_are_counted_side_by_side(raster: np.ndarray, band_cells: int) -> None:
     pieces = connected_components(raster)
