@@ -122,17 +122,19 @@ def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | Non
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     """A line per possible split."""
+    from pgm_places.topology.cuts import line_width_m
     from pgm_places.topology.proposals import propose_splits
 
     lines = []
     for split in propose_splits(topology, narrower_than_m):
         openings = [
-            f"({x:.2f}, {y:.2f}), {width:.2f} m wide"
-            for (x, y), width in zip(split.middles_m, split.widths_m, strict=True)
+            f"({(x0 + x1) / 2:.2f}, {(y0 + y1) / 2:.2f}), "
+            f"{line_width_m(((x0, y0), (x1, y1))):.2f} m wide"
+            for (x0, y0), (x1, y1) in split.lines_m
         ]
         larger, smaller = split.areas_m2
         lines.append(
-            f"possible split: {split.region} ({larger:.1f} and {smaller:.1f} m²) at "
+            f"possible split: {split.place.name} ({larger:.1f} and {smaller:.1f} m²) at "
             + "; and at ".join(openings)
         )
     return lines or [

@@ -2,15 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
-
-if TYPE_CHECKING:
-    from scipy import sparse
 
 __all__ = ["STEPS", "Contacts", "Meetings", "contacts", "contacts_at", "meetings"]
 
@@ -35,16 +31,6 @@ class Contacts:
     pairs: NDArray[np.int32]
     sides: NDArray[np.int64]
     corners: NDArray[np.int64]
-
-    def matrix(self, count: int) -> "sparse.csr_array":
-        """(R, R) symmetric border lengths; a corner counts as a thousandth of a side."""
-        from scipy import sparse
-
-        length = self.sides + 1e-3 * self.corners
-        i, j = self.pairs.T
-        values = np.concatenate([length, length])
-        index = (np.concatenate([i, j]), np.concatenate([j, i]))
-        return sparse.csr_array((values, index), shape=(count, count))
 
 
 @dataclass(frozen=True, eq=False)

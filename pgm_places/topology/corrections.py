@@ -2,7 +2,8 @@
 
 import heapq
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from pgm_places.maps.components import Components, connected_components
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.rules import CorrectionRules
 
-__all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
+__all__ = ["Correction", "CorrectionRules", "correct_regions"]
 
 
 LabelType = TypeVar("LabelType", np.int16, np.int32)
@@ -48,8 +49,9 @@ def correct_regions(
 
     The smallest wrong region is corrected first: it takes the label of the neighbour with which it
     shares the longest border (ties go to the first in reading order from the bottom) and merges
-    with all its neighbours of that label. This is repeated until no region is wrong. A wrong region
-    without neighbours keeps its label.
+    with all its neighbours of that label. This is repeated until no region is wrong that has
+    neighbours. Wrong regions without any are dropped: no robot can reach such specks, free cells
+    inside furniture or behind windows.
 
     Parameters
     ----------
@@ -66,61 +68,12 @@ def correct_regions(
     Every correction merges regions, so the procedure ends.
     """
     rules = rules or CorrectionRules()
-    raster = np.asarray(labels)
-    pieces = connected_components(raster)
+    pieces = connected_components(np.asarray(labels))
     merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways)
-    log = [merging.entry(raster.shape[1], *step) for step in merging.run()]
-    return _painted(pieces, merging.final_labels().astype(raster.dtype)), log
-
-
-def drop_islands(
-    labels: NDArray[LabelType],
-    label_names: Sequence[str],
-    resolution_m: float,
-    rules: CorrectionRules | None = None,
-    *,
-    fixed_doorways: bool = False,
-) -> tuple[NDArray[LabelType], list[Correction]]:
-    """The raster without wrong regions that have no neighbours, and what was dropped.
-
-    Such specks, free cells inside furniture or behind windows, have no neighbour whose label they
-    could take, and no robot can reach them.
-    """
-    merging = _Merging(
-        connected_components(np.asarray(labels)),
-        label_names,
-        resolution_m**2,
-        rules or CorrectionRules(),
-        fixed_doorways,
-    )
-    final = merging.final_labels().astype(labels.dtype)
-    log = []
-    for region in range(len(merging.label)):
-        if not merging.borders[region] and merging.is_wrong(region):
-            label = merging.label[region]
-            final[region] = -1
-            log.append(
-                replace(
-                    merging.entry(
-                        labels.shape[1],
-                        region,
-                        merging.size[region],
-                        label,
-                        label,
-                        "touches nothing",
-                    ),
-                    became="",
-                )
-            )
-    if not log:
-        return labels, log
-    return _painted(merging.pieces, final), log
-
-
-def _painted(pieces: Components, label: NDArray[LabelType]) -> NDArray[LabelType]:
-    """(H, W) the label (R,) of each cell's piece, -1 for none; the pieces are used up."""
+    log = list(chain(merging.run(), merging.drop_islands()))
+    label = merging.final_labels().astype(labels.dtype)
     same = label.dtype == pieces.piece.dtype  # a huge map has no room for another raster
-    return pieces.on_cells(label, -1, out=pieces.piece if same else None)
+    return pieces.on_cells(label, -1, out=pieces.piece if same else None), log
 
 
 class _Merging:
@@ -134,8 +87,8 @@ class _Merging:
         rules: CorrectionRules,
         fixed_doorways: bool,
     ) -> None:
-        self.fixed_doorways = fixed_doorways
-        self.pieces, self.names, self.cell_m2, self.rules = pieces, names, cell_m2, rules
+        self.names, self.cell_m2, self.rules = names, cell_m2, rules
+        self.fixed_doorways, self.width = fixed_doorways, pieces.piece.shape[1]
         self.label: list[int] = pieces.label.tolist()
         self.size: list[int] = pieces.size.tolist()
         self.parent = list(range(pieces.count))
@@ -148,8 +101,8 @@ class _Merging:
         for (i, j), length in zip(touching.pairs.tolist(), lengths.tolist(), strict=True):
             self.borders[i][j] = self.borders[j][i] = length
 
-    def run(self) -> Iterator[tuple[int, int, int, int, str]]:
-        """Correct until nothing is wrong; yields region, cells, old and new label, and reason."""
+    def run(self) -> Iterator[Correction]:
+        """Correct until nothing is wrong that has neighbours."""
         queue = [(self.size[r], self.first[r], r) for r in range(len(self.label)) if self.reason(r)]
         heapq.heapify(queue)
         while queue:
@@ -159,11 +112,19 @@ class _Merging:
                 continue  # merged since it was queued
             around = self.borders[region]
             best = min(around, key=lambda other: self.rank(region, other))
-            was, became = self.label[region], self.label[best]
-            yield region, size, was, became, reason
+            became = self.label[best]
+            yield self.entry(region, self.names[became], reason)
             for changed in self.relabel(region, became):
                 if self.reason(changed):
                     heapq.heappush(queue, (self.size[changed], self.first[changed], changed))
+
+    def drop_islands(self) -> Iterator[Correction]:
+        """Drop what is wrong and touches nothing, in the order of the first cells."""
+        roots = (r for r, parent in enumerate(self.parent) if r == parent and not self.borders[r])
+        for region in sorted(roots, key=lambda root: self.first[root]):
+            if self.is_wrong(region):
+                yield self.entry(region, "", "touches nothing")
+                self.label[region] = -1
 
     def reason(self, region: int) -> str:
         """Why a region is wrong; empty if it is not or has no label to take."""
@@ -219,13 +180,10 @@ class _Merging:
             final[region] = self.label[root]
         return final
 
-    def entry(
-        self, width: int, region: int, size: int, was: int, became: int, reason: str
-    ) -> Correction:
-        row, column = divmod(int(self.first_cell[self.first[region]]), width)
-        return Correction(
-            (row, column), size * self.cell_m2, self.names[was], self.names[became], reason
-        )
+    def entry(self, region: int, became: str, reason: str) -> Correction:
+        cell, area_m2 = int(self.first_cell[self.first[region]]), self.size[region] * self.cell_m2
+        was = self.names[self.label[region]]
+        return Correction(divmod(cell, self.width), area_m2, was, became, reason)
 
 
 def _first_cells(pieces: Components) -> NDArray[np.int64]:

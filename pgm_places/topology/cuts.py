@@ -13,6 +13,7 @@ from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
 from pgm_places.spaces.joining import join
 from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.topology.gate_pieces import grow
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -20,7 +21,6 @@ __all__ = [
     "Line",
     "Parts",
     "cut_along",
-    "cuts_with_depth",
     "line_width_m",
     "narrowest_line",
     "opening_cuts",
@@ -78,26 +78,14 @@ def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) ->
     order = large[np.argsort(-parts.size[large], kind="stable")]
     rank = np.full(parts.count + 1, -1)  # the last for cells of no piece
     rank[order] = np.arange(len(order))
-    number = _grown(rank[parts.piece], tuple((cells - origin).T))
+    number = rank[parts.piece]
+    at = tuple((cells - origin).T)
+    inside = np.zeros(number.shape, np.bool_)
+    inside[at] = True
+    grow(number, inside, np.zeros(number.shape, np.int8))  # what is left is thin or small
+    number = np.maximum(number[at], 0)
     area_m2 = np.bincount(number).astype(np.float64) * grid.resolution_m**2
     return Parts(cells, number, area_m2)
-
-
-def _grown(part: NDArray[np.int64], cells: tuple[NDArray[np.int64], ...]) -> NDArray[np.int64]:
-    """(n,) the part of each cell: its own, or that it meets first as parts grow, larger ones first.
-
-    ``part`` (H, W) is -1 where there is none. Few steps suffice: what is left is thin or small.
-    """
-    grown = np.pad(part, 1, constant_values=-1)
-    at = tuple(axis + 1 for axis in cells)
-    while (left := grown[at] < 0).any():
-        r, c = (axis[left] for axis in at)
-        around = np.stack([grown[r + dr, c + dc] for dr in (-1, 0, 1) for dc in (-1, 0, 1)])
-        met = np.where(around < 0, part.size, around).min(axis=0)
-        if (met == part.size).all():
-            break
-        grown[r, c] = np.where(met == part.size, -1, met)
-    return np.maximum(grown[at], 0)
 
 
 def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float]) -> Line:
@@ -119,20 +107,14 @@ def line_width_m(line: Line) -> float:
 
 def opening_cuts(
     topology: TopologicalMap, place: Region, narrower_than_m: float
-) -> list[tuple[Line, ...]]:
+) -> list[tuple[tuple[Line, ...], float]]:
     """Lines across one to three openings each that can divide a place together.
 
-    A room that opens into a corridor by two doors is one place with it until both are cut. Openings
-    are the gate candidates within the place that are narrow enough; of all sets of them that part
-    two neighbouring segments, the one with the smallest total width is taken.
+    With each comes the depth in metres of the deepest of its openings. A room that opens into a
+    corridor by two doors is one place with it until both are cut. Openings are the gate candidates
+    within the place that are narrow enough; of all sets of them that part two neighbouring
+    segments, the one with the smallest total width is taken.
     """
-    return [lines for lines, _ in cuts_with_depth(topology, place, narrower_than_m)]
-
-
-def cuts_with_depth(
-    topology: TopologicalMap, place: Region, narrower_than_m: float
-) -> list[tuple[tuple[Line, ...], float]]:
-    """The same, each with the depth in metres of the deepest of its openings."""
     alone = _alone(topology, place)
     gates = gate_candidates(Segmentation.of(alone))
     saddles = alone.cell_centres_m(gates.openings.centre_rc)

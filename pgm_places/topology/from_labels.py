@@ -17,12 +17,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.connections import connections_of
-from pgm_places.topology.corrections import (
-    Correction,
-    CorrectionRules,
-    correct_regions,
-    drop_islands,
-)
+from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import EarlierPlaces, identify, name_places
 from pgm_places.topology.regions import deepest_cells, describe_regions
@@ -201,7 +196,7 @@ def _labelled_pieces(
     raster = np.where(grid.free, labels, np.int16(-1))
     corrections: list[Correction] = []
     if correct:
-        raster, corrections = _corrected(raster, names, grid, rules)
+        raster, corrections = correct_regions(raster, names, grid.resolution_m, rules)
     pieces = connected_components(raster)
     return GatePieces(pieces, np.full(pieces.count, -1), tuple(corrections))
 
@@ -216,15 +211,3 @@ def _gates_of(
         None if g < 0 else (doorways.gates[g], float(doorways.probability[g]))
         for g in divided.gate.tolist()
     ]
-
-
-def _corrected(
-    raster: NDArray[np.int16],
-    names: tuple[str, ...],
-    grid: OccupancyGrid,
-    rules: CorrectionRules,
-) -> tuple[NDArray[np.int16], list[Correction]]:
-    """The corrected labels and all corrections in the order they were made."""
-    raster, corrected = correct_regions(raster, names, grid.resolution_m, rules)
-    raster, dropped = drop_islands(raster, names, grid.resolution_m, rules)
-    return raster, [*corrected, *dropped]

@@ -11,14 +11,9 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components, connected_components, number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.topology.corrections import (
-    Correction,
-    CorrectionRules,
-    correct_regions,
-    drop_islands,
-)
+from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
 
-__all__ = ["GatePieces", "pieces_between"]
+__all__ = ["GatePieces", "grow", "pieces_between"]
 
 Numbers: TypeAlias = NDArray[np.int16] | NDArray[np.int32]
 
@@ -87,9 +82,8 @@ def pieces_between(
     if correct:
         # Gates stay whatever their size; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
-        for step in (correct_regions, drop_islands):
-            key, found = step(key, names, grid.resolution_m, bare, fixed_doorways=True)
-            log += found
+        key, corrected = correct_regions(key, names, grid.resolution_m, bare, fixed_doorways=True)
+        log += corrected
     return _pieces(key, n_places * len(label_names), len(label_names), doorway, tuple(log))
 
 
@@ -134,7 +128,7 @@ def _numbered_places(
     ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at the
     narrowest point, not along rectangles.
     """
-    _grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
+    grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
     parted = connected_components((labels >= 0) & (gate < 0))
     n = int(place.max(initial=-1)) + 2  # the first is for cells in no place
     kinds, cells = _counted(parted.piece, place, n)
@@ -213,7 +207,7 @@ def _relabelled(
     for rows in bands_of_rows(found.shape):
         found[rows][painted[rows] | (gate[rows] >= 0)] = -1
         counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
-    _grow(found, painted, place)
+    grow(found, painted, place)
     others = [k for k in range(n_labels) if k != doorway]
     most = max(others, key=lambda k: counts[k], default=doorway)
     for rows in bands_of_rows(found.shape):
@@ -221,10 +215,10 @@ def _relabelled(
     return found
 
 
-def _grow(
-    values: Numbers,
+def grow(
+    values: NDArray[np.signedinteger],
     open_cells: NDArray[np.bool_],
-    group: Numbers | NDArray[np.int8],
+    group: NDArray[np.signedinteger],
 ) -> None:
     """Assign open cells, ring by ring, the smallest value of their neighbours in the same group.
 

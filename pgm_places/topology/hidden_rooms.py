@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology.cuts import Line, cut_along, cuts_with_depth, line_width_m
+from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -96,7 +96,7 @@ def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
     """The lines of all cuts that part rooms; where two overlap, those of the narrower one."""
     cuts = [
         cut
-        for cut, depth_m in cuts_with_depth(topology, place, WIDEST_M)
+        for cut, depth_m in opening_cuts(topology, place, WIDEST_M)
         if depth_m <= DEEPEST_M and _parts_rooms(topology, place, cut, depth_m)
     ]
     chosen: tuple[Line, ...] = ()

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -146,7 +146,8 @@ def _overlaps(
     """Pieces and places that may be the same, best match first: (-share, piece, place)."""
     n_places = int(known.region.max(initial=0)) + 1
     old_cells, found_keys, found_counts = np.zeros(n_places, np.int64), [], []
-    for rows in _thin_bands(known.grid.shape):
+    height, width = known.grid.shape
+    for rows in bands_of_rows((height, 4 * width)):  # positions take much more than cells
         place, piece = _shared_cells(pieces, grid, known, rows)
         old_cells += np.bincount(place, minlength=n_places)
         hit = piece >= 0
@@ -167,14 +168,6 @@ def _overlaps(
         if share >= SAME_PLACE:
             found.append((-float(share), new, old))
     return found
-
-
-def _thin_bands(shape: tuple[int, int]) -> Iterator[slice]:
-    """Bands of rows of a quarter of the height, as positions take much more than cells."""
-    for band in bands_of_rows(shape):
-        high = -(-(band.stop - band.start) // 4)
-        for first in range(band.start, band.stop, high):
-            yield slice(first, min(first + high, band.stop))
 
 
 def _shared_cells(

@@ -91,18 +91,12 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
 
 def _count_sides(piece: NDArray[np.int32]) -> int:
     """Number of sides between each piece and anything else."""
-    height, width = piece.shape
-    count = 0
-    below = np.full(width, -1, np.int32)
-    for r in range(height + 1):  # a row at a time needs no other raster
-        row = piece[r] if r < height else np.full(width, -1, np.int32)
-        differs = row != below
-        for side in (row, below):
-            count += int(np.count_nonzero(differs & (side >= 0)))
-        left, right = row[:-1], row[1:]
-        differs = left != right
-        for side in (left, right):
-            count += int(np.count_nonzero(differs & (side >= 0)))
+    outside = np.full((2, piece.shape[1]), -1, np.int32)
+    count, below = 0, outside[0]
+    for row in (*piece, outside[1]):  # a row at a time needs no other raster
+        for one, other in ((row, below), (row[:-1], row[1:])):
+            differs = one != other
+            count += sum(int(np.count_nonzero(differs & (side >= 0))) for side in (one, other))
         count += int(row[0] >= 0) + int(row[-1] >= 0)
         below = row
     return count

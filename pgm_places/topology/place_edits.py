@@ -173,7 +173,7 @@ def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) ->
 def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts | None:
     """The parts that a cut leaves together with those of other openings; None if it needs more."""
     middle = np.mean(line, axis=0)
-    for lines in opening_cuts(topology, place, line_width_m(line) + _WIDER_M):
+    for lines, _ in opening_cuts(topology, place, line_width_m(line) + _WIDER_M):
         away = [float(np.hypot(*(np.mean(other, axis=0) - middle))) for other in lines]
         nearest = int(np.argmin(away))
         if away[nearest] <= _SAME_OPENING_M:

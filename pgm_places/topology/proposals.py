@@ -1,53 +1,24 @@
 """Proposed splits for a person to decide on: rooms joined by missed doorways (paper, Fig. 9)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from pgm_places.errors import InputError
-from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
+from pgm_places.topology.cuts import Line, cut_along, opening_cuts
+from pgm_places.topology.hidden_rooms import HiddenRooms
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["ProposedSplit", "propose_splits"]
-
-
-@dataclass(frozen=True)
-class ProposedSplit:
-    """Where a place could be split in two.
-
-    Parameters
-    ----------
-    region : str
-        Name of the place.
-    lines_m : tuple of ((float, float), (float, float))
-        Ends of each line from wall to wall, in the map frame: one, or several that divide the place
-        only together, such as two doors between the same two rooms.
-    areas_m2 : (float, float)
-        Areas of the larger and the smaller part.
-    """
-
-    region: str
-    lines_m: tuple[Line, ...]
-    areas_m2: tuple[float, float]
-
-    @property
-    def widths_m(self) -> tuple[float, ...]:
-        """Length of each line."""
-        return tuple(map(line_width_m, self.lines_m))
-
-    @property
-    def middles_m(self) -> tuple[tuple[float, float], ...]:
-        """The midpoint of each line."""
-        return tuple(((x0 + x1) / 2, (y0 + y1) / 2) for (x0, y0), (x1, y1) in self.lines_m)
+__all__ = ["propose_splits"]
 
 
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
-) -> list[ProposedSplit]:
+) -> list[HiddenRooms]:
     """Openings that divide places, except doorways, alone or two or three together.
 
     Those are the narrow openings between segments of open space that no doorway fills. Single ones
-    come first, then by the area of the smaller part.
+    come first, then by the area of the smaller part. Lines that divide a place only together, such
+    as two doors between the same two rooms, are one proposal.
 
     Parameters
     ----------
@@ -70,12 +41,12 @@ def propose_splits(
     for place in topology.regions:
         if place.label == topology.doorway_label or place.area_m2 < 2 * min_part_m2:
             continue
-        for lines in opening_cuts(topology, place, narrower_than_m):
+        for lines, _ in opening_cuts(topology, place, narrower_than_m):
             larger, smaller = _parts_m2(topology, place, lines)
             fewer = [[*lines[:k], *lines[k + 1 :]] for k in range(len(lines)) if len(lines) > 1]
             alone = max((_parts_m2(topology, place, some)[1] for some in fewer), default=0.0)
             if smaller >= min_part_m2 > alone:
-                proposals.append(ProposedSplit(place.name, lines, (larger, smaller)))
+                proposals.append(HiddenRooms(place, lines, (larger, smaller)))
     return sorted(proposals, key=lambda split: (len(split.lines_m), -split.areas_m2[1]))
 
 

@@ -15,7 +15,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.outlines import outlines
 
-__all__ = ["Polygon", "Region", "deepest_cells", "describe_regions", "squared_depth"]
+__all__ = ["Polygon", "Region", "deepest_cells", "describe_regions", "edges"]
 
 # Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
@@ -67,11 +67,6 @@ class Region:
     probabilities: tuple[float, ...] | None = None
 
 
-def squared_depth(piece: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(H, W) squared distance, in cells, to the nearest cell at the edge of the same piece."""
-    return squared_clearance(_edges(piece))
-
-
 def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
     """(H, W) which cells are as far from the edge of their piece as any cell of it.
 
@@ -82,11 +77,12 @@ def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
     """
     piece = np.ascontiguousarray(piece, np.int32)
     deepest = np.empty(piece.shape, np.bool_)
-    mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), deepest)
+    depth = squared_clearance(edges(piece))
+    mark_deepest(piece, depth, np.full(count, -1, np.int32), deepest)
     return deepest
 
 
-def _edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:
+def edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:
     """(H, W) which cells share a side with another piece, no piece, or the outside."""
     edge = np.ones(piece.shape, np.bool_)
     for r in range(1, len(piece) - 1):  # a row at a time needs no other raster

@@ -1,7 +1,7 @@
 """RouteGraph: ways that a robot can drive, as nodes and straight edges through all places."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -156,23 +156,19 @@ def _in_metres(roads: Roads, closed: tuple[int, ...]) -> RouteGraph:
         RouteEdge(a, b, float(length_m[k]), float(clear_m[k]), space.region_at(middle[k]))
         for k, (a, b) in enumerate(pairs)
     )
-    lost = tuple(n for n in _unreachable(space, nodes, edges) if n not in closed)
-    return RouteGraph(nodes, edges, space.radius_m, lost, closed)
+    graph = RouteGraph(nodes, edges, space.radius_m, (), closed)
+    return replace(graph, unreachable=_unreachable(space, graph))
 
 
-def _unreachable(
-    space: RouteSpace, nodes: tuple[RouteNode, ...], edges: tuple[RouteEdge, ...]
-) -> tuple[int, ...]:
+def _unreachable(space: RouteSpace, found: RouteGraph) -> tuple[int, ...]:
     """Ids of the places that are not in the part of the graph with the most area."""
     import networkx as nx
 
-    graph: nx.Graph[int] = nx.Graph()
-    graph.add_nodes_from(range(len(nodes)))
-    graph.add_edges_from((edge.first, edge.second) for edge in edges)
+    nodes = found.nodes
     places = [
         {nodes[k].region for k in part if nodes[k].is_anchor}
-        for part in nx.connected_components(graph)
+        for part in nx.connected_components(found.graph)
     ]
     area = {region.id: region.area_m2 for region in space.topology.regions}
     largest = max(places, key=lambda ids: sum(area[number] for number in ids), default=set())
-    return tuple(number for number in area if number not in largest)
+    return tuple(number for number in area if number not in largest and number not in found.closed)

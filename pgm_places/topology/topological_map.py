@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
 __all__ = ["Connection", "TopologicalMap"]
-
-
-_ROWS_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
@@ -161,23 +159,15 @@ class TopologicalMap:
         return [self._by_id[other] for other in self._neighbour_ids[self.place(key).id]]
 
     @cached_property
-    def _windows(self) -> NDArray[np.int64]:
-        """(R + 1, 2, 2) first and last row, and column, of each number on the raster."""
-        n = int(self.region.max(initial=0)) + 1
-        first, last = np.full((n, 2), max(self.grid.shape)), np.full((n, 2), -1)
-        for top in range(0, len(self.region), _ROWS_AT_ONCE):  # no list of a huge map's cells
-            band = self.region[top : top + _ROWS_AT_ONCE]
-            cells = np.argwhere(band > 0)
-            number = band[tuple(cells.T)]
-            cells[:, 0] += top
-            np.minimum.at(first, number, cells)
-            np.maximum.at(last, number, cells)
-        return np.stack([first, last], axis=2)
+    def _windows(self) -> Any:
+        from scipy.ndimage import find_objects
+
+        return find_objects(self.region)
 
     def window(self, key: int | str) -> tuple[slice, slice]:
         """The rows and columns spanned by a region."""
-        rows, columns = self._windows[self.place(key).id].tolist()
-        return slice(rows[0], rows[1] + 1), slice(columns[0], columns[1] + 1)
+        rows, columns = self._windows[self.place(key).id - 1]
+        return rows, columns
 
     def cells(self, key: int | str) -> NDArray[np.int64]:
         """(n, 2) row and column of the cells of a region: of a doorway, those that lead through."""
@@ -266,12 +256,8 @@ class TopologicalMap:
                 for place in set(self.graph[member]) - group:
                     here = self.graph[member][place]["width_m"]
                     width[place] = max(here, width.get(place, 0.0))
-            places = sorted(width)
-            for k, a in enumerate(places):
-                for b in places[k + 1 :]:
-                    graph.add_edge(
-                        a, b, doorway=door, x_m=x, y_m=y, width_m=min(width[a], width[b])
-                    )
+            for a, b in combinations(sorted(width), 2):
+                graph.add_edge(a, b, doorway=door, x_m=x, y_m=y, width_m=min(width[a], width[b]))
         return graph
 
     @property

@@ -17,7 +17,7 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.gate_pieces import _grow
+from pgm_places.topology.gate_pieces import grow
 from pgm_places.topology.rules import CorrectionRules
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of, two_rooms
@@ -130,7 +130,7 @@ def test_a_gate_parts_places_of_any_label(label: int) -> None:
     seed=st.integers(0, 99),
     groups=st.integers(1, 3),
 )
-def test_values_grow_ring_by_ring_within_their_group(
+def test_valuesgrow_ring_by_ring_within_their_group(
     values: np.ndarray, seed: int, groups: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -145,7 +145,7 @@ def test_values_grow_ring_by_ring_within_their_group(
             expected[r, c] = near.min(initial=99) if near.size else -1
         if (expected == before).all():
             break
-    _grow(values, open_cells, group)
+    grow(values, open_cells, group)
     assert values.tolist() == expected.tolist()
 
 

@@ -10,7 +10,7 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.connections import find_passages
-from pgm_places.topology.regions import Region, describe_regions, squared_depth
+from pgm_places.topology.regions import Region, describe_regions, edges
 from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
@@ -78,7 +78,7 @@ def test_everything_turns_with_the_map() -> None:
 def test_anchors_are_deepest_then_farthest_from_walls_then_first(labels: np.ndarray) -> None:
     grid, regions = described(labels, yaw_rad=0.3)
     pieces = connected_components(labels)
-    depth, clearance = squared_depth(pieces.piece), squared_clearance(labels < 0)
+    depth, clearance = (squared_clearance(part) for part in (edges(pieces.piece), labels < 0))
     assert len(regions) == pieces.count
     for number, region in enumerate(regions):
         cells = np.argwhere(pieces.piece == number)
