@@ -3,8 +3,6 @@
 import resource
 from pathlib import Path
 
-__all__ = ["peak_bytes"]
-
 
 def peak_bytes() -> int:
     """The most memory that this process has held at a time."""

@@ -6,8 +6,6 @@ from pgm_places.datasets.building import LABEL_NAMES, LabelledBuilding, generate
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
-__all__ = ["building_tiled"]
-
 
 def building_tiled(
     n_cells: int, seed: int = 0, *, resolution_m: float = 0.05, floors: int = 3

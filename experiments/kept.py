@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from pgm_places.io.atomic import atomic_file
 
-__all__ = ["Arrays", "KeptArrays", "fingerprint"]
-
 Arrays = Mapping[str, NDArray[Any]]
 
 

@@ -5,8 +5,6 @@ from pathlib import Path
 
 from experiments.paper.sections import PaperSection
 
-__all__ = ["ABLATIONS", "BUILDINGS"]
-
 _CONFIGS = Path(__file__).resolve().parent / "ablations" / "configs"
 _ABLATIONS = (
     ("features", "Ablation: features", "settings:features", ()),

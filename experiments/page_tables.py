@@ -12,17 +12,6 @@ from pathlib import Path
 from experiments.paper.markdown import markdown_table
 from experiments.paper.section import Table
 
-__all__ = [
-    "DOCS",
-    "Mark",
-    "SideBySide",
-    "marks",
-    "parsed_tables",
-    "text_of",
-    "with_table",
-    "write_table",
-]
-
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 END = "<!-- end of table -->"
 _MARK = re.compile(r"<!-- table: (?P<name>[^,>]+), by python -m (?P<command>[^>]+?) -->\n")

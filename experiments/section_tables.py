@@ -7,15 +7,6 @@ from experiments.page_tables import SideBySide, text_of
 from experiments.paper.markdown import PAPER_COLUMN, overview_table
 from experiments.paper.section import Section, Table
 
-__all__ = [
-    "ABLATION_TABLE",
-    "CHOICES",
-    "OVERVIEW_TABLE",
-    "ablation_table",
-    "paper_table",
-    "section_tables",
-]
-
 OVERVIEW_TABLE, ABLATION_TABLE = "paper", "ablations"
 CHOICES = "choices"  # an ablation with tables of its own
 _FIGURES = "{accuracy} / {balanced} / {doorway F1}"

@@ -6,8 +6,6 @@ from pathlib import Path
 from experiments.paper.setting import Setting, data_folder
 from pgm_places.cli.progress import LineProgress
 
-__all__ = ["asked_setting", "setting_parser"]
-
 
 def asked_setting(what: str | None) -> Setting:
     """The setting of ``--kept`` and ``--threads``; ``--help`` begins with the first line."""

@@ -28,8 +28,6 @@ from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.relaxation import starting_beliefs
 
-__all__ = ["ChainTables", "ChainToLearn", "LearnedChains", "baum_welch", "with_unlabelled"]
-
 MAX_ROUNDS = 100
 
 AT_REST = 1e-4

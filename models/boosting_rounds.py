@@ -12,8 +12,6 @@ from pgm_places.models.sorted_features import SortedFeatures
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.models.stump_search import StumpSearch
 
-__all__ = ["MAX_EDGE", "alpha_of", "boost", "initial_weights"]
-
 MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
 
 

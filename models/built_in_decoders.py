@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from pgm_places.solvers.grid_mean_field import GridMeanField
     from pgm_places.solvers.mean_field import MeanField
 
-__all__ = ["DECODERS"]
-
 
 def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.expansion import alpha_expansion

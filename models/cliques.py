@@ -26,19 +26,6 @@ from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, conver
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_terms import SetNodes, SetTerms
 
-__all__ = [
-    "check_clique_weights",
-    "clique_features",
-    "clique_score",
-    "clique_sizes",
-    "clique_terms",
-    "decode_cliques_as",
-    "decode_with_cliques",
-    "learned_rewards",
-    "require_like_cliques",
-    "with_set_nodes",
-]
-
 
 def clique_score(
     cliques: Cliques, labels: ArrayLike, n_labels: int, *, weight: ArrayLike, dissent: float

@@ -25,17 +25,6 @@ from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution
 from pgm_places.solvers.max_margin import Oracle
 from pgm_places.solvers.table_field import TableField
 
-__all__ = [
-    "Completed",
-    "alone_completion",
-    "alone_weights",
-    "best_of_hidden",
-    "completes",
-    "hidden_parts",
-    "learn_completed",
-    "smooth_completion",
-]
-
 HIDDEN_LOSS = 0.3
 """What a node with a completed label counts in the last step, beside 1 for one of known label.
 

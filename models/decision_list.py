@@ -30,8 +30,6 @@ from pgm_places.models.list_training import (
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.options import taken_from
 
-__all__ = ["DecisionListClassifier"]
-
 _ORDERS = ("heuristic", "exhaustive")
 
 

@@ -4,21 +4,10 @@ import importlib
 from collections.abc import Callable
 from typing import Annotated
 
-from pgm_places._checks import nearest_name
 from pgm_places._option_marks import NameOf
-from pgm_places.errors import ConfigError, InputError
+from pgm_places.errors import ConfigError, InputError, nearest_name
 from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
-
-__all__ = [
-    "GROUP",
-    "Decoder",
-    "decoder_names",
-    "gives_beliefs",
-    "named_decoder",
-    "register_decoder",
-]
-
 
 GROUP = "pgm_places.decoders"
 """The entry points by which other packages add decoders: ``name = "package.module:function"``."""

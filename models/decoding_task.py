@@ -11,8 +11,6 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials
 
-__all__ = ["DecodingAnswer", "DecodingTask", "NamedDecoder", "converged"]
-
 
 @dataclass(frozen=True)
 class DecodingTask:

@@ -17,8 +17,6 @@ from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.options import Seed
 
-__all__ = ["Examples", "FurtherRounds", "boosted_further", "own_opinion", "with_first_class"]
-
 
 @dataclass(frozen=True, eq=False)
 class Examples:

@@ -11,8 +11,6 @@ from pgm_places.models.boosting_rounds import initial_weights
 from pgm_places.models.sorted_features import SortedFeatures
 from pgm_places.models.tree_search import GrownTree, TreeSearch
 
-__all__ = ["boost_trees"]
-
 # The sum of all weights as a whole number; it and its negative fit into 32 bits.
 _WHOLE_MASS = 2.0**30
 

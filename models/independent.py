@@ -10,8 +10,6 @@ from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.solvers.relaxation import starting_beliefs
 
-__all__ = ["Independent"]
-
 
 @dataclass(frozen=True)
 class Independent:

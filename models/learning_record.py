@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import LearningWarning
 from pgm_places.solvers.margin_solution import LearningStep, reached, relative_gap
 
-__all__ = ["LEARNING_STATUSES", "LearningRecord", "history_array", "warn_if_stalled"]
-
 LEARNING_STATUSES = (
     "optimal",
     "inaccurate",

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import is_sparse, nearest_name
-from pgm_places.errors import ConfigError, InputError
+from pgm_places._checks import is_sparse
+from pgm_places.errors import ConfigError, InputError, nearest_name
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.feature_scaling import column_sizes, mean_and_spread

@@ -26,8 +26,6 @@ from pgm_places.models.linear_features import (
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
 
-__all__ = ["LinearModel", "TermSizes", "learned_arrays", "require_edge_features"]
-
 
 class TermSizes(NamedTuple):
     """By what features of edges and cliques are divided while their weights are learned.

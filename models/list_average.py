@@ -9,8 +9,6 @@ from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 
-__all__ = ["list_average"]
-
 _SLOPE = 2.0  # that of equation 7, so that F means what it does in a list that was boosted
 
 

@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.options import Seed, check_options
 
-__all__ = ["BoostingOptions", "ListOptions", "PriorWeight"]
-
 
 @dataclass(frozen=True)
 class BoostingOptions:

@@ -25,8 +25,6 @@ from pgm_places.solvers.compatibility import (
 )
 from pgm_places.solvers.relaxation import OnIteration, Relaxed, relax_graph
 
-__all__ = ["Relaxation", "grid_connectivity"]
-
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:

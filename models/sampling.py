@@ -17,8 +17,6 @@ from pgm_places.solvers.forest import forest_samples
 from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.pairwise import pairwise_model
 
-__all__ = ["Samples", "sample"]
-
 
 @dataclass(frozen=True, eq=False)
 class Samples:

@@ -24,8 +24,6 @@ from pgm_places._core import bin_members, count_bins, join_bins, quantise
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
-__all__ = ["JointTables", "SortedFeatures", "prepare"]
-
 _N_BINS = 256
 _EDGE_SAMPLE = 4096  # examples whose values place the bins' edges
 _ROWS_PER_TASK = 4096

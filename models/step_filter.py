@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 
-__all__ = ["StepFilter"]
-
 
 class StepFilter(ABC):
     """What a model of chains does online."""

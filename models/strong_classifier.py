@@ -12,8 +12,6 @@ from pgm_places._core import sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
-__all__ = ["Split", "StrongClassifier", "VoteTable", "score_all", "score_rows"]
-
 _SAMPLES_PER_TASK = 8192
 
 

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.strong_classifier import StrongClassifier
 
-__all__ = ["VoteParts", "vote_parts"]
-
 
 @dataclass(frozen=True, eq=False)
 class VoteParts:

@@ -6,24 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, LabelError, is_printable, nearest_name, shown
-
-__all__ = [
-    "ROWS_AT_ONCE",
-    "feature_rows",
-    "finite_array",
-    "frozen",
-    "integer_array",
-    "is_sparse",
-    "label_raster",
-    "nearest_name",
-    "number_array",
-    "plain_names",
-    "require_type",
-    "sealed",
-    "stacked_rows",
-    "times_rows",
-]
+from pgm_places.errors import InputError, LabelError, is_printable, shown
 
 LONGEST_NAME = 200
 """Characters of a name."""

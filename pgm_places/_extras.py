@@ -5,8 +5,6 @@ from typing import Any
 
 from pgm_places.errors import InputError
 
-__all__ = ["install_command", "needed"]
-
 
 def needed(module: str, *, extra: str, purpose: str) -> Any:
     """The module of an optional package.

@@ -10,23 +10,6 @@ import typing
 from collections.abc import Callable, Collection, Iterator
 from typing import Annotated, Any, Literal, Union
 
-__all__ = [
-    "Ge",
-    "Gt",
-    "Le",
-    "Lt",
-    "Mark",
-    "MinLen",
-    "NameOf",
-    "OrInfinite",
-    "arms",
-    "bare",
-    "marks_of",
-    "own_marks",
-    "says_all",
-    "wanted",
-]
-
 
 class Mark:
     """A limit.

@@ -23,25 +23,6 @@ import re
 import reprlib
 from collections.abc import Sequence
 
-__all__ = [
-    "ConfigError",
-    "InfeasibleError",
-    "InputError",
-    "LabelError",
-    "LearningWarning",
-    "LogError",
-    "MapError",
-    "ModelFileError",
-    "NotFittedError",
-    "OutputError",
-    "PgmPlacesError",
-    "SolverError",
-    "is_printable",
-    "nearest_name",
-    "printable",
-    "shown",
-]
-
 
 class PgmPlacesError(Exception):
     """The root of every error that this package raises on purpose."""

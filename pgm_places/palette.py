@@ -6,25 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "ERROR",
-    "GROUND_SWATCHES",
-    "IGNORED",
-    "IGNORED_STRIPE",
-    "LABEL_COLOURS",
-    "RESERVED",
-    "RIGHT_TINT",
-    "UNKNOWN",
-    "WALL",
-    "Swatch",
-    "hex_of",
-    "label_colours",
-    "label_swatches",
-    "levels",
-    "rgb_of",
-    "tinted",
-]
-
 WALL = "#2d2d2d"
 UNKNOWN = "#dcdcdc"
 IGNORED, IGNORED_STRIPE = "#ffffff", "#ededed"

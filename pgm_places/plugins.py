@@ -9,11 +9,8 @@ import importlib
 from collections.abc import Mapping
 from typing import Any
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError, ModelFileError, OutputError
+from pgm_places.errors import ConfigError, ModelFileError, OutputError, nearest_name
 from pgm_places.options import from_mapping, option_hints
-
-__all__ = ["Registry"]
 
 
 @dataclasses.dataclass(frozen=True)

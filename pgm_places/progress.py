@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-__all__ = ["Progress", "Silent", "Stage", "duration"]
-
 
 class Stage(Protocol):
     """A running stage."""

@@ -10,8 +10,6 @@ from pgm_places._checks import integer_array, sealed
 from pgm_places._core import fill_slots
 from pgm_places.errors import InputError
 
-__all__ = ["Adjacency", "Arcs", "adjacency", "part_means"]
-
 _MAX_EDGES = 2**30
 """Arcs are numbered in int32: two for every edge."""
 

@@ -18,9 +18,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["MOST_ENTRIES", "BucketMarginals", "BucketOrder", "BucketTree", "Factor", "bucket_order"]
-
-
 MOST_ENTRIES = 2**25
 """Numbers in the tables of all nodes together, up to which elimination is offered: 256 MiB."""
 

@@ -8,15 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 
-__all__ = [
-    "SUM_TOLERANCE",
-    "Chain",
-    "check_chain",
-    "check_start",
-    "check_tables",
-    "require_distributions",
-]
-
 SUM_TOLERANCE = 1e-6
 """Of probabilities that must sum to one."""
 

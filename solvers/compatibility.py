@@ -7,8 +7,6 @@ from pgm_places._checks import finite_array, integer_array
 from pgm_places._core import count_pairs
 from pgm_places.errors import InputError
 
-__all__ = ["DIRECTIONS", "edge_pair_counts", "grid_pair_counts", "yamamoto_coefficients"]
-
 DIRECTIONS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 """Row and column steps to the 8 neighbours; direction ``d`` seen from there is ``7 - d``."""
 

@@ -9,8 +9,6 @@ from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.max_flow import cut_space
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
-__all__ = ["cut_duals", "dual_bound", "dual_value", "reparametrisation"]
-
 
 def dual_bound(
     unary: ArrayLike,

@@ -11,8 +11,6 @@ from pgm_places._core import eliminate_labels
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
-__all__ = ["Reduction", "lifted_duals", "reduce_model"]
-
 
 class _Alive(NamedTuple):
     """The labels that are not ruled out yet."""

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["keeping", "told_beside"]
-
 
 def keeping(unary: NDArray[np.float64], told: NDArray[np.int64] | None) -> NDArray[np.float64]:
     """(M, K) the unary with all but the told label of the first N nodes forbidden.

@@ -22,8 +22,6 @@ from pgm_places.solvers.max_flow import SINK, cut_space
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 from pgm_places.solvers.regularity import require_regular
 
-__all__ = ["Expansion", "ExpansionGraph", "alpha_expansion"]
-
 
 @dataclass(frozen=True, eq=False)
 class Expansion:

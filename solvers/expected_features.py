@@ -12,16 +12,6 @@ from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.table_field import FieldTables, TableField
 
-__all__ = [
-    "Expected",
-    "exact_sums",
-    "expected_labels",
-    "piecewise_sums",
-    "pseudo_sums",
-    "require_equal_ends",
-    "soft_labels",
-]
-
 
 class Expected(NamedTuple):
     """The sum of exp(score) over labellings, and the marginals under it.

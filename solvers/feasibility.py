@@ -11,8 +11,6 @@ from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["allowed_labels"]
-
 FOUND, NONE_EXISTS = 1, -1
 """How a search ends; 0 where it gave up."""
 

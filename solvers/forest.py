@@ -13,15 +13,6 @@ from pgm_places.solvers.forest_order import rooted_forest
 from pgm_places.solvers.forest_sums import forest_sums, sums_to_roots
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
-__all__ = [
-    "ForestDecoding",
-    "ForestMarginals",
-    "forest_marginals",
-    "forest_maximum",
-    "forest_samples",
-    "ordered_forest",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class ForestDecoding:

@@ -7,8 +7,6 @@ from pgm_places._core import forest_order
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency
 
-__all__ = ["is_forest", "rooted_forest"]
-
 
 def is_forest(around: Adjacency) -> bool:
     """Whether a graph has no cycle."""

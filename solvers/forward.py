@@ -17,16 +17,6 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.chain_logs import beliefs_in_logs, exceeds_floats
 from pgm_places.solvers.chain_tables import SUM_TOLERANCE, Chain, check_chain, check_tables
 
-__all__ = [
-    "ChainBeliefs",
-    "ChainPath",
-    "ForwardFilter",
-    "filter_step",
-    "filtered_beliefs",
-    "smoothed_beliefs",
-    "viterbi",
-]
-
 STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between check and kernel
 
 

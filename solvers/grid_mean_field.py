@@ -15,8 +15,6 @@ from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.solvers.kept_field import current_field
 from pgm_places.solvers.mean_field import check_schedule, normalised
 
-__all__ = ["GridMeanField", "grid_mean_field"]
-
 _NODES_PER_TASK = 32_768
 """Below this, starting a thread costs more than it saves."""
 

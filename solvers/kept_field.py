@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from pgm_places._core import update_rows
 from pgm_places.kernels.threads import run_tasks
 
-__all__ = ["KeptField", "current_field", "kept_in"]
-
 MAX_BYTES = 1 << 28
 """Passes of larger fields (some 1,100,000 cells of three labels and 20 passes) are not kept."""
 

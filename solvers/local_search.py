@@ -11,8 +11,6 @@ from pgm_places._core import modes_pass
 from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
-__all__ = ["LocalSearch", "improved_modes", "iterated_conditional_modes"]
-
 
 @dataclass(frozen=True, eq=False)
 class LocalSearch:

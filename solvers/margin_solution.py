@@ -6,17 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "PROVED",
-    "REACHED",
-    "Cut",
-    "LearningStep",
-    "MaxMarginSolution",
-    "OnStep",
-    "reached",
-    "relative_gap",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Cut:

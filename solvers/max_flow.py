@@ -11,8 +11,6 @@ from pgm_places._core import minimum_cut_kernel, parted_capacity
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
 
-__all__ = ["SINK", "SOURCE", "CutSpace", "MinimumCut", "cut_space", "minimum_cut"]
-
 SOURCE, SINK = 1, 2
 """Sides of a node; 0 is free."""
 

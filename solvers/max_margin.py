@@ -38,21 +38,6 @@ from pgm_places.solvers.evidence import keeping, told_beside
 from pgm_places.solvers.margin_solution import Cut
 from pgm_places.solvers.set_terms import SetTerms
 
-__all__ = [
-    "MarginProblem",
-    "MaxMarginProblem",
-    "Oracle",
-    "hinge",
-    "joined",
-    "joint_features",
-    "objective",
-    "potentials_of",
-    "relaxed_lower_bound",
-    "set_weights",
-    "split_weights",
-]
-
-
 Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
 """(unary (N, K), agreement (E, K) or tables) -> a labelling (N,) of large score."""
 

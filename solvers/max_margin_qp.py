@@ -25,8 +25,6 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, hinge, objective, re
 if TYPE_CHECKING:
     import cvxpy as cp
 
-__all__ = ["QP_SOLVERS", "QPSolver", "max_margin_qp", "relaxed_objective"]
-
 _logger = logging.getLogger(__name__)
 
 QPSolver = Literal["clarabel", "piqp", "osqp"]

@@ -9,8 +9,6 @@ from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.belief_propagation import heard_from_all
 from pgm_places.solvers.forest import forest_maximum, ordered_forest
 
-__all__ = ["max_marginals"]
-
 
 def max_marginals(
     unary: ArrayLike,

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from pgm_places.solvers.expansion import ExpansionGraph
 from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 
-__all__ = ["graph_cut_oracle", "problem_oracle"]
-
 
 def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Oracle:
     """:func:`graph_cut_oracle` of a problem's graph, with the nodes of sets where it has some."""

@@ -22,8 +22,6 @@ from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
-__all__ = ["PartitionBounds", "bound_log_partition", "edge_forests"]
-
 
 @dataclass(frozen=True, eq=False)
 class PartitionBounds:

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["require_regular"]
-
 _ROUNDING = 1e-9
 """Tables may miss regularity by this share of their largest entry: that much is rounding."""
 

@@ -29,8 +29,6 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.chain_tables import check_start, require_distributions
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
-__all__ = ["SemiMarkovChain", "SemiMarkovState"]
-
 
 class _Rates(NamedTuple):
     """Where labels lead, and how soon."""

@@ -19,8 +19,6 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.set_terms import SetNodes
 
-__all__ = ["SetMessages", "SetTables", "set_tables", "set_unit", "set_updates"]
-
 
 class SetTables(NamedTuple):
     """C sets with M members together, and what they earn."""

@@ -23,8 +23,6 @@ from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.forest_order import is_forest, rooted_forest
 from pgm_places.solvers.set_terms import SetTerms
 
-__all__ = ["FieldTables", "TableField", "beside"]
-
 
 class FieldTables(NamedTuple):
     """The log-potentials that weights give, as decoders take them."""

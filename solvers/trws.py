@@ -13,8 +13,6 @@ from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
-__all__ = ["DualDecoding", "trws"]
-
 _DECODE_EVERY = 5
 """Passes between two labellings: one costs a quarter of an iteration."""
 _STALL_WINDOW = 10

@@ -9,8 +9,6 @@ from pgm_places.experiment.runs import compare
 from pgm_places.experiment.selection import Selection, select
 from pgm_places.experiment.sources import Sources
 
-__all__ = ["run"]
-
 CHOICES = {"choices_list": "decision list, 5 cm", "choices_network": "associative network, 20 cm"}
 
 

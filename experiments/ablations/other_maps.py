@@ -22,8 +22,6 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["furniture", "partial_maps", "seen_part"]
-
 SNAPSHOTS = ("map3", "map8", "map14")
 SHARES = (0.25, 0.5, 0.75, 1.0)
 FURNISHED = {

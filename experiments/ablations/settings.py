@@ -21,8 +21,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.training_cells import training_features
 
-__all__ = ["beams", "features", "noise", "resolution", "training_size"]
-
 CONFIG = "ablations"
 TAUGHT = (
     "Building 79, left half to right half, 5 cm; lists trained on 10,000 cells drawn at random, so "

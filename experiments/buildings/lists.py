@@ -26,8 +26,6 @@ from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import MapSpaces, gate_probabilities
 
-__all__ = ["AVERAGE", "DOORWAY", "RECIPES", "WHOLE", "Recipe", "Scored", "folded", "scored_maps"]
-
 CORRIDOR, DOORWAY = NAMES.index("corridor"), NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
 _CONTENT = ("scores", "at gate", "gate", "place")

@@ -24,24 +24,6 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.training_cells import training_features
 
-__all__ = [
-    "CELLS_M",
-    "DRAWN",
-    "EXAMPLES_PER_MAP",
-    "GENERATED",
-    "LATTICE_STEP",
-    "NAMES",
-    "SIMULATED",
-    "WITH_HALLS",
-    "KnownMap",
-    "Sample",
-    "building_numbers",
-    "known_maps",
-    "real_maps",
-    "sampled",
-    "sampled_maps",
-]
-
 NAMES = PLACES
 WITH_HALLS = HallNames((*PLACES, "hall"))
 """The labels that are learned; in tests, halls count as corridors."""

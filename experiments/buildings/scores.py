@@ -22,23 +22,6 @@ from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.space_model import with_gates
 
-__all__ = [
-    "AVERAGED",
-    "GATES",
-    "POTTS",
-    "RESCALED",
-    "SHIPPED",
-    "TEMPERED",
-    "MapResult",
-    "Means",
-    "doors_of",
-    "map_results",
-    "means",
-    "places_of",
-    "rescaled",
-    "tempered_fields",
-]
-
 GATES, AVERAGED, SHIPPED = "gates on doorways", "average", "temperature"
 RESCALED = ("platt", SHIPPED)
 """The calibrations of the list to compare."""

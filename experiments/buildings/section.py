@@ -32,8 +32,6 @@ from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
 
-__all__ = ["run"]
-
 ABLATION = {
     "laser, stumps": "laser, stumps",
     "laser, trees": "laser, trees",

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from pgm_places.io.atomic import write_text
 
-__all__ = ["KeptText"]
-
 
 @dataclass(frozen=True)
 class KeptText:

@@ -15,8 +15,6 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = ["CHAIN", "JOINT", "LOOPS", "graphs_table", "kinds_table", "methods_table"]
-
 FOLDER = Path(__file__).parent
 DRIVES = ("building79", "categories79", "simulated", "cold_freiburg", "cold_saarbrucken")
 LOOP_M = 0.4

@@ -23,8 +23,6 @@ from pgm_places.trained import trained_labeler
 from pgm_places.unary.floor_model import FloorJudge, FloorModel
 from pgm_places.unary.space_model import gate_probabilities
 
-__all__ = ["DOOR_STEPS", "MapDoors", "door_table", "measure_robots_doors"]
-
 DOOR_STEPS = ("lists alone", "lists and networks", "and door lines")
 
 _SAME_M = 0.15

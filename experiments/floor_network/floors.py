@@ -17,17 +17,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import true_doors
 
-__all__ = [
-    "KINDS_TOGETHER",
-    "N_FOLDS",
-    "Floor",
-    "all_floors",
-    "fold_of",
-    "held_out_with",
-    "network_file",
-    "write_floors",
-]
-
 N_FOLDS = 4
 SAME_BUILDING = {
     name: group

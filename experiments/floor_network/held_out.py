@@ -20,8 +20,6 @@ from pgm_places.unary.floor_model import FloorModel
 LISTS = "adaboost"
 """The method of the shipped model that is the lists alone."""
 
-__all__ = ["VIEWS", "measure", "networks", "ship", "with_networks"]
-
 VIEWS = 4
 """Sides from which each of the shipped networks looks at a map."""
 

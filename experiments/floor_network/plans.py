@@ -22,8 +22,6 @@ from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
-__all__ = ["STEPS", "measure_kinds", "measure_plans"]
-
 N_FOLDS_OF_LISTS = 6
 STEPS = ("lists alone", "networks alone", "lists and networks")
 

@@ -13,8 +13,6 @@ from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.report.canvas import label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
 
-__all__ = ["LabelledPair", "write_sheets"]
-
 _PIXELS = 30_000
 _PAIRS_ACROSS = 3
 

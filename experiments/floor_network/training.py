@@ -15,8 +15,6 @@ from pgm_places.floor.learning import BATCH, Batch, Trainer, fresh
 from pgm_places.io.atomic import atomic_file
 from pgm_places.progress import Progress
 
-__all__ = ["SHARES", "train"]
-
 SHARES = {
     "robot": 0.20,
     "real": 0.08,

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["border_tolerant_mask"]
-
 SLACK = 1e-9  # in cells: a distance of exactly the tolerance counts as within it
 
 

@@ -27,9 +27,6 @@ from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import PAPER_OBJECTS
 
-__all__ = ["run"]
-
-
 PLACES = ("corridor", "room", "doorway")
 
 CATEGORIES: Mapping[str, str] = {

@@ -12,8 +12,6 @@ from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
 from pgm_places.io.output_set import claim
 
-__all__ = ["reproduce"]
-
 
 def reproduce(
     names: Sequence[str],

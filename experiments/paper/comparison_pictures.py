@@ -13,8 +13,6 @@ from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
 
-__all__ = ["confusion_of", "error_sheet", "label_sheet", "window_grid"]
-
 MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""
 

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 from pgm_places._checks import finite_array
 from pgm_places.report.figure import INK, MUTED, PixelFigure
 
-__all__ = ["confusion_picture"]
-
 _TEXT = 10.0
 
 

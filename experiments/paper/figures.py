@@ -7,16 +7,6 @@ from experiments.paper.section import Finding, Table
 from pgm_places.evaluation.evaluation import Evaluation, Interval
 from pgm_places.experiment.comparison import Comparison, MethodResult
 
-__all__ = [
-    "BORDER_M",
-    "DOORWAY",
-    "away_from_borders",
-    "finding",
-    "method_findings",
-    "method_table",
-    "percent",
-]
-
 DOORWAY = "doorway"
 BORDER_M = 0.3
 """Half the width of the strip left out along borders, whose exact position is a matter of taste."""

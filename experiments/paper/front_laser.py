@@ -28,9 +28,6 @@ from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 
-__all__ = ["CLASSES", "NAMES", "PLACES", "STEP_M", "load_cold_folder", "place_classes", "run"]
-
-
 CLASSES: Mapping[str, str] = {
     "CR": "corridor",
     "DW": "doorway",

@@ -19,8 +19,6 @@ from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import PAPER_OBJECTS
 
-__all__ = ["DETECTORS", "FURNISHING", "NAMES", "Floor", "make_floor", "used_rooms"]
-
 NAMES = ("corridor", "doorway", "office", "kitchen", "seminar room", "laboratory")
 CORRIDOR, DOORWAY, OFFICE, KITCHEN, SEMINAR, LABORATORY = range(6)
 FURNISHING: Mapping[str, Mapping[str, tuple[int, int]]] = {

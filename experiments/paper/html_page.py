@@ -8,8 +8,6 @@ from experiments.paper.markdown import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING,
 from experiments.paper.section import Section, Table
 from pgm_places.report.page import data_uri, render
 
-__all__ = ["html_page"]
-
 TITLE = "The paper’s experiments"
 
 

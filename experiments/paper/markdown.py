@@ -5,17 +5,6 @@ from collections.abc import Sequence
 from experiments.paper.figures import percent
 from experiments.paper.section import Finding, Section, Table
 
-__all__ = [
-    "OVERVIEW",
-    "PAPER_COLUMN",
-    "STAND_IN_WARNING",
-    "markdown_page",
-    "markdown_section",
-    "markdown_table",
-    "overview_table",
-]
-
-
 PAPER_COLUMN = "paper"
 
 OVERVIEW = "Comparison with the paper"

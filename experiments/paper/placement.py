@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from experiments.paper.simulated_detector import PlacedObjects
-from pgm_places._checks import label_raster, nearest_name
-from pgm_places.errors import InputError
+from pgm_places._checks import label_raster
+from pgm_places.errors import InputError, nearest_name
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-__all__ = ["place_objects"]
 
 
 def place_objects(

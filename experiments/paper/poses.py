@@ -14,8 +14,6 @@ from pgm_places.experiment.runs import compare, compare_fitted, train
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
 
-__all__ = ["run"]
-
 PAPER = 0.973
 SEARCHES = {
     "exhaustive": "order chosen on held-out blocks of the training half",

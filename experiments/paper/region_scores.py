@@ -11,8 +11,6 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["ClassScore", "RegionScores", "fill_labels", "score_regions"]
-
 MOST = 0.5
 """A region is found by one that covers more than this share of it, or is covered by more."""
 

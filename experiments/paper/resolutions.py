@@ -9,8 +9,6 @@ from experiments.paper.setting import Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.runs import compare
 
-__all__ = ["fine", "run"]
-
 CELLS_M = (0.2, 0.1, 0.05)
 PAPER: Mapping[tuple[float, str], float] = {(0.2, "relaxation"): 0.921, (0.2, "amn"): 0.988}
 

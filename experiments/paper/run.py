@@ -15,8 +15,6 @@ from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.output_set import claim, output_set
 from pgm_places.progress import Progress, Silent
 
-__all__ = ["finished_section", "reproduce"]
-
 RECORD = "section.json"
 KEPT = "kept"
 """The folder of intermediate results, from which experiments resume."""

@@ -15,8 +15,6 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
-
 ALONE = "single scans"
 MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi": "Viterbi"}
 """The modes of the hidden Markov model, and what tables call them."""

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
-__all__ = ["Finding", "Outcome", "Picture", "Section", "Table"]
-
 
 @dataclass(frozen=True)
 class Finding:

@@ -7,10 +7,7 @@ from pathlib import Path
 
 from experiments.paper.section import Outcome
 from experiments.paper.setting import CONFIGS, Setting
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError
-
-__all__ = ["SECTIONS", "PaperSection", "chosen_sections"]
+from pgm_places.errors import ConfigError, nearest_name
 
 
 @dataclass(frozen=True)

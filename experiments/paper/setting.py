@@ -17,9 +17,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import plain_values
 from pgm_places.progress import Progress, Silent
 
-__all__ = ["CONFIGS", "STAND_INS", "Setting", "data_folder", "with_stand_ins"]
-
-
 STAND_INS: Mapping[str, int] = {
     "freiburg079": 79,
     "freiburg079_drawn": 80,

@@ -20,8 +20,6 @@ from pgm_places.options import (
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.vision.object_counts import N_IMAGES
 
-__all__ = ["PlacedObjects", "SimulatedDetector"]
-
 DEPTH_M = 0.3
 """Objects stand on desks and in cupboards: what is mapped so close before them hides nothing."""
 

@@ -18,8 +18,6 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["run", "topology_table"]
-
 VARIANTS: Mapping[str, Mapping[str, Any]] = {"none": {"correct": False}, "the paper's": {}}
 
 TRUTH = "ground truth"

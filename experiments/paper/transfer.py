@@ -14,8 +14,6 @@ from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.topology.from_labels import topological_map
 
-__all__ = ["run"]
-
 UNLABELLED = "intel"
 """A building without ground truth: pictures only."""
 

@@ -11,8 +11,6 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["GROUPS", "SURE", "robot_maps", "training_maps"]
-
 KINDS = Path(__file__).parent / "kinds.toml"
 ROBOTS = "robots' maps"
 GROUPS = ("robots", "floors", "real")

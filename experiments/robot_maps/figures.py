@@ -17,8 +17,6 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.spaces.door_truth import DoorMatch, DoorScores, match_gates, match_painted
 
-__all__ = ["HEADER", "MapFigures", "cut_spaces", "measured", "row", "table", "write_figures"]
-
 _LEAST_SPACE_M2 = 2.0
 _CUT = (0.1, 0.9)
 HEADER = (

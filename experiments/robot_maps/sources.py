@@ -17,8 +17,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.map_model import CellScores
 
-__all__ = ["Evidence", "Found", "Source", "evidence_named", "lists_alone"]
-
 Evidence = Callable[[OccupancyGrid, LabelGraph, CellScores], NDArray[np.float64]]
 """Gives the log-probabilities (N, K) of a map's nodes that the method is to label, instead of those
 of the model: a network, or a mixture of both."""

@@ -16,8 +16,6 @@ from pgm_places.io.maps.raster_image import open_image
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = ["EMPTY", "FURNISHED", "LEAST_PIXELS", "RoomMap", "read_room_maps"]
-
 EMPTY, FURNISHED = "empty", "furnished"
 LEAST_PIXELS = 101
 """Smaller rooms are left out, as the published evaluation does: true ones and found ones."""

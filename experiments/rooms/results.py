@@ -19,8 +19,6 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 
-__all__ = ["PEERS", "RoomResult", "room_results", "room_tables"]
-
 PEERS = (
     ("Voronoi, Bormann et al.", FURNISHED, "86.6", "94.5", "ICRA 2016, table II"),
     ("ROSE², Luperto et al.", FURNISHED, "91.0", "93.5", "IEEE RA-L 7(3), 2022; arXiv 2203.03519"),

@@ -10,8 +10,6 @@ from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 
-__all__ = ["DoorCounts", "RoomScores", "score_doors", "score_rooms"]
-
 WIDEST_DOOR_M = 2.0
 """Wider borders between rooms are openings, not doors."""
 

@@ -17,8 +17,6 @@ from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions, observed_along
 
-__all__ = ["BEAMS", "EVERY_M", "SENSOR", "Laser", "Observed", "observed", "simulated_drive"]
-
 EVERY_M = 0.25
 """Way between two updates of the model, and between two examples."""
 

@@ -17,18 +17,6 @@ from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.unary.list_learning import RAREST_FIRST
 from pgm_places.unary.scan_model import ScanModel
 
-__all__ = [
-    "METHOD",
-    "OPTIONS",
-    "Composition",
-    "Learned",
-    "Table",
-    "by_source",
-    "classifier",
-    "folds",
-    "learned",
-]
-
 N_FOLDS = 4
 
 OPTIONS: dict[str, Any] = {

@@ -10,8 +10,6 @@ from experiments.tracking_model.learning import Table, classifier
 from experiments.tracking_model.unseen import ALONE, Answer, floor_answers, merged
 from pgm_places.features.own import n_columns
 
-__all__ = ["options_table"]
-
 N_LASER = n_columns(())
 
 CANDIDATES: Mapping[str, Mapping[str, Any]] = {

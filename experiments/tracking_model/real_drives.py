@@ -17,8 +17,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.simulated_robot import scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["FRONT", "cold_drives", "in_lobby", "log_of_79"]
-
 FRONT = Laser(180.0, 180, 30.0)
 """The half circle ahead, as the campaign's robots had it."""
 

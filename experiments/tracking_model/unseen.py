@@ -24,16 +24,6 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
 from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = [
-    "ALONE",
-    "Answer",
-    "answers",
-    "floor_answers",
-    "floors_table",
-    "lasers_table",
-    "real_table",
-]
-
 WAYS = {
     "filter": (HMM, "filter"),
     "smoother": (HMM, "smooth"),

@@ -16,8 +16,6 @@ from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import claimed, remove_leftovers
 from pgm_places.io.text_file import read_json
 
-__all__ = ["claim_of", "names_in_the_way", "recorded_root", "tidy_after_the_dead", "write_root"]
-
 _RECORD = ".pgm-places-batch.json"
 _CLAIMS = ".pgm-places-claims"
 _FORMAT, _SCHEMA = "pgm-places batch", 1

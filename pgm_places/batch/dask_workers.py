@@ -15,8 +15,6 @@ from pgm_places.batch.own_process import done_beside
 from pgm_places.batch.workers import Done
 from pgm_places.errors import InputError, OutputError
 
-__all__ = ["DaskWorkers"]
-
 Task = TypeVar("Task")
 
 _AHEAD = 4

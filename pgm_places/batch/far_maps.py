@@ -17,8 +17,6 @@ from pgm_places.io.output_set import RECORD_FILE, written_names
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.io.strict_yaml import read_yaml
 
-__all__ = ["is_done", "label_anywhere", "lists_of", "lists_to_read", "results_of"]
-
 _LOOKED_AT = (MANIFEST_FILE, RECORD_FILE, NAMES_FILE)
 """The files of a result that say whether it is done."""
 

@@ -15,8 +15,6 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.label_map import at_model_resolution
 
-__all__ = ["Forecast", "Speed"]
-
 # What takes time, each as so many free cells of the model: to begin with a map, to read and paint a
 # cell of its own, and to label a free one. Fitted to the processor time of maps on one thread:
 # python -m benchmarks.forecast.

@@ -12,8 +12,6 @@ from pgm_places.errors import MapError
 from pgm_places.io.far_files import FarFolder, address_of
 from pgm_places.io.input_file import file_kind, is_address, user_path
 
-__all__ = ["FoundMap", "FoundMaps", "find_maps", "names_many"]
-
 _DESCRIBES_MAP = re.compile(rb"^image[ \t]*:", re.MULTILINE)
 _HEAD = 1 << 16
 

@@ -13,8 +13,6 @@ from pgm_places.io.atomic import atomic_file
 from pgm_places.io.output_set import is_as_written
 from pgm_places.io.staging import as_output_errors
 
-__all__ = ["GrowingTable", "Row", "sort_key"]
-
 Row: TypeAlias = dict[str, str]
 """A row by its columns; ``name`` is one of them."""
 

@@ -20,8 +20,6 @@ from pgm_places.io.output_set import claim
 from pgm_places.io.places.topology_files import TOPOLOGY_FILE
 from pgm_places.progress import Progress
 
-__all__ = ["Index", "index_folder"]
-
 
 @dataclass(frozen=True)
 class Index:

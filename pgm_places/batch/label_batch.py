@@ -30,8 +30,6 @@ from pgm_places.io.output_set import claim
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Progress, duration
 
-__all__ = ["LabelledBatch", "label_batch", "maps_to_do"]
-
 _LOOK_AGAIN_S = 1.0
 """How often to see whether another batch has finished a map, or has died on it."""
 

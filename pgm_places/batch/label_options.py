@@ -7,8 +7,6 @@ from pgm_places.options import UnknownGrey
 from pgm_places.report.outputs import Outputs
 from pgm_places.trained import model_folder
 
-__all__ = ["LabelOptions"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions:

@@ -21,8 +21,6 @@ from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import is_as_written
 from pgm_places.io.staging import locked
 
-__all__ = ["LISTS", "Lists", "failure_row", "summary_row"]
-
 SUMMARY_FILE, FAILURE_FILE, INDEX_FILE = "summary.csv", "failures.csv", "index.html"
 
 LISTS = (INDEX_FILE, SUMMARY_FILE, FAILURE_FILE, "places.parquet")

@@ -11,8 +11,6 @@ from typing import Any, TypeVar
 from pgm_places.batch.own_process import OwnProcess, start_trackers
 from pgm_places.batch.workers import Done
 
-__all__ = ["LocalWorkers"]
-
 Task = TypeVar("Task")
 
 

@@ -19,15 +19,6 @@ from pgm_places.io.text_file import read_json
 from pgm_places.options import option_values
 from pgm_places.report.outputs import Outputs
 
-__all__ = [
-    "MANIFEST_FILE",
-    "done_figures",
-    "labelled_row",
-    "made_from",
-    "manifest_text",
-    "warnings_of",
-]
-
 MANIFEST_FILE = "manifest.json"
 _FORMAT, _SCHEMA = "pgm-places labelled map", 1
 _MAX_BYTES = 1 << 20

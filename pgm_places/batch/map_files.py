@@ -22,13 +22,6 @@ from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "LabelledFile",
-    "label_file",
-    "set_aside",
-    "write_labelled",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelledFile:

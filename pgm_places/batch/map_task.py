@@ -26,8 +26,6 @@ from pgm_places.report.map_pictures import thumbnail
 from pgm_places.report.outputs import label_names
 from pgm_places.topology.checks import doubtful_share, places_to_check
 
-__all__ = ["THUMBNAIL_FILE", "MapTask", "NoSpaceError", "label_one"]
-
 THUMBNAIL_FILE = "thumbnail.png"
 
 

@@ -4,8 +4,6 @@ import re
 
 from pgm_places.errors import InputError
 
-__all__ = ["memory_bytes"]
-
 _UNITS = {"": 1, "k": 1000, "m": 1000**2, "g": 1000**3, "t": 1000**4}
 _LEAST = 256 * 1000**2
 

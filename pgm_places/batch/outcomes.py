@@ -3,8 +3,6 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-__all__ = ["Elsewhere", "Failure", "LabelledRow", "Outcome"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LabelledRow:

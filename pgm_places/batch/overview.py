@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 
 from pgm_places.batch.growing_table import Row
 
-__all__ = ["MOST_ROWS", "Overview"]
-
 MOST_ROWS = 2000
 """Maps listed, those with most area in doubt; the table of all is in ``summary.csv``."""
 

@@ -10,8 +10,6 @@ from pgm_places.batch.overview import Overview
 from pgm_places.palette import label_swatches
 from pgm_places.report.page import render
 
-__all__ = ["PAGE_MARK", "overview_page"]
-
 PAGE_MARK = b"<title>Labelled maps</title>"
 """Stands in every such page, and so tells it from others."""
 

@@ -12,8 +12,6 @@ from typing import Any, TypeVar
 from pgm_places.batch.worker_process import start_worker
 from pgm_places.batch.workers import OVERDUE
 
-__all__ = ["GRACE_S", "OwnProcess", "done_beside"]
-
 Task = TypeVar("Task")
 
 GRACE_S = 10.0

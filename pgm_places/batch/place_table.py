@@ -11,8 +11,6 @@ from pgm_places.io.atomic import atomic_file
 from pgm_places.io.places.topology_files import MAX_BYTES, TOPOLOGY_FILE
 from pgm_places.io.text_file import read_json
 
-__all__ = ["PLACE_TABLE", "write_place_table"]
-
 PLACE_TABLE = "places.parquet"
 
 _MAPS_AT_ONCE = 1000

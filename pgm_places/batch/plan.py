@@ -16,8 +16,6 @@ from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.batch.shard import Shard
 from pgm_places.io.input_file import is_address
 
-__all__ = ["Plan", "plan"]
-
 
 @dataclass(frozen=True)
 class Plan:

@@ -13,8 +13,6 @@ from pgm_places.persistence.stored import read
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
 
-__all__ = ["ReadyModel", "ready_model", "with_given"]
-
 T = TypeVar("T")
 
 

@@ -17,8 +17,6 @@ from pgm_places.experiment.seeds import seeded_config
 from pgm_places.experiment.splits import Split, splits_of
 from pgm_places.experiment.tasks import task_of
 
-__all__ = ["RunTask", "compare_run", "compare_several", "run_tasks"]
-
 
 @dataclass(frozen=True, eq=False)
 class RunTask:

@@ -7,8 +7,6 @@ from typing import Self
 
 from pgm_places.errors import InputError
 
-__all__ = ["Shard"]
-
 
 @dataclass(frozen=True)
 class Shard:

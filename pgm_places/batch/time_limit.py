@@ -5,8 +5,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["TimeIsUpError", "time_limit"]
-
 
 class TimeIsUpError(BaseException):
     """Raised inside work that has taken too long; nothing that catches errors stops it."""

@@ -6,8 +6,6 @@ import signal
 import threading
 import time
 
-__all__ = ["end_with_parent", "limit_memory", "start_worker"]
-
 
 def start_worker(memory_bytes: int | None) -> None:
     """Prepare this process: it ends with its parent, and takes no more memory than it may."""

@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
-__all__ = ["OVERDUE", "Done", "Unfinished", "Workers"]
-
 Task = TypeVar("Task")
 
 

@@ -7,8 +7,6 @@ from pgm_places.cli.command import HELP, Command
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError, nearest_name
 
-__all__ = ["COMMANDS", "command", "run"]
-
 COMMANDS = {
     "demo": "experiments",
     "compare": "experiments",

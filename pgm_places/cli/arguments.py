@@ -6,19 +6,6 @@ from typing import Annotated
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.options import UnknownGrey, Whole
 
-__all__ = [
-    "Cache",
-    "Config",
-    "Force",
-    "Model",
-    "Out",
-    "Place",
-    "Places",
-    "Quiet",
-    "Threads",
-    "UnknownValue",
-]
-
 Config = Annotated[Path, Argument(metavar="CONFIG.toml", help="Experiment configuration (TOML).")]
 Places = Annotated[Path, Argument(metavar="DIR", help="Folder written by label or topology.")]
 Place = Annotated[str, Argument(metavar="PLACE", help="Name or id of a place.")]

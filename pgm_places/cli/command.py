@@ -13,8 +13,6 @@ from typing import Any
 from pgm_places.cli.declarations import Parameter, parameters_of
 from pgm_places.errors import InputError, nearest_name
 
-__all__ = ["HELP", "Command"]
-
 HELP = "--help"
 _FLAG = re.compile(r"-[^\d.]")
 """How a flag begins. A minus sign before a digit belongs to a number; - alone is standard input."""

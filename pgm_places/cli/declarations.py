@@ -15,8 +15,6 @@ from typing import Annotated, Any, Union
 from pgm_places._option_marks import arms, bare
 from pgm_places.options import check_option
 
-__all__ = ["Argument", "Option", "Parameter", "number_in", "parameters_of"]
-
 
 @dataclass(frozen=True)
 class Argument:

@@ -13,8 +13,6 @@ from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey
 
-__all__ = ["doctor"]
-
 REQUIRED = (
     "numpy",
     "scipy",

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.options import UnknownGrey
 
-__all__ = ["check_map", "check_maps"]
-
 _UNENTERED = "'label' gives it no label, or all of it with --unentered"
 
 

@@ -15,8 +15,6 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any, NoReturn
 
-__all__ = ["EXIT_BAD_INPUT", "EXIT_MAPS_FAILED", "EXIT_OUT_OF_MEMORY", "main"]
-
 EXIT_BAD_INPUT = 2
 EXIT_OUT_OF_MEMORY = EXIT_UNREAD = 1
 EXIT_MAPS_FAILED = 3

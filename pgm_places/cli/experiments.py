@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.experiment.runs import Trained
 
-__all__ = ["compare", "demo", "train"]
-
 
 def _experiment(
     config_path: Path, *, cache: Path | None = None, n_threads: int | None, quiet: bool

@@ -11,8 +11,6 @@ from pgm_places.cli.terminal import say
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
 
-__all__ = ["explain"]
-
 
 def explain(
     map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="A map_server map.")],

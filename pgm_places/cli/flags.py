@@ -18,8 +18,6 @@ from pgm_places.options import (
     option_values,
 )
 
-__all__ = ["GivenOptions", "flag_of", "named_as_flags", "option_flags"]
-
 T = TypeVar("T")
 
 UNITS = ("_m2", "_m_s", "_m", "_s")

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from pgm_places.persistence.map_prior import LabelledMapFolder
     from pgm_places.trajectories.scan import Scan
 
-__all__ = ["run_follow"]
-
 POLL_S = 0.2
 
 

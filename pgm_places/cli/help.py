@@ -6,9 +6,6 @@ from collections.abc import Iterable, Mapping
 from pgm_places.cli.command import HELP, Command
 from pgm_places.cli.declarations import Option, Parameter
 
-__all__ = ["completion", "help_of", "help_of_all"]
-
-
 _SCRIPT = """\
 [ -z "$ZSH_VERSION" ] || {{ autoload -U +X compinit bashcompinit; compinit; bashcompinit; }}
 _pgm_places() {{

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from pgm_places.batch.ready_model import ReadyModel
     from pgm_places.progress import Progress
 
-__all__ = ["label"]
-
 
 @option_flags("entered", EnteredOptions, only_given=True)
 def label(

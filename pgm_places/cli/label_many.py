@@ -21,18 +21,6 @@ if TYPE_CHECKING:
     from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
 
-__all__ = [
-    "BatchOptions",
-    "Jobs",
-    "Memory",
-    "Scheduler",
-    "WorkerOptions",
-    "index",
-    "label_many",
-    "make_workers",
-]
-
-
 Jobs = Annotated[
     Annotated[int, Ge(1), Le(1024)] | None,
     Option("--jobs", "-j", help="Worker processes; one per core by default."),

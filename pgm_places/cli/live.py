@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from pgm_places.live.replay import Replay
     from pgm_places.progress import Progress
 
-__all__ = ["live"]
-
 PLACES_FILE = "places.jsonl"
 
 

@@ -11,8 +11,6 @@ from pgm_places.errors import InputError
 if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["merge", "rename", "split"]
-
 
 def rename(
     folder: Places,

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["export", "topology", "where"]
-
 
 @option_flags("given", TopologyOptions, {"doorway_label": "--doorway"}, only_given=True)
 def topology(

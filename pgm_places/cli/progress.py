@@ -13,8 +13,6 @@ from pgm_places.progress import Silent, Stage
 if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
     from rich.progress import Progress
 
-__all__ = ["BarProgress", "LineProgress", "make_progress"]
-
 
 def make_progress(*, quiet: bool) -> "BarProgress | LineProgress | QuietProgress":
     """Bars if standard error is a terminal, lines if it is not, only warnings if ``quiet``."""

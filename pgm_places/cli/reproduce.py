@@ -9,8 +9,6 @@ from pgm_places.cli.arguments import Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import InputError
 
-__all__ = ["reproduce"]
-
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
 

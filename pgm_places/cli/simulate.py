@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
     from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["simulate", "simulate_map"]
-
-
 _ENDS = (".yaml", ".png", "_labels.png", "_labels.yaml")
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.shelf import Shelf
 
-__all__ = ["studio"]
-
 
 def studio(
     maps: Annotated[

@@ -7,9 +7,6 @@ if TYPE_CHECKING:
     from pgm_places.experiment.comparison import Comparison, MethodResult
 
 
-__all__ = ["comparison_table", "shares_line", "text_table"]
-
-
 def text_table(rows: Sequence[Sequence[str]]) -> str:
     """Rows as aligned columns, the first left, the others right; the first row is the heading."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]

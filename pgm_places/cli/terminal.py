@@ -9,8 +9,6 @@ from pgm_places.errors import OutputError, printable
 if TYPE_CHECKING:
     from pgm_places.io.output_set import OutputSet
 
-__all__ = ["complain", "say", "say_written", "warn"]
-
 _LONGEST = 2000
 
 

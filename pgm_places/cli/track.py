@@ -8,8 +8,6 @@ from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import ConfigError
 from pgm_places.options import AtLeastZero
 
-__all__ = ["track"]
-
 
 def track(
     log: Annotated[

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
 
-__all__ = ["run_joint"]
-
 
 def run_joint(
     stored: "Stored",

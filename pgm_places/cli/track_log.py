@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
 
-__all__ = ["folder_for", "read_log", "run_track", "summary", "write"]
-
 
 def run_track(
     stored: "Stored",

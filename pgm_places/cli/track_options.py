@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.vision.object_counts import ObjectCounts
 
-__all__ = [
-    "Seen",
-    "TrackOptions",
-    "labelled_map",
-    "map_of",
-    "seen_objects",
-    "stored_model",
-    "track_labeler",
-    "with_truth",
-]
-
 MOST_CHANGED = 0.01
 """Change of a transition, made so that it can be rescaled, that nobody needs to know of."""
 

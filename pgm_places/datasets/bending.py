@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
 
-__all__ = ["Bend", "pushed", "shifted"]
-
 T = TypeVar("T", bound=np.generic)
 
 

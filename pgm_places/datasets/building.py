@@ -25,8 +25,6 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "fair_split", "generate_building"]
-
 LABEL_NAMES = ("corridor", "room", "doorway")
 """The labels of the generated building, in index order."""
 

@@ -7,8 +7,6 @@ from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 
-__all__ = ["write_demo"]
-
 CONFIG = """\
 # One building: learn on its left part, label its right part with every method.
 title = "Generated building, left part to right part"

@@ -6,8 +6,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Dice"]
-
 T = TypeVar("T")
 
 _HALF_WORD = 32

@@ -13,8 +13,6 @@ from pgm_places.datasets.layout import Layout
 from pgm_places.datasets.style import OFFICE, Style
 from pgm_places.datasets.wings import partition
 
-__all__ = ["draw_floor"]
-
 _WALL_CM = 15
 """What is left between rooms that belong to different corridors."""
 

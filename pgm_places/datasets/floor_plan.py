@@ -8,8 +8,6 @@ from typing import Literal, Self
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import Style
 
-__all__ = ["Door", "FloorPlan", "Frontage", "Rect", "Scale", "row_of_rooms", "windows"]
-
 
 @dataclass(frozen=True)
 class Scale:

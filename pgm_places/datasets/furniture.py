@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
 
-__all__ = ["FULL", "Mover", "furnish", "hang_doors"]
-
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
 """Where a leaf points from its hinge: (across the gap, into the room)."""
 

@@ -3,8 +3,6 @@
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import OFFICE, Span, Style
 
-__all__ = ["KINDS", "style_of_kind"]
-
 # Rooms and corridors of 13 office and 28 school floors, as `python -m experiments.floor_statistics`
 # measured them in November 2026; quantiles at 10, 20, 40, 50, 60, 80, 90 %, in metres:
 #

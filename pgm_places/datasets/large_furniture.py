@@ -10,8 +10,6 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect, Scale
 from pgm_places.datasets.furniture import FULL, Mover
 
-__all__ = ["furnish_largely"]
-
 _LARGE_M2 = 30
 """Larger rooms are furnished as laboratories and offices are, smaller ones as rooms of homes."""
 

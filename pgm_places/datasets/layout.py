@@ -8,8 +8,6 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.style import Span, Style
 
-__all__ = ["LAYOUTS", "Layout", "draw_layout"]
-
 _HALL_LENGTHS: tuple[Span, ...] = ((310, 520), (520, 800), (800, 1100), (1100, 1700))
 _HALL_DEPTHS: tuple[Span, ...] = ((150, 300), (300, 500), (500, 750))
 """Lengths of halls along their corridor and depths beside it. Those of the real floors have 11 to

@@ -6,8 +6,6 @@ from typing import Annotated
 from pgm_places._option_marks import Ge, Le
 from pgm_places.options import OptionError, Probability, check_options, option_values
 
-__all__ = ["MapSimulation"]
-
 Share = Annotated[float, Ge(0), Le(1)]
 Amount = Annotated[float, Ge(0), Le(10)]
 Degrees = Annotated[float, Ge(-45), Le(45)]

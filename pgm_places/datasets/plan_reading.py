@@ -10,8 +10,6 @@ from pgm_places._core import largest_rectangle
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
 from pgm_places.maps.components import connected_components
 
-__all__ = ["ReadPlan", "read_plan"]
-
 _LEAST_SIDE_CM, _LEAST_SHARE, _MOST_RECTANGLES = 60, 25, 12
 """A place is covered by at most so many rectangles of at least that width, none smaller than a
 25th of it."""

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN
 
-__all__ = ["main_component", "mapped_span"]
-
 
 def mapped_span(cells: NDArray[np.int8], margin: int) -> slice:
     """The rows with anything known, and a margin."""

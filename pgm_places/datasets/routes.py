@@ -14,8 +14,6 @@ from pgm_places.datasets.survey import crowded, grid_in
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 
-__all__ = ["Routes", "draw_routes"]
-
 _PLANNING_CM = 10
 """Routes are planned on cells about so large."""
 

@@ -10,8 +10,6 @@ from pgm_places.datasets.floor_plan import Frontage, Rect, Scale
 from pgm_places.datasets.survey import wider
 from pgm_places.maps.components import connected_components
 
-__all__ = ["BEYOND_CM", "fronts", "open_ground", "windows_out"]
-
 BEYOND_CM = 900
 """So much ground around a building is seen through its windows."""
 

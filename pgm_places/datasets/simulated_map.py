@@ -22,8 +22,6 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = ["simulate_map"]
-
 _MARGIN_CM = 100
 """Unknown space that is left around a map."""
 

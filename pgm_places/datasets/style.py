@@ -5,8 +5,6 @@ from typing import Literal
 
 from pgm_places.datasets.dice import Dice
 
-__all__ = ["OFFICE", "Span", "Style", "StyleName", "draw_style"]
-
 StyleName = Literal[
     "office",
     "varied",

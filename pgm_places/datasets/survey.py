@@ -10,8 +10,6 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
-__all__ = ["N_RAYS", "Tour", "budgets", "crowded", "grid_in", "mapped", "survey", "wider"]
-
 SOLID, GLASS, RIM = 1, 2, 4
 """What a cell is, in bits."""
 

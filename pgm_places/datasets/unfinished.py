@@ -9,8 +9,6 @@ from pgm_places.datasets.survey import wider
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE
 
-__all__ = ["close_doors", "forget_glimpses"]
-
 _WIDEST_CM = 260
 """Wider openings have no doors."""
 

@@ -8,8 +8,6 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
 from pgm_places.datasets.style import Style
 
-__all__ = ["Wing", "draw_wing", "partition"]
-
 
 @dataclass(frozen=True)
 class Wing:

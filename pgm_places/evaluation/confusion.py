@@ -11,20 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 
-__all__ = [
-    "accuracy",
-    "balanced_accuracy",
-    "confusion_matrix",
-    "f1",
-    "iou",
-    "mcc",
-    "mean_of_defined",
-    "paired_labels",
-    "precision",
-    "ratio",
-    "recall",
-]
-
 
 def paired_labels(
     truth: ArrayLike, predicted: ArrayLike, n_labels: int

@@ -10,15 +10,6 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = [
-    "building_folds",
-    "contiguous_blocks",
-    "contiguous_parts",
-    "fold_groups",
-    "fold_of_buildings",
-    "map_buildings",
-]
-
 
 def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     """(N,) block number of each position: stripes of about equal size across the longer side.

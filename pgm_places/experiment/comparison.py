@@ -15,16 +15,6 @@ from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = [
-    "Comparison",
-    "MethodResult",
-    "SeedResult",
-    "history_of",
-    "intervals_over_seeds",
-    "learning_of",
-    "score_intervals",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class SeedResult:

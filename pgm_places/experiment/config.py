@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pgm_places._checks import nearest_name, plain_names
+from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.floor_teaching import FloorOptions
 from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig

@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.config import ExperimentConfig, validated_config
 from pgm_places.options import plain_values
-
-__all__ = ["changed_config"]
 
 
 def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> ExperimentConfig:

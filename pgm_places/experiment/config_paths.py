@@ -6,8 +6,6 @@ from pathlib import Path
 from pgm_places.errors import ConfigError
 from pgm_places.io.input_file import user_path
 
-__all__ = ["resolved_path"]
-
 
 def resolved_path(name: str, folder: Path) -> Path:
     """The path that a configuration in ``folder`` names.

@@ -10,8 +10,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.unary.space_model import MapSpaces
 
-__all__ = ["door_scores", "passage_scores"]
-
 PASSAGE_M = 0.3
 """A doorway that is labelled this much before or after it was passed through has been found."""
 

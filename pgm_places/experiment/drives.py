@@ -19,8 +19,6 @@ from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["SourceDrive", "load_drives"]
-
 
 @dataclass(frozen=True, eq=False)
 class SourceDrive:

@@ -16,8 +16,6 @@ from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.io.input_file import sha256_of
 from pgm_places.progress import Progress, Silent
 
-__all__ = ["DATA_VARIABLE", "Experiment"]
-
 DATA_VARIABLE = "PGM_PLACES_DATA"
 
 

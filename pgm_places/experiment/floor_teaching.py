@@ -19,8 +19,6 @@ from pgm_places.unary.floor_model import FloorModel
 if TYPE_CHECKING:
     from pgm_places.floor.crops import LabelledFloor
 
-__all__ = ["FloorOptions", "taught_floor"]
-
 _STYLES = ("office", "school", "clinic", "home", "hotel", "varied", "university", "hall")
 _NAMES = ("corridor", "room", "doorway", "hall")
 _OWN_SHARE = 0.5

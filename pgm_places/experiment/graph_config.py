@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pgm_places.errors import ConfigError
 from pgm_places.options import check_options
 
-__all__ = ["GraphConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class GraphConfig:

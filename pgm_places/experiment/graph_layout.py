@@ -13,8 +13,6 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = ["GraphLayout"]
-
 SIDE = 1000
 """Cells along the longer side of a drawing."""
 

@@ -21,8 +21,6 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.list_learning import with_explicit_order
 
-__all__ = ["GRAPHS", "graph_splits"]
-
 
 def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
     """A fitted labeler for each method of the configuration; they share their classifier."""

@@ -16,8 +16,6 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.tables import is_empty, problem_from_tables
 from pgm_places.io.graph_tables import GraphTables, Table, read_graphml, read_table
 
-__all__ = ["SourceGraph", "load_graphs"]
-
 
 @dataclass(frozen=True, eq=False)
 class SourceGraph:

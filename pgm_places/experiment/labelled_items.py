@@ -18,18 +18,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.trajectories.path_layout import PathLayout
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = [
-    "BLOCK_M",
-    "NODES_PER_BLOCK",
-    "STRETCH_M",
-    "TestDrive",
-    "TestGraph",
-    "TestItem",
-    "TestMap",
-    "blocks_of",
-    "stretches",
-]
-
 BLOCK_M = 2.0
 """Side of the squares resampled for confidence intervals; errors of closer cells correlate."""
 

@@ -24,8 +24,6 @@ from pgm_places.teaching.teacher import Teacher
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from pgm_places.unary.halls import HallNames
 
-__all__ = ["CELLS", "taught_labeler", "tested_map"]
-
 
 def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
     """The base model of the configuration, taught the labels of training maps in their order.

@@ -21,8 +21,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.teaching.paint import Paint
 
-__all__ = ["load_grid", "load_map_of", "load_maps"]
-
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
     """The maps among the sources of ``"train"`` or ``"test"``, coarsened and windowed."""

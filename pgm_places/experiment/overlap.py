@@ -14,8 +14,6 @@ from pgm_places.experiment.sources import Source
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["warn_of_overlap"]
-
 _WHOLES = {"cell": "maps", "step": "drives", "node": "graphs"}
 """What nodes are part of."""
 

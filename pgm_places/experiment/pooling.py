@@ -15,8 +15,6 @@ from pgm_places.experiment.comparison import (
 )
 from pgm_places.experiment.experiment import Experiment
 
-__all__ = ["over_seeds", "over_splits"]
-
 
 def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: str) -> Comparison:
     """The comparisons of all splits as one: what was tested, side by side.

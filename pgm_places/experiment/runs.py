@@ -29,8 +29,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.labeler import learned_with
 from pgm_places.options import option_values
 
-__all__ = ["Trained", "compare", "compare_fitted", "method_result", "train", "versions"]
-
 REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "cvxpy", "osqp", "networkx")
 
 

@@ -6,8 +6,6 @@ from pgm_places.experiment.config import ExperimentConfig, build_method
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.options import option_values
 
-__all__ = ["seeded_config"]
-
 
 def seeded_config(config: ExperimentConfig, seed: int) -> ExperimentConfig:
     """The configuration with this seed wherever learning draws something.

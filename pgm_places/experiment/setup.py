@@ -21,18 +21,6 @@ from pgm_places.options import option_values, plain_values
 from pgm_places.trained import trained_floor
 from pgm_places.unary.options import ClassifierOptions
 
-__all__ = [
-    "AnyMethod",
-    "GraphMethod",
-    "check_labeler",
-    "graph_labelers",
-    "joint_labeler",
-    "make_labeler",
-    "resolved_config",
-    "step_labeler",
-    "step_methods",
-]
-
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     """The unfitted labeler that a configuration describes."""

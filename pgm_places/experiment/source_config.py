@@ -13,8 +13,6 @@ from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.trajectories.similarity import Similarity
 
-__all__ = ["DriveConfig", "SourceConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class DriveConfig(MapConfig, RobotMotion):

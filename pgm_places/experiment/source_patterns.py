@@ -10,8 +10,6 @@ from pgm_places.errors import ConfigError, nearest_name, shown
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.io.csv_table import open_table
 
-__all__ = ["without_patterns"]
-
 _WILDCARD = re.compile(r"\*\*/?|\*|\?|\[(?:![^\]]+|[^!\]][^\]]*)\]")
 """A bracket that is not closed, or holds nothing, is a character like any other."""
 

@@ -9,8 +9,6 @@ from pgm_places.experiment.graphs import SourceGraph, load_graphs
 from pgm_places.experiment.maps import load_maps
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["Source", "Sources", "load_sources"]
-
 Source = LabelledMap | SourceDrive | SourceGraph
 
 

@@ -7,8 +7,6 @@ from pgm_places._option_marks import MinLen
 from pgm_places.errors import ConfigError
 from pgm_places.options import check_options
 
-__all__ = ["SplitConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SplitConfig:

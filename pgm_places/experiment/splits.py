@@ -4,8 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.evaluation.folds import fold_of_buildings
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
@@ -13,8 +12,6 @@ from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.experiment.sources import load_sources
 from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.tasks import task_of, tests_of
-
-__all__ = ["Split", "splits_of"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,6 @@ from pgm_places.labelers.trajectory_labeler import EVERY_M, REACH_M
 from pgm_places.options import AtLeastZero, Positive, Seed, Whole, check_options
 from pgm_places.unary.scan_model import BeamOptions
 
-__all__ = ["StepOptions"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StepOptions:

@@ -23,8 +23,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.trajectories.mapped_drive import MappedDrive
 
-__all__ = ["STEPS", "STEPS_AND_CELLS"]
-
 StepLabeler = TrajectoryLabeler | JointLabeler
 
 

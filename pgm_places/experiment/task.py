@@ -16,8 +16,6 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = ["AnyLabeler", "Evidence", "Labelers", "Task"]
-
 AnyLabeler = PlaceLabeler | TrajectoryLabeler | JointLabeler | StructuredLabeler
 Labelers = Mapping[str, AnyLabeler]
 """The fitted labeler of each method by its id; one of maps serves all of its methods."""

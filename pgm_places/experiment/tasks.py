@@ -15,8 +15,6 @@ from pgm_places.experiment.task import Labelers, Task
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = ["Labelled", "label_names", "label_tests", "task_of", "tests_of"]
-
 _TASKS: Mapping[str, Task] = {
     "cells": CELLS,
     "steps": STEPS,

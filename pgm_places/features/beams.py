@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["JUMP_M", "InvalidBeams", "check_ranges", "clean_beams", "resample_beams"]
-
 InvalidBeams = Literal["max-range", "interpolate"]
 
 JUMP_M = 0.5

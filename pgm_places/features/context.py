@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
 
-__all__ = ["iter_window_means", "window_means"]
-
 ROWS_AT_ONCE = 128
 
 Values = Callable[[slice], NDArray[np.float64]]

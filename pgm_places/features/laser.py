@@ -13,17 +13,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
-__all__ = [
-    "CANONICAL_BEAMS",
-    "DEFINITIONS_VERSION",
-    "LASER_FEATURES",
-    "FeatureSpec",
-    "distinct_features",
-    "feature_set_hash",
-    "first_column",
-    "laser_feature_names",
-]
-
 CANONICAL_BEAMS = 360
 """Features are computed on this many beams: counts and differences depend on their number."""
 

@@ -20,17 +20,6 @@ from pgm_places.features.laser import LASER_FEATURES, laser_feature_names
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.plugins import Registry
 
-__all__ = [
-    "FEATURES",
-    "MapFeature",
-    "ScanFeature",
-    "as_features",
-    "column_names",
-    "feature_values",
-    "n_columns",
-    "values_on_map",
-]
-
 FEATURES = Registry("feature", "pgm_places.features")
 """The registry of features; packages add theirs as entry points of this group."""
 

@@ -10,15 +10,6 @@ from numpy.typing import NDArray
 
 from pgm_places.features.laser import LASER_FEATURES
 
-__all__ = [
-    "FOURIER_BLOCK",
-    "FOURIER_REACH",
-    "FeaturePlan",
-    "FourierPlan",
-    "Thresholds",
-    "plan_features",
-]
-
 FOURIER_REACH = 14
 """Orders are reached from the centres 0, +-29, +-58, +-87 by steps of up to 14."""
 

@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-__all__ = ["CHANNELS", "DEEPEST", "LABELS", "N_INPUTS", "Operations", "forward", "parameters"]
-
 LABELS = ("corridor", "room", "doorway", "hall")
 N_INPUTS = 10
 CHANNELS = (16, 32, 48, 64, 96)

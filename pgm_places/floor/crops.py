@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places.floor.raster import network_inputs, open_cells
 
-__all__ = ["N_TARGETS", "SIDE", "LabelledFloor", "batch", "crop"]
-
 SIDE = 320
 """Rows and columns of a piece, in cells of 0.1 m."""
 

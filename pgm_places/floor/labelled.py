@@ -9,8 +9,6 @@ from pgm_places.floor.architecture import LABELS
 from pgm_places.floor.raster import FloorRaster, holders
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["CIRCULATION", "labelled_raster"]
-
 CIRCULATION = len(LABELS) + 1
 """The target of corridors where halls have no label of their own; those of labels begin with 1."""
 

@@ -16,8 +16,6 @@ from pgm_places.floor.crops import N_TARGETS, SIDE
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 import tensorflow as tf
 
-__all__ = ["BATCH", "Batch", "Trainer", "fresh", "tensorflow_scores"]
-
 Batch = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 BATCH = 8

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import ModelFileError
 from pgm_places.floor.architecture import forward, parameters
 
-__all__ = ["FloorNetwork"]
-
 Array = NDArray[np.float32]
 
 _VALUES_AT_ONCE = 400_000

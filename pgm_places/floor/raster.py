@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 
-__all__ = ["CELL_M", "FARTHEST", "FloorRaster", "holders", "network_inputs", "open_cells", "shares"]
-
-
 FARTHEST = 80
 """Cells of 0.1 m beyond which a distance says nothing more."""
 

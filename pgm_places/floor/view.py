@@ -15,8 +15,6 @@ from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["FloorScores", "View", "floor_scores", "views_of"]
-
 _TILE, _MARGIN = 1024, 160
 """Cells of 0.1 m: a tile is scored with so much around it, which its own cells need to see."""
 

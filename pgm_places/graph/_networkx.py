@@ -12,8 +12,6 @@ from pgm_places.errors import InputError
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["networkx_parts", "to_networkx"]
-
 Parts = tuple[tuple[Hashable, ...], list[tuple[int, int]], NDArray[np.float64] | None]
 
 

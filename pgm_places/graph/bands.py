@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 
-__all__ = ["bands_of_rows"]
-
 BAND_CELLS = 4_000_000
 
 

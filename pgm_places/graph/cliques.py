@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, integer_array
 from pgm_places.errors import InputError
 
-__all__ = ["Cliques"]
-
 
 @dataclass(frozen=True, eq=False)
 class Cliques:

@@ -2,8 +2,6 @@
 
 from enum import IntEnum
 
-__all__ = ["EdgeKind"]
-
 
 class EdgeKind(IntEnum):
     """What an edge stands for; models may treat kinds differently."""

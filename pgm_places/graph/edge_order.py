@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, number_array, sealed
 from pgm_places.errors import InputError
 
-__all__ = ["EdgeOrder", "Neighbours", "neighbours_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:

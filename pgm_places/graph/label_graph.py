@@ -35,8 +35,6 @@ from pgm_places.graph.raster_edges import RasterEdges
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["LabelGraph"]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelGraph:

@@ -12,8 +12,6 @@ from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.mask_cells import MaskCells
 
-__all__ = ["CellMap", "GridLayout", "StepLayout", "grid_layout", "lattice_mask", "painted"]
-
 
 @runtime_checkable
 class CellMap(Protocol):

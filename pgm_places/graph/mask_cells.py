@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["MaskCells"]
-
 
 @dataclass(frozen=True, eq=False)
 class MaskCells:

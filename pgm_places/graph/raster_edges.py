@@ -17,8 +17,6 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.layout import GridLayout
 
-__all__ = ["RasterEdges"]
-
 _STEPS = {
     4: ((0, 1, EdgeKind.AXIS), (1, 0, EdgeKind.AXIS)),
     8: (

@@ -15,8 +15,6 @@ from pgm_places.errors import InputError
 from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["Labeling", "Status", "keep_evidence"]
-
 
 class Status(StrEnum):
     """What is known of a labelling; each word says no more than is true."""

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 
-__all__ = ["node_weights"]
-
 
 def node_weights(
     sample_weight: Sequence[ArrayLike] | NDArray[np.float64] | None, sizes: Sequence[int]

@@ -13,8 +13,6 @@ from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 
-__all__ = ["Potentials", "keep_known", "score"]
-
 
 @dataclass(frozen=True, eq=False)
 class Potentials:

@@ -22,15 +22,6 @@ from pgm_places.inference.description import ProblemDescription, describe
 from pgm_places.inference.node_weights import node_weights
 from pgm_places.inference.potentials import keep_known
 
-__all__ = [
-    "LabelingProblem",
-    "evident_unary",
-    "labelled_problems",
-    "listed_problems",
-    "require_no_cliques",
-    "weights_of",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelingProblem:

@@ -12,8 +12,6 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["is_empty", "labeling_table", "problem_from_tables"]
-
 
 def problem_from_tables(
     nodes: Any,

@@ -14,8 +14,6 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.options import Positive
 
-__all__ = ["Temperature", "calibrated", "likeliest_temperature", "tempered"]
-
 Temperature = Positive | Literal["auto"]
 """The option of methods whose beliefs are tempered: a number, or the one that training found."""
 

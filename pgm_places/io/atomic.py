@@ -18,15 +18,6 @@ from pgm_places.io.staging import (
     stage,
 )
 
-__all__ = [
-    "atomic_file",
-    "atomic_folder",
-    "check_folder_target",
-    "tidy",
-    "write_bytes",
-    "write_text",
-]
-
 
 def write_bytes(path: Path | str, data: bytes) -> Path:
     """The path, once the file holds exactly ``data``; parent folders are made.

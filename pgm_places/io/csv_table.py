@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, shown
 from pgm_places.io.input_file import open_input
 
-__all__ = ["MAX_VALUES", "CsvTable", "open_table", "plain_number"]
-
 MAX_VALUES = 20_000_000
 """The most numbers in one table: 160 MB."""
 _MAX_NAME = 200

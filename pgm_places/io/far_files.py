@@ -13,8 +13,6 @@ from pgm_places._extras import install_command
 from pgm_places.errors import InputError, PgmPlacesError, printable
 from pgm_places.io.input_file import is_address
 
-__all__ = ["FarFolder", "address_of"]
-
 
 def address_of(path: Path | str) -> str:
     """An address as it was written: a path has lost a slash of it, or two.

@@ -11,8 +11,6 @@ from pathlib import Path, PurePosixPath
 
 from pgm_places.io.staging import flush, flush_tree, is_staged
 
-__all__ = ["NEW", "UNFINISHED", "can_be_exchanged", "file_names", "finish", "swap_in"]
-
 NEW = "new"
 """The folder of a stage that holds the new files."""
 

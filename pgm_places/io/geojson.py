@@ -12,8 +12,6 @@ from pgm_places.errors import LabelError, is_printable, shown
 from pgm_places.io.input_file import user_path
 from pgm_places.io.text_file import read_json
 
-__all__ = ["Region", "read_regions"]
-
 MAX_BYTES = 64 << 20
 Ring: TypeAlias = NDArray[np.float64]
 

@@ -9,8 +9,6 @@ from pgm_places.errors import InputError
 from pgm_places.io.csv_table import open_table
 from pgm_places.io.input_file import open_input
 
-__all__ = ["GraphTables", "read_graphml", "read_table"]
-
 Table = dict[str, list[Any]]
 """The values of each column, from top to bottom."""
 

@@ -10,8 +10,6 @@ from typing import Literal
 
 from pgm_places.errors import InputError, shown
 
-__all__ = ["file_kind", "is_address", "open_input", "sha256_of", "user_path"]
-
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
     """A path as users write it: ``~`` is their home folder.

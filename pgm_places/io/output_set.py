@@ -13,16 +13,6 @@ from pgm_places.io.folder_swap import NEW, UNFINISHED, can_be_exchanged, file_na
 from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
-__all__ = [
-    "RECORD_FILE",
-    "OutputSet",
-    "claim",
-    "has_all_files",
-    "is_as_written",
-    "output_set",
-    "written_names",
-]
-
 RECORD_FILE = ".pgm-places.json"
 """Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
 

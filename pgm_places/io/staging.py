@@ -15,19 +15,6 @@ try:
 except ImportError:  # Windows: leftovers stay, and writers do not wait for each other
     fcntl = None  # type: ignore[assignment]
 
-__all__ = [
-    "as_output_errors",
-    "claimed",
-    "flush",
-    "flush_tree",
-    "is_staged",
-    "locked",
-    "make_folders",
-    "remove_leftovers",
-    "stage",
-]
-
-
 _IN_USE: set[Path] = set()
 """The stages of this process that are being filled."""
 

@@ -10,11 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import InputError, shown
+from pgm_places.errors import InputError, nearest_name, shown
 from pgm_places.io.text_file import read_text
-
-__all__ = ["YamlFile", "YamlValue", "read_yaml"]
 
 YamlValue: TypeAlias = "str | list[YamlValue] | dict[str, YamlValue]"
 

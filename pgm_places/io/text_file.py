@@ -11,8 +11,6 @@ from typing import Any, NoReturn
 from pgm_places.errors import InputError
 from pgm_places.io.input_file import open_input
 
-__all__ = ["parsed_json", "read_bytes", "read_json", "read_text", "read_toml"]
-
 
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
     """The content of a file; parameters and errors are those of :func:`read_text`."""

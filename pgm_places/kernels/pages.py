@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-__all__ = ["Planes", "leave_in_file", "return_freed"]
-
 
 def leave_in_file(array: NDArray[Any]) -> None:
     """Free the memory that a file's array (``numpy.memmap``, read-only) takes so far.

@@ -13,9 +13,6 @@ from threading import Lock, Thread
 
 from pgm_places.errors import InputError
 
-__all__ = ["Crew", "resolve_threads", "run_tasks"]
-
-
 _MOST = 1024
 """More is a slip: the system would refuse them, after some of the work is done."""
 

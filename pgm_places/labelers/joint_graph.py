@@ -17,13 +17,6 @@ from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
 
-__all__ = [
-    "JointExample",
-    "JointGraph",
-    "JointLabeling",
-    "JointScores",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class JointLabeling:

@@ -31,12 +31,6 @@ from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
 
-__all__ = [
-    "LINK_WEIGHTS",
-    "JointLabeler",
-]
-
-
 LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Weights of the links that are tried, relative to that of all other edges."""
 

@@ -13,8 +13,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.coarsening import Coarsening, coarsen_labels
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
-__all__ = ["KnownCells"]
-
 
 @dataclass(frozen=True, eq=False)
 class KnownCells:

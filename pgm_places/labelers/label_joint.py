@@ -11,8 +11,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["LabelledDrive", "label_map_and_drive"]
-
 
 class LabelledDrive(NamedTuple):
     """A labelled map and the labelling of a drive through it.

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError, nearest_name, shown
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["named", "numbered"]
-
 UNKNOWN = (None, "")
 """What stands in place of a name where no label is known."""
 

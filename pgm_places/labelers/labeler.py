@@ -41,13 +41,10 @@ import time
 from collections.abc import Callable, Hashable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError, NotFittedError
+from pgm_places.errors import ConfigError, NotFittedError, nearest_name
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.options import check_option, option_values
 from pgm_places.progress import Progress, Silent
-
-__all__ = ["Labeler", "as_fitted", "learned_with"]
 
 
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:

@@ -16,19 +16,6 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoders import named_decoder
 from pgm_places.options import check_options
 
-__all__ = [
-    "PlaceMethod",
-    "Unary",
-    "as_backend",
-    "check_labels_any_graph",
-    "check_labels_maps",
-    "infer",
-    "infer_further",
-    "place_methods",
-    "unfitted",
-    "with_edge_kinds",
-]
-
 Unary = Literal["auto", "laser", "context", "space", "floor"]
 
 

@@ -15,8 +15,6 @@ from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
 from pgm_places.unary.scan_observer import ScanObserver
 
-__all__ = ["BeliefFilter", "OnlineLabeler"]
-
 
 class BeliefFilter:
     """A hidden Markov model that counts the steps within ``every_m`` as one observation.

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import traits_of

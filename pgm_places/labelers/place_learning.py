@@ -33,18 +33,6 @@ from pgm_places.unary.options import ClassifierOptions
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.hmm import HiddenMarkovModel
 
-__all__ = [
-    "LabelledNodes",
-    "common_resolution",
-    "confusion_counts",
-    "learn_from_scores",
-    "learn_methods",
-    "learn_movement",
-    "learn_places",
-    "movement_of",
-    "without_halls",
-]
-
 
 def confusion_counts(
     truths: Sequence[NDArray[np.int64]], scores: Sequence[NDArray[np.float64]], n_labels: int

@@ -15,9 +15,6 @@ from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["along_spaces", "cells_problem", "shown_names", "with_doorway_depth"]
-
-
 _NEAR_M, _BESIDE_M = 1.0, 0.3
 """Cells so far before, behind and beside a gate are its doorway or none."""
 

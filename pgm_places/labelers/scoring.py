@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.labelers.label_names import numbered
 
-__all__ = ["node_scorer"]
-
 Scorer = Callable[[Any, Sequence[LabelingProblem], Sequence[NDArray[np.int64]]], float]
 
 

@@ -23,8 +23,6 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
-__all__ = ["StepLabelling"]
-
 
 class StepLabelling(Labeler):
     """What :class:`~pgm_places.labelers.trajectory_labeler.TrajectoryLabeler` does once fitted."""

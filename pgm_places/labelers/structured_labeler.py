@@ -30,10 +30,6 @@ from pgm_places.labelers.structured_learning import (
 from pgm_places.progress import Progress
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
-__all__ = [
-    "StructuredLabeler",
-]
-
 
 class StructuredLabeler(Labeler):
     """A classifier that looks at each node alone, and a backend that labels all nodes together.

@@ -13,19 +13,6 @@ from pgm_places.errors import ConfigError, InputError, LearningWarning
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = [
-    "Truth",
-    "Weights",
-    "checked",
-    "counted",
-    "features_of",
-    "held_out_problems",
-    "log_probabilities",
-    "require_weighing",
-    "trained",
-]
-
-
 Truth = NDArray[np.int64]
 
 Weights = list[NDArray[np.float64]] | None

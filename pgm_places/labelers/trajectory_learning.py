@@ -38,18 +38,6 @@ from pgm_places.unary.training_cells import training_features
 if TYPE_CHECKING:
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = [
-    "Examples",
-    "KnownMaps",
-    "check_can_learn",
-    "learn_list",
-    "learn_method",
-    "loops_for",
-    "segment_problem",
-    "trajectory_examples",
-]
-
-
 KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 """The map of all trajectories, or one for each."""
 

@@ -14,8 +14,6 @@ from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.node_features import NodeSegments
 
-__all__ = ["with_whole_spaces"]
-
 _PAIR = ("corridor", "room")
 """Only these change places: doorways keep their cells, and other labels need not follow spaces."""
 

@@ -13,8 +13,6 @@ from pgm_places._extras import needed
 from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.ros_codec import TYPES, RosCodec
 
-__all__ = ["DdsBus", "DdsWriter"]
-
 PURPOSE = "speaking DDS"
 
 _BLOCKED_MS = 100

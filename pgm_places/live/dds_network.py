@@ -9,8 +9,6 @@ from xml.sax.saxutils import quoteattr
 
 from pgm_places.errors import ConfigError
 
-__all__ = ["DdsNetwork"]
-
 VARIABLE = "CYCLONEDDS_URI"
 
 DOMAIN = '<CycloneDDS xmlns="https://cdds.io/config"><Domain id="any">{}</Domain></CycloneDDS>'

@@ -14,8 +14,6 @@ from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 
-__all__ = ["DdsNode"]
-
 TURN_S = 0.02
 """How often maps are looked after where no message comes."""
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places.io.logs.bag_poses import PoseTrack, at_times
 
-__all__ = ["FrameBuffer", "SoughtPose"]
-
 KEEP_S = 10.0
 """How long transforms are kept, as long as tf2 does."""
 

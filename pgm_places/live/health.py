@@ -7,8 +7,6 @@ from typing import Any
 from pgm_places.live.place_finder import FoundPlace
 from pgm_places.live.ros_codec import RosCodec
 
-__all__ = ["Health"]
-
 OK, WARN, ERROR = 0, 1, 2
 """Levels of ``diagnostic_msgs/DiagnosticStatus``."""
 

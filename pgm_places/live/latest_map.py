@@ -7,8 +7,6 @@ import numpy as np
 from pgm_places.errors import InputError
 from pgm_places.live.ros_codec import RosCodec
 
-__all__ = ["LatestMap"]
-
 
 class LatestMap:
     """Keeps the last ``nav_msgs/OccupancyGrid`` and applies ``map_msgs/OccupancyGridUpdate``s.

@@ -20,8 +20,6 @@ from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder
 from pgm_places.live.ros_codec import TYPES, RosCodec
 
-__all__ = ["LiveNode"]
-
 HEALTH_S = 1.0
 """How often the node says how it is doing."""
 

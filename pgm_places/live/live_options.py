@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from pgm_places.options import AtLeastZero, Positive, Probability, check_options
 
-__all__ = ["LiveOptions"]
-
 
 @dataclass(frozen=True)
 class LiveOptions:

@@ -16,8 +16,6 @@ from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.map_view import MapView
 from pgm_places.live.ros_codec import TYPES, RosCodec
 
-__all__ = ["SHOWN", "LabelledMapMessages", "MapLabeller"]
-
 SHOWN = ("label_map", "markers", "topology", "places")
 """What is published of a map; those who come later get the last."""
 

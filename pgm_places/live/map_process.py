@@ -26,8 +26,6 @@ from pgm_places.live.session_file import read_session, write_session
 if TYPE_CHECKING:
     from pgm_places.live.live_map import LiveMap
 
-__all__ = ["MapAnswer", "MapDesk", "MapProcess", "main"]
-
 SESSION = "session.json"
 NICENESS = 10
 """How much the process stands back behind others."""

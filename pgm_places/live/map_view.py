@@ -14,8 +14,6 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.live.live_map import LiveLabels
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["MapFrame", "MapView", "PlaceOfMap"]
-
 _ARRAYS = ("number", "rows", "shares", "region")
 
 

@@ -1,7 +1,5 @@
 """The messages of ``pgm_places_msgs``: what ROS calls a place, and the places of a map."""
 
-__all__ = ["MESSAGES", "UPDATE"]
-
 PLACE = """\
 std_msgs/Header header
 string label

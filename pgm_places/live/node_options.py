@@ -6,8 +6,6 @@ from typing import Annotated
 from pgm_places._option_marks import Ge, Le
 from pgm_places.options import AtLeastZero, Positive, check_options
 
-__all__ = ["NodeOptions", "parameter_name"]
-
 
 @dataclass(frozen=True)
 class NodeOptions:

@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 from pgm_places.live.map_labeller import SHOWN
 
-__all__ = ["OUTPUTS", "Output"]
-
 
 class Output(NamedTuple):
     """How something is published.

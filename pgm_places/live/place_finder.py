@@ -14,8 +14,6 @@ from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.map_view import MapView, PlaceOfMap
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 
-__all__ = ["FoundPlace", "PlaceFinder"]
-
 DIGITS = 6
 
 

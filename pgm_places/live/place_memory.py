@@ -12,8 +12,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.naming import SAME_PLACE, middles, number_on
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["PlaceMemory", "RememberedPlace"]
-
 CONTAINED = 0.8
 """Share of a place that lies in a piece which is taken for its larger self: it has grown. Share of
 a piece that lies in a place of the last map which is taken for its smaller self."""

@@ -17,8 +17,6 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["Replay"]
-
 MARGIN = 1
 """Cells of unknown space around what a map of scans has seen."""
 

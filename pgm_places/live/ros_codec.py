@@ -7,8 +7,6 @@ from pgm_places._extras import needed
 from pgm_places.errors import InputError, printable
 from pgm_places.live.message_types import MESSAGES, UPDATE
 
-__all__ = ["TYPES", "RosCodec"]
-
 TYPES = {
     "scan": "sensor_msgs/msg/LaserScan",
     "map": "nav_msgs/msg/OccupancyGrid",

@@ -9,8 +9,6 @@ from pgm_places.live.growing_features import raster_shift
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
-__all__ = ["SettledMap"]
-
 T = TypeVar("T", bound=np.generic)
 
 

@@ -11,16 +11,6 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = [
-    "SAME",
-    "block_areas",
-    "block_rows",
-    "coarse_shape",
-    "factor_between",
-    "holders",
-    "simplest_factor",
-]
-
 SAME = 1e-3
 """0.2 / 0.05 is 4 to the last bits, and map files round resolutions to three or four digits."""
 

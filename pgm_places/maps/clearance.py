@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from pgm_places._core import squared_distance
 
-__all__ = ["squared_clearance"]
-
 
 def squared_clearance(
     blocked: NDArray[np.bool_], *, out: NDArray[np.int32] | None = None

@@ -25,15 +25,6 @@ from pgm_places.maps._blocks import (
 )
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = [
-    "Coarsening",
-    "coarsen",
-    "coarsen_labels",
-    "coarsening_factor",
-    "refine",
-    "refined_shape",
-]
-
 
 def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
     """The map with cells split: each new cell is as the cell of ``grid`` that holds its centre.

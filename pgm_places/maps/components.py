@@ -10,8 +10,6 @@ from pgm_places._core import label_components
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["Components", "connected_components", "number_type"]
-
 
 def number_type(count: int) -> np.dtype[Any]:
     """The type that holds the numbers 0 to ``count`` and -1 for none.

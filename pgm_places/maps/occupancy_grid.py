@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, sealed
 from pgm_places.errors import MapError
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "OccupancyGrid", "check_resolution"]
-
 _RESOLUTIONS_M = (1e-6, 1e3)
 _FARTHEST = 1e9
 FREE = 0

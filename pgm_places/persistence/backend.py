@@ -11,8 +11,6 @@ from pgm_places.inference.backends import METHODS, Backend
 from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays
 
-__all__ = ["KIND", "dump", "dump_backend", "load", "load_backend"]
-
 KIND = "backend"
 
 

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["ESTIMATORS", "dump_estimator", "load_estimator", "unfitted_estimator"]
-
 ESTIMATORS: Mapping[str, str] = {
     "DecisionListClassifier": "pgm_places.models.decision_list",
     "GaussianNB": "sklearn.naive_bayes",

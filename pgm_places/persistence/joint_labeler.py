@@ -10,8 +10,6 @@ from pgm_places.persistence import place_labeler, trajectory_labeler
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 
-__all__ = ["KIND", "dump", "load"]
-
 KIND = "joint-labeler"
 
 CODECS = {"places": place_labeler, "steps": trajectory_labeler}

@@ -14,8 +14,6 @@ from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["LabelledMapFolder", "read_labelled_map"]
-
 
 class LabelledMapFolder(NamedTuple):
     """What a labelled map says of positions.

@@ -20,8 +20,6 @@ from pgm_places.io.atomic import atomic_folder, check_folder_target
 from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.text_file import read_bytes, read_json
 
-__all__ = ["Arrays", "check_target", "is_model", "load_folder", "readable", "save_folder"]
-
 MANIFEST, ARRAYS = "manifest.json", "arrays.safetensors"
 FORMAT = "pgm_places model"
 SCHEMA = 1

@@ -32,8 +32,6 @@ from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 
-__all__ = ["KIND", "check_savable", "dump", "load"]
-
 KIND = "place-labeler"
 
 OPTIONS = (

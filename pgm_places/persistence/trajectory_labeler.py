@@ -22,8 +22,6 @@ from pgm_places.persistence.unary import (
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 from pgm_places.unary.surroundings import N_SURROUNDINGS
 
-__all__ = ["KIND", "dump", "load"]
-
 KIND = "trajectory-labeler"
 
 OPTIONS = ("n_folds", "n_runs", "seed", "loop_m")

@@ -17,19 +17,6 @@ from pgm_places.persistence.model_folder import Arrays, load_folder
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary.floor_model import FloorModel
 
-__all__ = [
-    "check_feature_set",
-    "dump_features",
-    "dump_floor",
-    "dump_list",
-    "dump_shared_floor",
-    "load_features",
-    "load_floor",
-    "load_list",
-    "load_sensor",
-]
-
-
 _OPTIONS = ("views_per_network", "share", "doorway_share", "gate_share")
 
 _SHIPPED = Path(__file__).resolve().parents[1] / "trained" / "default"

@@ -33,16 +33,6 @@ from pgm_places.trajectories.path_layout import PathLayout
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = [
-    "Canvas",
-    "View",
-    "checked_labels",
-    "difference_canvas",
-    "label_canvas",
-    "value_canvas",
-    "view_of",
-]
-
 _UNKNOWN, _WALL, _IGNORED, _STRIPE, _FIRST = range(5)
 _GROUND = (UNKNOWN, WALL, IGNORED, IGNORED_STRIPE)
 

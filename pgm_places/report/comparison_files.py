@@ -14,8 +14,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = ["comparison_record", "write_comparison"]
-
 SCHEMA = 1
 
 

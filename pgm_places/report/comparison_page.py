@@ -22,9 +22,6 @@ from pgm_places.report.map_layers import label_layers, probability_layers
 from pgm_places.report.page import render
 from pgm_places.spaces.door_truth import DoorScores
 
-__all__ = ["history_charts", "reliability_chart", "report_page", "write_report"]
-
-
 _SHARED_QUANTITIES = ("accuracy", "balanced_accuracy", "change", "residual")
 """Quantities that mean the same for every method: drawn in one chart. Energies are not."""
 

@@ -19,9 +19,6 @@ from pgm_places.report.figure import INK
 if TYPE_CHECKING:
     from PIL import ImageDraw, ImageFont
 
-__all__ = ["Drawing", "Packing", "text_width"]
-
-
 _FINER = 4
 """Shapes are drawn this many times as large and averaged, which gives them smooth edges."""
 

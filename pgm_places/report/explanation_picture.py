@@ -12,8 +12,6 @@ from pgm_places.report.figure import INK, MUTED
 from pgm_places.teaching.reasons import CellExplanation, FeatureVote, Question
 from pgm_places.teaching.taught import Taught
 
-__all__ = ["explanation_lines", "explanation_picture"]
-
 _EDGE, _MAP, _ROW, _PANEL = 24, 560, 21, 500
 _BAR = 110
 _MOST_VOTES = 7

@@ -6,8 +6,6 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["INK", "MUTED", "PixelFigure"]
-
 INK, MUTED = "#1a202c", "#5a6472"
 _DPI = 100
 

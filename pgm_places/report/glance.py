@@ -9,8 +9,6 @@ from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.judgement import Difference
 from pgm_places.report.map_layers import Layer, thumbnails
 
-__all__ = ["Glance", "Standing", "difference_words", "glance_of"]
-
 MOST_METHODS = 6
 """Methods drawn; the tables below have all."""
 

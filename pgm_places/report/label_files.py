@@ -19,8 +19,6 @@ from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.report.drawing import Packing
 from pgm_places.report.outputs import Outputs
 
-__all__ = ["labelled_map", "write_labels"]
-
 SUMMARY_FILE = "summary.json"
 MAX_BYTES = 64 << 20
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from pgm_places.report.figure import PixelFigure
 from pgm_places.report.page import data_uri, template_text
 
-__all__ = ["Chart", "Line", "line_chart"]
-
 _WIDTH, _PLOT_HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM, _LEGEND_LINE = 460, 230, 84, 16, 22, 52, 20
 _TEXT_PT, _TICK_PT = 9.5, 8.5
 _LONGEST_NAME = 62

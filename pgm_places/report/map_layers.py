@@ -22,8 +22,6 @@ from pgm_places.report.page import data_uri
 from pgm_places.report.sheet import round_length
 from pgm_places.report.track_pictures import belief_plot
 
-__all__ = ["Layer", "MapLayers", "label_layers", "probability_layers", "thumbnails"]
-
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000
 """Pixels of all label pictures and of all probability pictures together. A pixel of the first takes
 some 0.05 bytes, of the second at most 0.6, so that a report stays below 8 MB."""

@@ -17,8 +17,6 @@ from pgm_places.report.canvas import checked_labels, label_canvas, value_canvas,
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.sheet import ColourBar, Panel, sheet, sheet_png
 
-__all__ = ["entropy", "label_map", "overview", "thumbnail"]
-
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
 _THUMBNAIL_PIXELS = 40_000

@@ -7,9 +7,6 @@ from typing import Self
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.io.places.label_probabilities import probability_file
 
-__all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "SETTINGS", "TRACK", "Outputs", "label_names"]
-
-
 _NONE = "none"
 
 

@@ -13,8 +13,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from pgm_places._version import __version__
 from pgm_places.experiment.judgement import points
 
-__all__ = ["data_uri", "render", "template_text"]
-
 _TEMPLATES = Path(__file__).parent / "templates"
 _NONE = "–"
 _MOST_ITEMS, _MOST_NUMBERS = 24, 12

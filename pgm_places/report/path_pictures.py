@@ -21,8 +21,6 @@ from pgm_places.report.drawing import Drawing, text_width
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import Panel, sheet_png
 
-__all__ = ["path_map"]
-
 _MOST_PIXELS = 1_500_000
 _PATH, _CASING, _OTHER = 5.0, 8.0, 2.0
 """Widths in pixels of the path, of the white line below it, and of a path to compare with."""

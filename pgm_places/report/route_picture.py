@@ -20,14 +20,6 @@ from pgm_places.report.topology_pictures import name_spots, paled_canvas
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "ROUTE_PICTURE",
-    "route_drawing",
-    "routes_summary",
-    "write_routes",
-]
-
-
 ROUTE_PICTURE = "nav2_route.png"
 
 

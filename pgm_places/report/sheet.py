@@ -11,8 +11,6 @@ from pgm_places.report.canvas import Canvas
 from pgm_places.report.drawing import Drawing, text_width
 from pgm_places.report.figure import INK, MUTED
 
-__all__ = ["ColourBar", "Panel", "draw_scale_bar", "round_length", "sheet", "sheet_png"]
-
 _LEAST_WIDTH = 420
 _LARGEST_CELL = 12
 """Pixels of a cell's side: small maps need not fill a screen."""

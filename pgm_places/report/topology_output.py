@@ -23,13 +23,6 @@ from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "doubt_summary",
-    "places_summary",
-    "write_places",
-    "write_topology",
-]
-
 _MOST_SPLITS = 5
 
 

@@ -19,16 +19,6 @@ from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "count_line",
-    "marked_checks",
-    "name_spots",
-    "paled_canvas",
-    "topology_drawing",
-    "topology_picture",
-]
-
-
 _SQUARE = 64.0
 """Side of the squares by which boxes are found, in pixels: about the length of a name."""
 

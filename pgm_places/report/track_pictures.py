@@ -13,8 +13,6 @@ from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.map_pictures import label_map
 from pgm_places.trajectories.path_layout import PathLayout
 
-__all__ = ["belief_plot", "path_picture", "path_raster"]
-
 PLOT_COLUMNS = 1400
 """Most columns of the belief plot; longer logs show means."""
 

@@ -14,8 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Beams", "Octant"]
-
 
 @dataclass(frozen=True)
 class Octant:

@@ -7,8 +7,6 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Box", "NodeNumbers", "tiles"]
-
 
 @dataclass(frozen=True)
 class Box:

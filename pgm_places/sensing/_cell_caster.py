@@ -26,8 +26,6 @@ from pgm_places.sensing._sweep import (
 from pgm_places.sensing._sweep_tables import TileCells
 from pgm_places.sensing.sensor import Sensor
 
-__all__ = ["CellCaster", "blocked_window"]
-
 _CELLS_PER_TASK = 256
 
 # Nanoseconds that the two methods were measured to take; only their ratio matters.

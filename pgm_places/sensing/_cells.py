@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from pgm_places.sensing.sensor import SensorNoise
 
-__all__ = ["Cells", "Noise"]
-
 
 class Cells(NamedTuple):
     """Cells that scans are taken from."""

@@ -37,17 +37,6 @@ from pgm_places.sensing._sweep_tables import (
     TileCells,
 )
 
-__all__ = [
-    "LARGEST_REGION",
-    "BeamGroup",
-    "Surroundings",
-    "TileSweep",
-    "Work",
-    "beam_groups",
-    "tile_cells",
-    "work_bytes",
-]
-
 LARGEST_REGION = 32_000
 """Rows, columns and reach together, in cells, that 16-bit face numbers can tell apart."""
 

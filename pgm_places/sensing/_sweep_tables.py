@@ -10,33 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "BLOCK",
-    "LAST_COLUMN",
-    "LIFT",
-    "LOG_BINS",
-    "METRES_MAJOR",
-    "METRES_MINOR",
-    "METRES_X",
-    "METRES_Y",
-    "N_FIELDS",
-    "N_PLACES",
-    "PER_X",
-    "PER_Y",
-    "SHIFT",
-    "SLOPE",
-    "STEP_X",
-    "STEP_Y",
-    "Column",
-    "Frame",
-    "Listed",
-    "Output",
-    "Pictures",
-    "Rays",
-    "Region",
-    "TileCells",
-]
-
 BLOCK = 32
 """Cells looked up at a time; buffers are padded by as many."""
 

@@ -11,8 +11,6 @@ if TYPE_CHECKING:  # the flags that these options become do without NumPy
     from pgm_places.sensing.sensor import SensorNoise
     from pgm_places.trajectories.scan import ScanGeometry
 
-__all__ = ["LaserOptions"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LaserOptions:

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.options import AtLeastZero, Seed, check_options
 
-__all__ = ["OdometryNoise"]
-
 
 @dataclass(frozen=True)
 class OdometryNoise:

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from pgm_places.options import Positive, check_options
 
-__all__ = ["RobotMotion"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion:

@@ -7,8 +7,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, nearest_name
-from pgm_places.errors import ConfigError, InputError
+from pgm_places._checks import finite_array
+from pgm_places.errors import ConfigError, InputError, nearest_name
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import PoseCaster

@@ -11,8 +11,6 @@ from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, Positive, Probability, Seed, check_options
 
-__all__ = ["Sensor", "SensorNoise"]
-
 
 @dataclass(frozen=True)
 class SensorNoise:

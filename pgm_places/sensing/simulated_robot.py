@@ -21,8 +21,6 @@ from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["SimulatedRobot", "scans_along"]
-
 _PIECE_M = 0.05
 
 

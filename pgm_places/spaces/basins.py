@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from pgm_places import _core
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
-__all__ = ["N_RECTANGLES", "BasinSums", "Basins", "find_basins", "neighbour_steps", "sum_up"]
-
 N_RECTANGLES = 15
 """Rectangles are tried at steps of 6 degrees over a quarter turn."""
 

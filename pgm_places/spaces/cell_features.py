@@ -16,8 +16,6 @@ from pgm_places.spaces.segment_lookup import Lookups, SegmentLookup
 from pgm_places.spaces.segmentation import Segmentation, Segments
 from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES
 
-__all__ = ["CellFeatures", "space_feature_names"]
-
 _CELLS_PER_TASK = 8192
 """Cells that one thread looks up at a time, few enough for its data to stay in cache."""
 

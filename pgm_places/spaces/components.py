@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from pgm_places._core import number_components
 
-__all__ = ["components", "neighbour_lists"]
-
 
 def neighbour_lists(
     pairs: NDArray[np.integer], count: int

@@ -15,16 +15,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import Gates
 
-__all__ = [
-    "DoorMatch",
-    "DoorScores",
-    "match_doors",
-    "match_gates",
-    "match_painted",
-    "true_doors",
-    "unmatched_doors",
-]
-
 _LEAST_OVERLAP = 0.3  # the narrowest chord beside an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
 _MARGIN_M = 0.1

@@ -16,11 +16,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.places import Places
 
-__all__ = [
-    "Doorways",
-    "RasterRuns",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class RasterRuns:

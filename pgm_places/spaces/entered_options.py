@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from pgm_places.options import AtLeastZero, check_options
 
-__all__ = ["EnteredOptions"]
-
 
 @dataclass(frozen=True)
 class EnteredOptions:

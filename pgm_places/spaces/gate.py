@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
-__all__ = ["Gate"]
-
 
 @dataclass(frozen=True)
 class Gate:

@@ -8,8 +8,6 @@ from pgm_places.spaces.gates import Gates
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, SEGMENT_FEATURES
 
-__all__ = ["gate_features"]
-
 _FARTHEST_M = 10.0
 _NEAR_M = 3.0
 

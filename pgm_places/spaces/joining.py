@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.components import components, neighbour_lists
 
-__all__ = ["join"]
-
 _UNIT = 1e-9
 """Weights are added as multiples of this, so that their sums depend on no order."""
 

@@ -13,9 +13,6 @@ from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_lookup import Lookups, SegmentLookup
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
-__all__ = ["NodeFeatures", "NodeSegments"]
-
-
 _WIDEST_M, _SHORTEST_M, _ASPECT = 3.0, 3.0, 0.5
 
 

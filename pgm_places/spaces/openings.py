@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from pgm_places._core import number_openings
 from pgm_places.spaces.relief import half_width_m
 
-__all__ = ["Borders", "Openings", "find_openings"]
-
 _REACH = 2
 """Sites of one border are at most a cell apart: two halves."""
 

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.spaces.places import Places
 
-__all__ = ["neighbour_graph", "shared_walls"]
-
 WIDEST_WALL_M = 0.6
 LEAST_SHARED_M = 1.0
 

@@ -14,9 +14,6 @@ from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
-__all__ = ["Places", "place_features", "places_between"]
-
-
 _SURE = 1e-6
 """Probabilities of gates are kept this far from 0 and 1, unless they are 0 or 1 exactly."""
 

@@ -7,9 +7,6 @@ from pgm_places._core import open_cells, smoothed_roots
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
-__all__ = ["SMALLEST_SPACE_M2", "UNIT", "clearance_m", "half_width_m", "open_space", "relief_of"]
-
-
 FURNITURE_M2 = 0.35
 """Smaller obstacles, whether occupied or unknown, are filled: table legs, chairs, specks."""
 

@@ -12,8 +12,6 @@ from pgm_places.spaces.segmentation import Segments
 from pgm_places.spaces.shapes import shapes_of
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
 
-__all__ = ["NARROW_M", "area_cut_off", "betweenness", "segment_features"]
-
 NARROW_M = 0.8
 """Half width of the widest opening that counts as narrow."""
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places._core import write_features
 from pgm_places.spaces.segmentation import Segments
 
-__all__ = ["Lookups", "SegmentLookup"]
-
 _CELL_COLUMNS = 3
 """What a cell adds to the columns of its segment: depth, way out, and the way out's width."""
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.segmentation import Segments
 
-__all__ = ["SegmentRows"]
-
 
 @dataclass(frozen=True, eq=False)
 class SegmentRows:

@@ -10,8 +10,6 @@ from pgm_places.spaces.basins import N_RECTANGLES
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_rows import SegmentRows
 
-__all__ = ["Shapes", "shapes_of"]
-
 
 @dataclass(frozen=True, eq=False)
 class Shapes:

@@ -7,18 +7,6 @@ middle line of a passage (``half_width_m``). The building is all of the map's op
 import hashlib
 from dataclasses import dataclass
 
-__all__ = [
-    "CELL_FEATURES",
-    "EARLIER_SPACE_FEATURES",
-    "GATE_FEATURES",
-    "LARGEST_NEIGHBOUR_FEATURES",
-    "PLACE_EXTRA_FEATURES",
-    "PLACE_FEATURES",
-    "SEGMENT_FEATURES",
-    "SpaceSpec",
-    "space_features_hash",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class SpaceSpec:

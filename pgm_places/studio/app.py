@@ -21,8 +21,6 @@ from pgm_places.studio.reasons import reasons_record
 from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
 from pgm_places.studio.shelf import Shelf
 
-__all__ = ["application", "static_files"]
-
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",

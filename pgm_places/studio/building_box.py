@@ -6,8 +6,6 @@ from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["building_box"]
-
 MOST_CELLS = 2_000_000
 """Of larger maps, every second, third, ... row and column is looked at."""
 

@@ -16,8 +16,6 @@ from pgm_places.studio.journal import Journal, subject_of
 from pgm_places.studio.painting import Painting
 from pgm_places.studio.runs import runs_of_mask
 
-__all__ = ["Carried", "map_shift", "opened_painting"]
-
 JOURNAL = "journal.jsonl"
 
 LEAST_SAME = 0.9

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["Changes", "share_that_agrees"]
-
 
 @dataclass(frozen=True, eq=False)
 class Changes:

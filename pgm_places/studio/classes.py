@@ -9,8 +9,6 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, shown
 from pgm_places.palette import label_colours
 
-__all__ = ["MOST_CLASSES", "Classes", "PlaceClass"]
-
 MOST_CLASSES = 100
 _COLOUR = re.compile("#[0-9a-f]{6}")
 

@@ -4,8 +4,6 @@ import asyncio
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["MOST_CONNECTIONS", "REQUEST_S", "BoundedConnection"]
-
 MOST_CONNECTIONS = 64
 """Several tabs with six connections each fit; a program that opens more is turned away."""
 

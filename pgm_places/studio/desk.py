@@ -32,8 +32,6 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 
-__all__ = ["Desk"]
-
 NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it from wall to wall."
 
 CLASSES = ("corridor", "room", "doorway")

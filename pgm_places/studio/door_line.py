@@ -15,8 +15,6 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["Limits", "doorway_ends", "parts"]
-
 LONGEST_SNAP_M = 2.0
 """How far behind a click a wall may be for a doorway to reach it."""
 

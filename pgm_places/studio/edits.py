@@ -10,8 +10,6 @@ from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.place_edits import doorways_between
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["fill_cells", "merge_cells"]
-
 
 def fill_cells(
     grid: OccupancyGrid,

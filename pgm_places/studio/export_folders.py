@@ -12,8 +12,6 @@ from typing import Self
 
 from pgm_places.errors import InputError
 
-__all__ = ["ExportFolders"]
-
 LONGEST = 1000
 """Characters of a path from the page."""
 

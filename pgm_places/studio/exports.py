@@ -24,8 +24,6 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import NAMES
 
-__all__ = ["EXPORTS", "Export", "exports_record", "write_export", "write_training"]
-
 CORRECTIONS = "corrections.png"
 
 

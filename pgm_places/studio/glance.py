@@ -9,8 +9,6 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["glance"]
-
 
 def glance(
     labeler: PlaceLabeler | None, grid: OccupancyGrid, n_threads: int | None = None

@@ -10,8 +10,6 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-__all__ = ["MOST_BYTES", "POLICY", "Guard"]
-
 MOST_BYTES = 4 << 20
 """The largest body of a request; an outline with 100 000 points is smaller."""
 

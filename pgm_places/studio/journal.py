@@ -17,8 +17,6 @@ try:
 except ImportError:  # Windows: two studios on one folder are not kept apart
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Journal", "subject_of"]
-
 FORMAT, SCHEMA = "pgm-places-studio", 1
 MAX_BYTES = 2 << 30
 MAX_HEADER_BYTES = 1 << 16

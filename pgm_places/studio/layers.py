@@ -29,8 +29,6 @@ from pgm_places.studio.tiles import (
     value_colours,
 )
 
-__all__ = ["Layers"]
-
 LESSON_SOURCES = {
     "taught": "Labels now",
     "before": "Labels at the start",

@@ -8,8 +8,6 @@ from typing import Generic, TypeVar
 
 from pgm_places.errors import PgmPlacesError, SolverError
 
-__all__ = ["Learner", "LearnerState"]
-
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
 

@@ -20,8 +20,6 @@ from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.rules import TopologyOptions
 
-__all__ = ["Lesson", "Question", "Tutor", "probability_raster", "renamed"]
-
 
 @dataclass(frozen=True, eq=False)
 class Question:

@@ -15,8 +15,6 @@ from pgm_places.studio.journal import Journal
 from pgm_places.studio.repaint import PaintedPart, Repaint
 from pgm_places.studio.runs import checked_runs, runs_of_mask
 
-__all__ = ["Painting", "Version"]
-
 Entry = dict[str, Any]
 Names = dict[tuple[float, float], str]
 

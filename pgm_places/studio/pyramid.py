@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TILE", "Pyramid", "n_levels"]
-
 TILE = 256
 """Side of a tile in pixels."""
 

@@ -8,8 +8,6 @@ from pgm_places.teaching.explanation import explain_cell
 from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.teaching.taught import Taught
 
-__all__ = ["reasons_record"]
-
 MOST_VOTES = 4
 """Of each sign, for each class."""
 MOST_BEAMS = 180

@@ -12,8 +12,6 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.checks import PlaceCheck
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["cell_record", "drive_record", "places_record", "state_record"]
-
 MOST_CHECKS = 200
 LEAST_M2 = 0.05
 """Nothing smaller is shown to be checked: it would read 0.0 m², as doorways without cells do."""

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from pgm_places._core import differing_runs, write_runs
 
-__all__ = ["PaintedPart", "Repaint"]
-
 
 @dataclass(frozen=True)
 class PaintedPart:

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["checked_runs", "runs_of_mask", "runs_over"]
-
 
 def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
     """(n, 3) row, first column and length of each run of cells in a mask (h, w), row by row.

@@ -13,8 +13,6 @@ from pgm_places.studio.app import application
 from pgm_places.studio.connections import BoundedConnection
 from pgm_places.studio.shelf import Shelf
 
-__all__ = ["serve"]
-
 HOST = "127.0.0.1"
 """This computer only, whatever else it is connected to."""
 

@@ -11,8 +11,6 @@ from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.exports import write_training
 
-__all__ = ["Book", "Shelf"]
-
 MOST_OPEN = 4
 """So many maps stay in memory with all that is known of their cells."""
 

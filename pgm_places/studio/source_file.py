@@ -3,8 +3,6 @@
 import hashlib
 from pathlib import Path
 
-__all__ = ["SourceFile"]
-
 
 class SourceFile:
     """A file as it was when the studio began.

@@ -10,8 +10,6 @@ from pgm_places.studio.door_line import Limits
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.topology.cuts import Line
 
-__all__ = ["doorways_along"]
-
 HALF_DEPTH_M = 0.12
 
 

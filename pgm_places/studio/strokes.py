@@ -19,8 +19,6 @@ from pgm_places.options import check_options
 from pgm_places.studio.door_line import Limits, doorway_ends
 from pgm_places.studio.runs import runs_of_mask
 
-__all__ = ["Stroke", "stroke_cells"]
-
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
 BAND_ROWS = 64

@@ -11,20 +11,6 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
 from pgm_places.palette import ERROR, levels, rgb_of
 from pgm_places.studio.pyramid import TILE
 
-__all__ = [
-    "CLEAR",
-    "ERRORS",
-    "FLASH",
-    "GROUNDS",
-    "Theme",
-    "encode_labels",
-    "encode_map",
-    "hatched",
-    "label_palette",
-    "png",
-    "value_colours",
-]
-
 Theme = Literal["light", "dark"]
 CLEAR = "#00000000"
 GROUNDS: dict[Theme, tuple[str, str, str]] = {

@@ -20,8 +20,6 @@ from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import SpaceModel
 
-__all__ = ["learned_alone"]
-
 _SPACES = SpaceOptions(n_rounds=30, max_depth=3, calibration="none")
 _LASER_ROUNDS, _NODE_FEATURES = 10, 30
 _ONE_FOLD = 1  # gates of a single map leave nothing to calibrate by

@@ -18,8 +18,6 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.space_model import MapSpaces
 from pgm_places.unary.training_cells import training_features
 
-__all__ = ["CellPaint", "CellTable"]
-
 
 @dataclass(frozen=True, eq=False)
 class CellPaint:

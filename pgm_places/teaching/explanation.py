@@ -31,11 +31,6 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.space_model import MapSpaces, gate_log_odds
 
-__all__ = [
-    "explain_cell",
-    "explain_region",
-]
-
 
 def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     """Why the cell at a position of the map frame has its label.

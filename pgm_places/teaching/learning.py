@@ -20,8 +20,6 @@ from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, le
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.space_model import GateJudge, SpaceModel
 
-__all__ = ["POTTS", "Learning"]
-
 POTTS = PlaceMethod(
     PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.6), "space"
 )

@@ -17,8 +17,6 @@ from pgm_places.models.further_boosting import (
 )
 from pgm_places.options import AtLeastZero, check_options
 
-__all__ = ["OF_PAINT_ALONE", "Lesson", "TeachingOptions", "chosen_cells", "learned_further"]
-
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
 """The options that also count where there is no labeler to go on from."""
 

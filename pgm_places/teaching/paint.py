@@ -21,8 +21,6 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.outlines import outlines
 
-__all__ = ["LINE_WIDTH_M", "Paint"]
-
 LINE_WIDTH_M = 0.2
 """How wide lines of a GeoJSON file are painted that say nothing else."""
 

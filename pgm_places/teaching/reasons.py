@@ -8,14 +8,6 @@ from numpy.typing import NDArray
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.regions import Region
 
-__all__ = [
-    "CellExplanation",
-    "FeatureVote",
-    "NeighbourPull",
-    "Question",
-    "RegionExplanation",
-]
-
 
 @dataclass(frozen=True)
 class FeatureVote:

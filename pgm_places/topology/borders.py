@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["STEPS", "Contacts", "Meetings", "contacts", "contacts_at", "meetings"]
-
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """From a cell down and right to half of its neighbours: the other half are the same pairs."""
 

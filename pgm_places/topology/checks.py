@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["PlaceCheck", "doubtful_share", "places_to_check"]
-
 
 @dataclass(frozen=True, eq=False)
 class PlaceCheck:

@@ -11,8 +11,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.borders import STEPS, contacts_at, meetings
 from pgm_places.topology.topological_map import Connection
 
-__all__ = ["Passages", "connections_of", "find_passages"]
-
 
 @dataclass(frozen=True, eq=False)
 class Passages:

@@ -17,15 +17,6 @@ from pgm_places.topology.gate_pieces import grow
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "Line",
-    "Parts",
-    "cut_along",
-    "line_width_m",
-    "narrowest_line",
-    "opening_cuts",
-]
-
 Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 """The two ends of a line in the map frame."""
 

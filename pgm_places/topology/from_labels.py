@@ -23,8 +23,6 @@ from pgm_places.topology.naming import EarlierPlaces, identify, name_places
 from pgm_places.topology.regions import deepest_cells, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["mean_probabilities", "topological_map"]
-
 
 def mean_probabilities(
     pieces: Components,

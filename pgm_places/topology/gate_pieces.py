@@ -13,8 +13,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
 
-__all__ = ["GatePieces", "grow", "pieces_between"]
-
 Numbers: TypeAlias = NDArray[np.int16] | NDArray[np.int32]
 
 _NEIGHBOURS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]

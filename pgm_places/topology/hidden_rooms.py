@@ -11,8 +11,6 @@ from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["HiddenRooms", "hidden_rooms"]
-
 WIDEST_M, DEEPEST_M = 1.9, 0.75
 """Wider openings are parts of a room; what is narrow for longer than any wall is thick lies between
 a wall and a bed, or a counter."""

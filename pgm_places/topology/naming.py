@@ -14,16 +14,6 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = [
-    "EarlierPlaces",
-    "KnownPlaces",
-    "identify",
-    "middles",
-    "name_places",
-    "number_on",
-    "reading_order",
-]
-
 SAME_PLACE = 0.25
 """Smallest intersection over union of areas at which a place keeps its id."""
 

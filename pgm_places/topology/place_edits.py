@@ -25,8 +25,6 @@ from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["doorways_between", "merged", "renamed", "split_across", "split_apart", "split_at"]
-
 _WIDER_M = 0.5
 """Other openings that are cut with one may be wider than it by so much."""
 

@@ -8,8 +8,6 @@ from pgm_places.topology.hidden_rooms import HiddenRooms
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["propose_splits"]
-
 
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0

@@ -15,8 +15,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.outlines import outlines
 
-__all__ = ["Polygon", "Region", "deepest_cells", "describe_regions", "edges"]
-
 # Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
 

@@ -14,8 +14,6 @@ from pgm_places.topology.skeleton import skeleton_of
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-__all__ = ["Roads", "roads_through"]
-
 ROOM_M = 0.3
 """Shortcuts stay this far from obstacles, or nearly as far as their ends do."""
 

@@ -10,8 +10,6 @@ from pgm_places._core import segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["RouteSpace"]
-
 
 class RouteSpace:
     """The raster with an edge of obstacles, and what fits into it. Positions are in its cells.

@@ -7,8 +7,6 @@ from typing import Any, Literal
 from pgm_places.errors import ConfigError, shown
 from pgm_places.options import AtLeastZero, check_options, from_mapping
 
-__all__ = ["CorrectionRules", "DoorwaysFrom", "TopologyOptions", "stored_options"]
-
 DoorwaysFrom = Literal["gates", "labels"]
 
 _RETIRED = ("widest_doorway_m", "close_leaks_m", "split_rooms_m")

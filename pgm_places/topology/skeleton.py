@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from pgm_places._core import thin
 from pgm_places.maps.components import connected_components
 
-__all__ = ["Skeleton", "skeleton_of"]
-
 _AROUND = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 Cell = tuple[int, int]
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, nearest_name, sealed
-from pgm_places.errors import InputError
+from pgm_places._checks import frozen, sealed
+from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.corrections import Correction
@@ -19,8 +19,6 @@ from pgm_places.topology.regions import Region
 
 if TYPE_CHECKING:
     import networkx as nx
-
-__all__ = ["Connection", "TopologicalMap"]
 
 
 @dataclass(frozen=True)

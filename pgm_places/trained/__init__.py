@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ModelFileError
+from pgm_places.errors import ModelFileError, nearest_name
 
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["MappedDrive"]
-
 
 @dataclass(frozen=True, eq=False)
 class MappedDrive:

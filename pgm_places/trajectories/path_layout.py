@@ -12,8 +12,6 @@ from pgm_places.errors import InputError
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["PathLayout"]
-
 BRUSH_M = 0.12
 """Half the width of the path as drawn."""
 

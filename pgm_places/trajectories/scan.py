@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, frozen
 from pgm_places.errors import InputError
 
-__all__ = ["Scan", "ScanGeometry"]
-
 _ANGLE_TOLERANCE_RAD = 2e-4  # a hundredth of a degree
 _GAP_OF_A_FULL_CIRCLE = 1.5  # in beam spacings; a wider gap is a blind sector
 

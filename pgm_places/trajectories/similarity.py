@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 
-__all__ = ["Similarity"]
-
 
 @dataclass(frozen=True)
 class Similarity:

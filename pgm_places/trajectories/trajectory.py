@@ -17,8 +17,6 @@ from pgm_places.trajectories.similarity import Similarity
 if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["Trajectory", "headings_along"]
-
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:

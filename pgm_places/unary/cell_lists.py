@@ -12,17 +12,6 @@ from pgm_places.spaces.node_features import NodeFeatures
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
-__all__ = [
-    "CellList",
-    "ContextPart",
-    "LaserList",
-    "SpaceList",
-    "aligned_log_proba",
-    "on_labels",
-    "without_halls",
-]
-
-
 _CELLS_PER_TASK = 1024
 """Cells whose columns of both kinds are put side by side at a time, by one thread."""
 

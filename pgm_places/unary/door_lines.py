@@ -12,8 +12,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import Gates, chord_directions
 
-__all__ = ["door_lines"]
-
 _DOORWAY = LABELS.index("doorway")
 
 _LIKELY = 0.5

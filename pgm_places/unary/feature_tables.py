@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor
 
-__all__ = ["Block", "FeatureTables"]
-
 Block = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Numbers of cells, and their features (n, F)."""
 

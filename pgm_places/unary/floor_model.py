@@ -23,9 +23,6 @@ from pgm_places.trajectories.segments import DistanceGate
 from pgm_places.unary.door_lines import door_lines
 from pgm_places.unary.surroundings import square_around
 
-__all__ = ["FloorJudge", "FloorModel", "LocalFloor", "columns_of", "with_floor", "with_local_floor"]
-
-
 _LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
 
 _HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")

@@ -11,8 +11,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["HallNames"]
-
 HALL, CORRIDOR, ROOM = "hall", "corridor", "room"
 
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.floor.view import FloorScores
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["KeptTable"]
-
 T = TypeVar("T", bound=np.generic)
 
 

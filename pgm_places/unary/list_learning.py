@@ -15,19 +15,6 @@ from pgm_places.unary.cell_lists import aligned_log_proba
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = [
-    "RAREST_FIRST",
-    "fitted_list",
-    "held_out_lists",
-    "held_out_scores",
-    "in_the_order_of",
-    "like",
-    "scores_of",
-    "with_explicit_order",
-    "with_temperatures",
-    "without_a_domain",
-]
-
 RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 

@@ -27,8 +27,6 @@ from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import GateJudge, MapSpaces, SpaceModel
 
-__all__ = ["UNARIES", "CellScores", "UnaryModel", "sees_spaces"]
-
 UNARIES = ("laser", "context", "space", "floor")
 """What a method can be given, by name."""
 

@@ -10,8 +10,6 @@ from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.unary.floor_model import FloorModel, LocalFloor
 from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
 
-__all__ = ["Observation", "Observations", "ScanObserver", "surroundings_along"]
-
 
 class Observation(NamedTuple):
     """What is seen at one step.

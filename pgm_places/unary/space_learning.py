@@ -21,8 +21,6 @@ from pgm_places.unary.space_model import (
 )
 from pgm_places.unary.training_cells import TrainingCells
 
-__all__ = ["LearnedSpaces", "gate_list", "learn_spaces"]
-
 
 @dataclass(frozen=True, eq=False)
 class LearnedSpaces:

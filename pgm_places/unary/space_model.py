@@ -19,16 +19,6 @@ from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
-__all__ = [
-    "N_SPACE_COLUMNS",
-    "AtGates",
-    "GateJudge",
-    "MapSpaces",
-    "SpaceModel",
-    "gate_log_odds",
-    "with_gates",
-]
-
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Columns that cells get from segments and places."""
 

@@ -11,8 +11,6 @@ from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.trajectories.segments import DistanceGate
 
-__all__ = ["N_SURROUNDINGS", "Surroundings", "square_around"]
-
 N_SURROUNDINGS = len(space_feature_names(RATIOS))
 """Columns that a step gets from the segments around it."""
 

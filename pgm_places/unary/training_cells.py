@@ -18,8 +18,6 @@ from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import Block, FeatureTables
 
-__all__ = ["TrainingCells", "training_features"]
-
 _AT_ONCE = 65_536
 
 

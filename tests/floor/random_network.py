@@ -5,8 +5,6 @@ import numpy as np
 from pgm_places.floor.architecture import parameters
 from pgm_places.floor.network import FloorNetwork
 
-__all__ = ["random_network"]
-
 
 def random_network(seed: int) -> FloorNetwork:
     """A network whose scores are of the order of one."""

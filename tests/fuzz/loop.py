@@ -14,8 +14,6 @@ from pathlib import Path
 from pgm_places.errors import PgmPlacesError
 from tests.fuzz.readers import Reader
 
-__all__ = ["Findings", "peak_bytes", "problem_of", "run"]
-
 MOST_SECONDS = 1.0
 MOST_BYTES = 256 << 20
 MOST_CHARACTERS = 2000

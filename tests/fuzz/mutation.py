@@ -5,8 +5,6 @@ import random
 import re
 from typing import Any
 
-__all__ = ["mutated_bytes", "mutated_json", "mutated_text"]
-
 NUMBERS = (0, 1, 127, 255, 256, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 2**40, 2**63 - 1, 2**64 - 1)
 WORDS = (
     *("", "0", "-1", "nan", "inf", "-inf", "1e400", "1e39", "1e308", "5e-324", "1_000", "0x10"),

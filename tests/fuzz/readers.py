@@ -42,8 +42,6 @@ from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated
 from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES
 from tests.studio.conftest import HOST, TOKEN, Client
 
-__all__ = ["READERS", "Reader"]
-
 JSON_TYPE = "application/json"
 MAX_PIXELS = 4_000_000
 """The limit of a map in pixels, lowered so that its memory does not hide what leaks."""

@@ -43,8 +43,6 @@ from tests.io.logs.detection_files import detection_bag
 from tests.io.logs.log_files import HEADER, drive, flaser, packed_chunks, packed_files, robotlaser
 from tests.topology.floors import gated_floor_map, gates_of
 
-__all__ = ["MODELS", "NAMES", "seeds"]
-
 STORED = Path(__file__).parents[1] / "data" / "stored"
 MODELS = (
     *sorted(path.name for path in STORED.iterdir() if path.is_dir()),

@@ -9,8 +9,6 @@ from PIL import Image
 
 from pgm_places.vision.object_counts import ObjectCounts
 
-__all__ = ["write_counts", "write_map"]
-
 DESCRIPTION = {
     "resolution": "0.05",
     "origin": "[0.0, 0.0, 0.0]",

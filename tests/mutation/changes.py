@@ -5,8 +5,6 @@ import copy
 from collections.abc import Callable, Iterator
 from types import CodeType
 
-__all__ = ["Change", "changed_code", "changes_of"]
-
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.LtE,
     ast.LtE: ast.Lt,

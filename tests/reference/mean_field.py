@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["mean_field_in_order"]
-
 
 def mean_field_in_order(
     unary: NDArray[np.float64],

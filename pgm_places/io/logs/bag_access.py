@@ -14,8 +14,6 @@ from pgm_places.errors import LogError, PgmPlacesError, printable
 from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.logs.unpacking import bounded_chunks, plain_storage
 
-__all__ = ["is_bag", "open_bag", "stamp_s"]
-
 _SUFFIXES = (".bag", ".mcap", ".db3")
 
 

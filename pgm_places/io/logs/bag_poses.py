@@ -7,8 +7,6 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FrameTree", "Lookup", "PoseTrack", "at_times", "planar"]
-
 Lookup = Literal["interpolated", "nearest"]
 
 

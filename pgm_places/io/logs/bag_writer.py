@@ -13,8 +13,6 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file, atomic_folder
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["write_bag"]
-
 _ROS2_VERSION = 9
 _TOPICS = {
     "/scan": "sensor_msgs/msg/LaserScan",

@@ -16,8 +16,6 @@ from pgm_places.io.logs.loaded_log import LoadedLog, ScanColumns, code_warnings,
 from pgm_places.io.logs.map_messages import ScanMessages
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["read_bag"]
-
 _SCANS = "sensor_msgs/msg/LaserScan"
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -41,9 +41,6 @@ from pgm_places.io.logs.log_lines import LogLines
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["CarmenReader", "iter_carmen_scans", "read_carmen", "write_carmen"]
-
-
 _RESOLUTION_M = 0.001
 
 

@@ -10,8 +10,6 @@ from pgm_places.errors import LogError
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
 from pgm_places.vision.object_counts import ObjectCounts
 
-__all__ = ["read_detection_bag"]
-
 KINDS = ("vision_msgs/msg/Detection2DArray",)
 
 

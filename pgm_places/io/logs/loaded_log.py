@@ -12,8 +12,6 @@ from pgm_places.errors import LogError
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["LoadedLog", "ScanColumns", "code_warnings", "order_warnings"]
-
 MAX_SCANS = 5_000_000
 MAX_READINGS = 500_000_000
 _MAX_KINDS = 1000

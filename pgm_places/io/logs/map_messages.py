@@ -14,8 +14,6 @@ from pgm_places.io.logs.bag_poses import planar
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 
-__all__ = ["MAP_TYPE", "MapMessage", "ScanMessages", "grid_of_message", "read_map_messages"]
-
 
 class ScanMessages:
     """Makes scans of ``sensor_msgs/LaserScan``; scans with the same beams share one geometry.

@@ -13,8 +13,6 @@ from pgm_places.io.input_file import user_path
 from pgm_places.io.text_file import read_json
 from pgm_places.vision.object_counts import MOST, ObjectCounts
 
-__all__ = ["read_object_counts"]
-
 TIME = "t_s"
 MAX_CSV_BYTES, MAX_JSON_BYTES = 256 << 20, 32 << 20
 _WANTED = "counts of objects (CSV or JSON)"

@@ -17,8 +17,6 @@ from pgm_places.io.input_file import user_path
 from pgm_places.io.logs.loaded_log import LoadedLog, order_warnings
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
-__all__ = ["iter_pose_csv", "read_pose_csv", "write_pose_csv"]
-
 MAX_BYTES = 1 << 30
 _TIME = ("t_s", "time_s", "timestamp", "time", "t")
 _X = ("x_m", "x")

@@ -10,8 +10,6 @@ from pgm_places.io.logs.bag_access import is_bag
 from pgm_places.io.logs.loaded_log import LoadedLog
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["check_name", "read_trajectory", "write_trajectory"]
-
 
 def read_trajectory(
     path: Path | str,

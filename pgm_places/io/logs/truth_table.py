@@ -7,8 +7,6 @@ from pgm_places.errors import LogError
 from pgm_places.io.logs.pose_csv import read_pose_csv
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["translated", "with_truth"]
-
 
 def with_truth(
     trajectory: Trajectory,

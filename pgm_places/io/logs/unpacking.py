@@ -18,9 +18,6 @@ from pgm_places.errors import LogError, printable, shown
 from pgm_places.io.input_file import file_kind, open_input
 from pgm_places.io.strict_yaml import read_yaml
 
-__all__ = ["MAX_CHUNK_BYTES", "bounded_chunks", "plain_storage", "unpacked", "zstd_module"]
-
-
 MAX_CHUNK_BYTES = 256 << 20
 """Of a chunk, unpacked; writers begin a new one after some megabytes."""
 

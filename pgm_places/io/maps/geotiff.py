@@ -12,8 +12,6 @@ from pgm_places.io.atomic import write_bytes
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["pixel_to_map", "write_geotiff"]
-
 _TRANSFORMATION, _GEO_KEYS, _NO_DATA = 34264, 34735, 42113
 # Key directory 1.1.0: a plane (1024: 1), pixels are areas (1025: 1), EPSG 3857, metres (3072).
 _KEYS = (1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 3857)

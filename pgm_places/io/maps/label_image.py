@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import label_raster, nearest_name
-from pgm_places.errors import LabelError
+from pgm_places._checks import label_raster
+from pgm_places.errors import LabelError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
@@ -25,9 +25,6 @@ from pgm_places.io.maps.label_values import (
 )
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image, raster_png
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-__all__ = ["Orientation", "load_labels", "save_labels"]
-
 
 # Shares of labels off the free cells. Labels that were drawn by hand spill over walls, whichever
 # way they lie; the wrong way they spill several times as much. Of 121 label images of real floors,

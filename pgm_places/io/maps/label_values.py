@@ -7,23 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import nearest_name, plain_names
-from pgm_places.errors import LabelError, shown
+from pgm_places._checks import plain_names
+from pgm_places.errors import LabelError, nearest_name, shown
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.raster_image import RasterImage, Strip
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
 from pgm_places.palette import hex_of
-
-__all__ = [
-    "LABEL_COLOURS",
-    "LabelValues",
-    "colours_are_wanted",
-    "default_values",
-    "listed_names",
-    "palette_of",
-    "read_label_values",
-    "values_of_colours",
-]
 
 
 @dataclass(frozen=True)

@@ -12,21 +12,6 @@ from pgm_places.io.maps.raster_image import RasterImage
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.options import UnknownGrey
 
-__all__ = [
-    "FREE_GREY",
-    "FREE_THRESH",
-    "OCCUPIED_GREY",
-    "OCCUPIED_THRESH",
-    "UNKNOWN_GREY",
-    "Compat",
-    "Fractions",
-    "MapPixels",
-    "Mode",
-    "PixelRules",
-    "grey_of",
-]
-
-
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
 Compat: TypeAlias = Literal["nav2", "ros1"]

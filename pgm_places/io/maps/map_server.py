@@ -11,8 +11,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, nearest_name
-from pgm_places.errors import MapError, OutputError, shown
+from pgm_places._checks import frozen
+from pgm_places.errors import MapError, OutputError, nearest_name, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.map_pixels import (

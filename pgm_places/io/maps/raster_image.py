@@ -18,15 +18,6 @@ from pgm_places.io.input_file import open_input
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-__all__ = [
-    "MAX_PIXELS",
-    "RasterImage",
-    "Strip",
-    "open_image",
-    "raster_png",
-]
-
-
 # A map of 10 000 x 10 000 cells passes with a factor of 2 to spare; one byte per pixel is held.
 MAX_PIXELS = 200_000_000
 

@@ -8,12 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import LabelError
+from pgm_places.errors import LabelError, nearest_name
 from pgm_places.io.geojson import Region, Ring, read_regions
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-__all__ = ["load_regions", "rasterize_polygon"]
 
 _log = logging.getLogger(__name__)
 

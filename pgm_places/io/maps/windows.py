@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import MapError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["window_mask"]
-
 _STRIP_CELLS = 1 << 20
 
 

@@ -12,8 +12,6 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.text_file import read_text
 
-__all__ = ["CutProblem", "read_dimacs", "write_dimacs"]
-
 MAX_BYTES = 1 << 30
 _WHAT = "a cut problem (DIMACS max)"
 

@@ -13,8 +13,6 @@ from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.atomic import atomic_file
 from pgm_places.io.input_file import open_input
 
-__all__ = ["read_opengm", "write_opengm"]
-
 MAX_BYTES = 1 << 32
 _WHAT = "a factor graph (OpenGM's HDF5)"
 _VERSION, _EXPLICIT, _DOUBLE = (2, 0), 16000, 1

@@ -16,16 +16,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.io.text_file import read_text
 
-__all__ = [
-    "UaiResult",
-    "read_evidence",
-    "read_uai",
-    "read_uai_result",
-    "write_evidence",
-    "write_uai",
-    "write_uai_result",
-]
-
 MAX_BYTES = 1 << 30
 _NETWORK = "a network (UAI)"
 _LARGEST = 700.0

@@ -9,8 +9,6 @@ from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["CHECK_FILE", "check_table", "write_checks"]
-
 CHECK_FILE = "check.csv"
 _COLUMNS = (
     "id",

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import InputError, printable
+from pgm_places.errors import InputError, nearest_name, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
@@ -16,8 +15,6 @@ from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
-
-__all__ = ["EXPORTS", "ROUTE_FILE", "export", "write_dot", "write_graphml", "write_node_link"]
 
 
 def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:

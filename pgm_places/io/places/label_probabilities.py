@@ -10,8 +10,6 @@ from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.maps.raster_image import open_image
 
-__all__ = ["load_probabilities", "probability_file"]
-
 
 def probability_file(label: str) -> str:
     """The name of a label's image: 0 to 255 for a probability of 0 to 1, 0 outside free cells."""

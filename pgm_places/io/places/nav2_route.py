@@ -11,8 +11,6 @@ from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["nav2_route", "route_features", "write_nav2_route"]
-
 Feature = dict[str, Any]
 
 

@@ -11,8 +11,6 @@ from pgm_places.io.atomic import atomic_folder
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["class_grid", "write_place_bag"]
-
 GRID_TOPIC, MARKER_TOPIC = "/place_classes", "/places"
 _METADATA_VERSION = 9
 _GRID_TYPE, _MARKER_TYPE = "nav_msgs/msg/OccupancyGrid", "visualization_msgs/msg/MarkerArray"

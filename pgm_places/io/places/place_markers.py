@@ -12,8 +12,6 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["ROS", "place_markers"]
-
 _AREA_ALPHA = 0.5
 _AREA_Z_M, _LINE_Z_M, _NAME_Z_M = 0.01, 0.03, 0.3
 _LINE_M, _POINT_M, _TEXT_M = 0.05, 0.2, 0.35

@@ -20,8 +20,6 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.rules import TopologyOptions, stored_options
 
-__all__ = ["GATES_FILE", "SETTINGS_FILE", "PlaceSettings", "load_settings", "save_settings"]
-
 SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
 _FORMAT, _SCHEMA = "pgm-places settings of places", 1
 _MAX_BYTES = 64 << 20

@@ -9,9 +9,6 @@ from pgm_places.io.atomic import write_text
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["LOCAL_METRES", "gate_record", "read_gate", "region_features", "write_region_features"]
-
-
 _SIZES = ("heading_rad", "width_m", "depth_m")
 
 

@@ -25,16 +25,6 @@ from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
-__all__ = [
-    "NAMES_FILE",
-    "TOPOLOGY_FILE",
-    "load_named_topology",
-    "load_topology",
-    "read_own_names",
-    "save_topology",
-    "write_own_name",
-]
-
 TOPOLOGY_FILE, REGION_FILE, FEATURES_FILE = "topology.json", "regions.png", "regions.geojson"
 NAMES_FILE = "place_names.yaml"
 FORMAT, SCHEMA = "pgm-places-topology", 1
