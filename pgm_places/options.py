@@ -42,6 +42,7 @@ __all__ = [
     "Whole",
     "check_option",
     "check_options",
+    "described",
     "from_mapping",
     "option_fields",
     "option_hints",
@@ -64,8 +65,8 @@ UnknownGrey = Annotated[int, Ge(0), Le(255)] | Literal["none"]
 T = TypeVar("T")
 
 
-_PARAMETER = re.compile(r"^(\w[\w, ]*) : [^\n]*\n((?: +[^\n]*\n?)+)", re.MULTILINE)
-"""One entry of a docstring's parameters: names, and what is said of them."""
+_PARAMETER = re.compile(r"^(\w[\w, ]*)(?: : ([^\n]*))?\n((?: +[^\n]*\n?)+)", re.MULTILINE)
+"""One entry of a docstring's parameters: names, what they take, and what is said of them."""
 
 
 class OptionError(ConfigError):
@@ -115,11 +116,19 @@ def option_lines(cls: type[Any]) -> dict[str, str]:
     """The first sentence that the docstring of the class, or of a base, says of each option."""
     lines: dict[str, str] = {}
     for base in reversed(cls.__mro__):
-        _, _, parameters = inspect.cleandoc(base.__doc__ or "").partition("\n----------\n")
-        for names, text in _PARAMETER.findall(parameters):
-            sentence = " ".join(text.split()).partition(". ")[0].rstrip(".")
-            lines |= dict.fromkeys(names.split(", "), sentence + ".")
+        for name, (_, text) in described(base).items():
+            lines[name] = text.partition(". ")[0].rstrip(".") + "."
     return {name: lines.get(name, "") for name in option_hints(cls)}
+
+
+def described(item: Any) -> dict[str, tuple[str, str]]:
+    """What the docstring of a class or a function says of each parameter: its kind, and a text."""
+    _, _, parameters = inspect.cleandoc(item.__doc__ or "").partition("\n----------\n")
+    return {
+        name: (kind, " ".join(text.split()))
+        for names, kind, text in _PARAMETER.findall(parameters)
+        for name in names.split(", ")
+    }
 
 
 def check_options(item: Any) -> None:

@@ -22,6 +22,7 @@ Model = Annotated[
     str,
     Option("--model", "-m", help="Folder written by 'train', or the name of a shipped model."),
 ]
+Method = Annotated[str | None, Option(help="Method of the model; its last one by default.")]
 UnknownValue = Annotated[
     UnknownGrey | None,
     Option(

@@ -40,7 +40,7 @@ class Command:
     @property
     def help(self) -> str:
         """What it does, in paragraphs."""
-        return inspect.cleandoc(self.function.__doc__ or "")
+        return inspect.cleandoc(self.function.__doc__ or "").partition("\n\nParameters\n")[0]
 
     @property
     def summary(self) -> str:

@@ -1,9 +1,11 @@
 """What a command takes: arguments and options, declared beside the parameters of its function.
 
-``n_threads: Annotated[Whole | None, Option("--threads", help="Number of threads.")] = None`` is an
-option of one whole number. The type says what it takes, in the words of every other option.
+``n_threads: Annotated[Whole | None, Option("--threads")] = None`` is an option of one whole number.
+The type says what it takes, in the words of every other option. The help is in the docstring of the
+function, among its parameters, or in the mark where several commands share it.
 """
 
+import copy
 import inspect
 import typing
 from collections.abc import Callable
@@ -13,10 +15,10 @@ from types import NoneType
 from typing import Annotated, Any, Union
 
 from pgm_places._option_marks import arms, bare
-from pgm_places.options import check_option
+from pgm_places.options import check_option, described
 
 
-@dataclass(frozen=True)
+@dataclass
 class Argument:
     """The mark of a parameter that is given by its place on the command line.
 
@@ -29,7 +31,7 @@ class Argument:
     """
 
     metavar: str
-    help: str
+    help: str = ""
 
 
 class Option:
@@ -38,10 +40,10 @@ class Option:
     Parameters
     ----------
     *flags : str
-        ``"--out", "-o"``; named after the parameter if there are none. A switch that can also be
-        turned off is written ``"--correct/--no-correct"``.
+        ``"--out", "-o"``; :func:`flag_of` the parameter if there are none. A switch that can also
+        be turned off is written ``"--correct/--no-correct"``.
     help : str
-        One sentence.
+        One sentence; that of the docstring by default.
     metavar : str, optional
         What stands for its value; the kind of value by default.
     usual : bool or str, optional
@@ -51,8 +53,8 @@ class Option:
     def __init__(
         self,
         *flags: str,
-        help: str,
-        metavar: str | None = None,
+        help: str = "",
+        metavar: str = "",
         usual: bool | str | None = None,
     ) -> None:
         self.flags, self.help, self.metavar, self.usual = flags, help, metavar, usual
@@ -98,7 +100,7 @@ class Parameter:
         """How an option is given; none of an argument."""
         if isinstance(self.declared, Argument):
             return ()
-        return self.declared.flags or (f"--{self.name.replace('_', '-')}",)
+        return self.declared.flags or (flag_of(self.name),)
 
     @property
     def switches(self) -> dict[str, bool]:
@@ -145,6 +147,22 @@ class Parameter:
         return check_option(self.shown, self._item, number_in(text, kind))
 
 
+UNITS = ("_m2", "_m_s", "_m", "_s")
+"""Endings of options' names that flags leave out: their help says the unit."""
+
+
+def flag_of(option: str) -> str:
+    """The flag of an option, without the unit.
+
+    Examples
+    --------
+    >>> flag_of("min_doorway_area_m2")
+    '--min-doorway-area'
+    """
+    unit = next((unit for unit in UNITS if option.endswith(unit)), "")
+    return "--" + option.removesuffix(unit).replace("_", "-")
+
+
 def number_in(text: str, kind: type) -> Any:
     """A number where the text is one, of a kind if it can be; otherwise the text.
 
@@ -162,10 +180,14 @@ def number_in(text: str, kind: type) -> Any:
 
 
 def parameters_of(command: Callable[..., None]) -> list[Parameter]:
-    """What a command takes, in the order of its parameters."""
-    parameters = []
+    """What a command, or a class of what several commands take, takes, in order."""
+    parameters, said = [], described(command)
     for item in inspect.signature(command).parameters.values():
-        *hint, declared = typing.get_args(item.annotation)
-        kind = Annotated[tuple(hint)] if len(hint) > 1 else hint[0]  # with its own marks
+        hint, marks = bare(item.annotation), list(getattr(item.annotation, "__metadata__", ()))
+        own = marks.pop() if marks and isinstance(marks[-1], Argument | Option) else Option()
+        metavar, text = said.get(item.name, ("", ""))
+        declared = copy.copy(own)  # which other commands may share
+        declared.metavar, declared.help = own.metavar or metavar, own.help or text
+        kind = Annotated[hint, *marks] if marks else hint  # with its own marks
         parameters.append(Parameter(item.name, kind, declared, item.default))
     return parameters

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pgm_places._version import __version__
 from pgm_places.cli.arguments import Model, UnknownValue
-from pgm_places.cli.declarations import Argument, Option
+from pgm_places.cli.declarations import Argument
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
@@ -39,21 +39,8 @@ OPTIONAL = (
 
 
 def doctor(
-    maps: Annotated[
-        list[str] | None,
-        Argument(
-            metavar="MAP.yaml...",
-            help="Maps to check; several, folders or quoted patterns give a table.",
-        ),
-    ] = None,
-    fix: Annotated[
-        bool,
-        Option(
-            "--fix",
-            help="Correct free_thresh in YAML files whose maps read unknown cells as free; the "
-            "original is kept beside it as FILE.orig.",
-        ),
-    ] = False,
+    maps: Annotated[list[str] | None, Argument("MAP.yaml...")] = None,
+    fix: bool = False,
     model: Model = "default",
     unknown_value: UnknownValue = None,
 ) -> None:
@@ -62,6 +49,14 @@ def doctor(
     For several maps, a table shows how many cells each has at the model's resolution, and roughly
     how long labelling them takes on this machine. The exit code is 3 if some map cannot be
     labelled.
+
+    Parameters
+    ----------
+    maps
+        Maps to check; several, folders or quoted patterns give a table.
+    fix
+        Correct free_thresh in YAML files whose maps read unknown cells as free; the original is
+        kept beside it as FILE.orig.
     """
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
-from pgm_places.cli.declarations import Option
-from pgm_places.cli.label_many import Jobs, Memory, Scheduler, WorkerOptions, make_workers
+from pgm_places.cli.flags import grouped
+from pgm_places.cli.label_many import WorkerOptions, make_workers
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, say, say_written
@@ -39,33 +39,16 @@ def _experiment(
     return experiment
 
 
+@grouped("workers", WorkerOptions)
 def compare(
     config_path: Config,
     out: Out,
-    by_building: Annotated[
-        bool,
-        Option(
-            "--by-building",
-            help="Leave out each building of [[train]] in turn, train on the others and test on "
-            "it; [[test]] is not used.",
-        ),
-    ] = False,
-    folds: Annotated[
-        Annotated[int, Ge(2)] | None,
-        Option(metavar="K", help="The same with the buildings in this many groups."),
-    ] = None,
-    seeds: Annotated[
-        Annotated[int, Ge(2), Le(100)] | None,
-        Option(
-            metavar="N",
-            help="Train with the seeds 1 to N: means, and what they vary by; differences are "
-            "paired by seed.",
-        ),
-    ] = None,
+    by_building: bool = False,
+    folds: Annotated[int, Ge(2)] | None = None,
+    seeds: Annotated[int, Ge(2), Le(100)] | None = None,
     cache: Cache = None,
-    jobs: Jobs = None,
-    scheduler: Scheduler = None,
-    memory: Memory = None,
+    *,
+    workers: WorkerOptions,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
@@ -74,13 +57,23 @@ def compare(
 
     A configuration may list [[splits]] of its buildings in place of [[test]]. --jobs, --scheduler
     and --memory are for several splits or seeds: each is a task of its own.
+
+    Parameters
+    ----------
+    by_building
+        Leave out each building of [[train]] in turn, train on the others and test on it; [[test]]
+        is not used.
+    folds : K
+        The same with the buildings in this many groups.
+    seeds : N
+        Train with the seeds 1 to N: means, and what they vary by; differences are paired by seed.
     """
     if by_building and folds is not None:
         raise InputError("give --by-building, which leaves out one at a time, or --folds, not both")
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import COMPARISON
 
-    runs = _Runs(by_building, folds, seeds, WorkerOptions(jobs, scheduler, memory))
+    runs = _Runs(by_building, folds, seeds, workers)
     with output_set(out, "compare", names=COMPARISON, force=force) as files:
         experiment = _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet)
         table = _compare(experiment, files.stage, runs)
@@ -132,12 +125,18 @@ def _compare(experiment: "Experiment", folder: Path, runs: _Runs) -> str:
 
 def demo(
     out: Out = Path("demo-report"),
-    seed: Annotated[Seed, Option(help="Seed of the generated building.")] = 0,
+    seed: Seed = 0,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Train and label on a generated building; needs no data."""
+    """Train and label on a generated building; needs no data.
+
+    Parameters
+    ----------
+    seed
+        Seed of the generated building.
+    """
     from pgm_places.datasets.demo import write_demo
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import DEMO

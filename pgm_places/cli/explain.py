@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pgm_places.cli.arguments import Model, Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
@@ -13,23 +13,30 @@ if TYPE_CHECKING:
 
 
 def explain(
-    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="A map_server map.")],
-    x: Annotated[float, Argument(metavar="X", help="Position in the map frame (m).")],
-    y: Annotated[float, Argument(metavar="Y", help="Position in the map frame (m).")],
-    out: Annotated[Path | None, Option("--out", "-o", help="Write a picture of it (PNG).")] = None,
+    map_yaml: Annotated[Path, Argument("MAP.yaml")],
+    x: Annotated[float, Argument("X")],
+    y: Annotated[float, Argument("Y")],
+    out: Annotated[Path | None, Option("--out", "-o")] = None,
     model: Model = "default",
-    method: Annotated[
-        str | None, Option(help="Method of the model; its last one by default.")
-    ] = None,
-    corrections: Annotated[
-        Path | None,
-        Option(metavar="FILE.png|FILE.geojson", help="Known labels, as label takes them."),
-    ] = None,
+    method: Method = None,
+    corrections: Path | None = None,
     unknown_value: UnknownValue = None,
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Explain the label at a position. Shows the evidence of its scan, place and graph."""
+    """Explain the label at a position. Shows the evidence of its scan, place and graph.
+
+    Parameters
+    ----------
+    map_yaml
+        A map_server map.
+    x, y
+        Position in the map frame (m).
+    out
+        Write a picture of it (PNG).
+    corrections : FILE.png|FILE.geojson
+        Known labels, as label takes them.
+    """
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture

@@ -2,13 +2,14 @@
 
 import functools
 import inspect
+import itertools
 import typing
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, Generic, TypeVar
 
-from pgm_places.cli.declarations import Option
+from pgm_places.cli.declarations import Option, flag_of, number_in, parameters_of
 from pgm_places.options import (
     OptionError,
     from_mapping,
@@ -19,21 +20,7 @@ from pgm_places.options import (
 )
 
 T = TypeVar("T")
-
-UNITS = ("_m2", "_m_s", "_m", "_s")
-"""Endings of options' names that flags leave out: their help says the unit."""
-
-
-def flag_of(option: str) -> str:
-    """The flag of an option, without the unit.
-
-    Examples
-    --------
-    >>> flag_of("min_doorway_area_m2")
-    '--min-doorway-area'
-    """
-    unit = next((unit for unit in UNITS if option.endswith(unit)), "")
-    return "--" + option.removesuffix(unit).replace("_", "-")
+Command = Callable[..., None]
 
 
 @dataclass(frozen=True)
@@ -66,7 +53,7 @@ def option_flags(
     *,
     without: Collection[str] = (),
     only_given: bool = False,
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
+) -> Callable[[Command], Command]:
     """A decorator that gives a command a flag for each option of a class.
 
     Parameters
@@ -86,7 +73,7 @@ def option_flags(
     hints = {name: hint for name, hint in option_hints(cls).items() if name not in without}
     names = {name: flag_of(name) for name in hints} | dict(flags or {})
 
-    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+    def decorated(command: Command) -> Command:
         @functools.wraps(command)
         def call(**given: Any) -> None:
             texts = {name: given.pop(name) for name in names}
@@ -98,15 +85,42 @@ def option_flags(
             asked = GivenOptions(cls, values, names) if only_given else options
             command(**{parameter: asked}, **given)
 
-        signature = inspect.signature(command)
-        parameters: list[inspect.Parameter] = []
-        for item in signature.parameters.values():
-            parameters += _parameters(cls, names, only_given) if item.name == parameter else [item]
-        vars(call)["__signature__"] = signature.replace(parameters=parameters)
-        call.__annotations__ = {item.name: item.annotation for item in parameters}
-        return call
+        return _taking(call, command, parameter, _parameters(cls, names, only_given))
 
     return decorated
+
+
+def grouped(parameter: str, cls: type[Any]) -> Callable[[Command], Command]:
+    """A decorator: a command takes what the fields of a class declare, as one object of it."""
+    fields = {
+        item.name: inspect.Parameter(
+            item.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=item.default,
+            annotation=Annotated[item.hint, item.declared],
+        )
+        for item in parameters_of(cls)
+    }
+
+    def decorated(command: Command) -> Command:
+        @functools.wraps(command)
+        def call(**given: Any) -> None:
+            command(**{parameter: cls(**{name: given.pop(name) for name in fields})}, **given)
+
+        return _taking(call, command, parameter, fields.values())
+
+    return decorated
+
+
+def _taking(
+    call: Command, command: Command, parameter: str, others: Iterable[inspect.Parameter]
+) -> Command:
+    """The call, said to take what the command takes, but other things for a parameter."""
+    own = inspect.signature(command)
+    flags = [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in others]
+    taken = (flags if name == parameter else [item] for name, item in own.parameters.items())
+    vars(call)["__signature__"] = own.replace(parameters=list(itertools.chain(*taken)))
+    return call
 
 
 @contextmanager
@@ -143,30 +157,25 @@ def _parameters(
     return parameters
 
 
-def _default(default: Any) -> bool | str:
-    return default if isinstance(default, bool) else _text(default)
-
-
-def _metavar(default: Any) -> str | None:
+def _metavar(default: Any) -> str:
     if isinstance(default, bool):
-        return None
+        return ""
     if isinstance(default, tuple):
         return "TEXT,..." if isinstance(default[0], str) else "LOW,HIGH"
     return "NUMBER" if isinstance(default, int | float) else "TEXT"
 
 
-def _text(default: Any) -> str:
+def _default(default: Any) -> bool | str:
     """A default as one would write it: items of a list with commas between."""
-    return ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    if isinstance(default, tuple):
+        return ",".join(map(str, default))
+    return default if isinstance(default, bool) else str(default)
 
 
 def _value(text: str | bool, hint: Any) -> Any:
     """What a flag's text says: a number where it is one and the option is not text."""
-    if typing.get_origin(hint) is tuple and isinstance(text, str):
+    if isinstance(text, bool) or hint is str:
+        return text
+    if typing.get_origin(hint) is tuple:
         return [_value(part.strip(), typing.get_args(hint)[0]) for part in text.split(",")]
-    for kind in () if hint is str or isinstance(text, bool) else (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
+    return number_in(text, int)

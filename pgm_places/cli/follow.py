@@ -35,15 +35,7 @@ if TYPE_CHECKING:
 POLL_S = 0.2
 
 
-def run_follow(
-    log: Path,
-    out: Path | None,
-    options: TrackOptions,
-    *,
-    json_lines: bool,
-    force: bool,
-    quiet: bool,
-) -> None:
+def run_follow(options: TrackOptions) -> None:
     """Label scans as they are written, until interrupted: a line on standard output for each."""
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import TRACK
@@ -52,7 +44,7 @@ def run_follow(
         raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
     if options.truth is not None:
         raise ConfigError("--truth scores complete logs; track the log without --follow to use it")
-    progress = make_progress(quiet=quiet)
+    log, progress = options.log, make_progress(quiet=options.quiet)
     stored = stored_model(options)
     if stored.kind == "joint-labeler":
         raise ConfigError(
@@ -64,17 +56,19 @@ def run_follow(
     if log.suffix.lower() == ".csv":  # poses without scans
         labeler = labeler.with_options(beams__missing="known-map", beams__all_from_map=True)
     known = labelled_map(options, labeler)
-    follower = _Follower(labeler, grid, known, seen_objects(options, labeler, progress), json_lines)
+    counts = seen_objects(options, labeler, progress)
+    follower = _Follower(labeler, grid, known, counts, options.jsonl)
     with ExitStack() as stack:
         files = None
-        if out is not None:
-            files = stack.enter_context(output_set(out, "track", names=TRACK, force=force))
+        if options.out is not None:
+            aside = output_set(options.out, "track", names=TRACK, force=options.force)
+            files = stack.enter_context(aside)
         try:
-            with closing(_scans(log, options, labeler, grid, quiet)) as scans:
+            with closing(_scans(options, labeler, grid)) as scans:
                 for scan in scans:
                     follower.add(scan)
         except KeyboardInterrupt:
-            if not quiet:
+            if not options.quiet:
                 complain(f"stopped after {len(follower.beliefs)} scans")
         if not follower.beliefs:
             progress.warn(f"{log}: no scans received")
@@ -156,17 +150,13 @@ class _Follower:
 
 
 def _scans(
-    log: Path,
-    options: TrackOptions,
-    labeler: "TrajectoryLabeler",
-    grid: "OccupancyGrid | None",
-    quiet: bool,
+    options: TrackOptions, labeler: "TrajectoryLabeler", grid: "OccupancyGrid | None"
 ) -> "Generator[Scan]":
     """The scans of a log as they come."""
     from pgm_places.io.logs.bag_access import is_bag
     from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
 
-    kind = log.suffix.lower()
+    log, kind = options.log, options.log.suffix.lower()
     if str(log) != "-" and kind == ".gz":
         raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
     if str(log) != "-" and is_bag(log):
@@ -180,7 +170,7 @@ def _scans(
         )
     reader = CarmenReader("front", options.max_range_m)
     for number, lines in enumerate(_files(log)):
-        if number and not quiet:
+        if number and not options.quiet:
             complain(f"{log} was replaced or begun again; going on with the new one")
         if kind == ".csv":
             yield from _cast_scans(log, lines, labeler)

@@ -3,14 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
-from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
+from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument
+from pgm_places.cli.flags import GivenOptions, grouped, named_as_flags, option_flags
 from pgm_places.cli.label_many import (
     BatchOptions,
-    Jobs,
-    Memory,
-    Scheduler,
     WorkerOptions,
     label_many,
 )
@@ -28,88 +25,24 @@ if TYPE_CHECKING:
 
 
 @option_flags("entered", EnteredOptions, only_given=True)
+@grouped("batch", BatchOptions)
+@grouped("workers", WorkerOptions)
 def label(
-    maps: Annotated[
-        list[str],
-        Argument(
-            metavar="MAP.yaml...",
-            help="map_server maps, folders to look through, or quoted patterns.",
-        ),
-    ],
+    maps: Annotated[list[str], Argument("MAP.yaml...")],
     out: Out,
     model: Model = "default",
-    method: Annotated[
-        str | None, Option(help="Method of the model; its last one by default.")
-    ] = None,
-    doorways: Annotated[
-        str | None,
-        Option(
-            metavar="gates|labels",
-            help="What separates places: gates, if the model finds any, or cells labelled as "
-            "doorways; by default, as set in the model's [topology].",
-        ),
-    ] = None,
-    halls: Annotated[
-        str | None,
-        Option(
-            metavar="corridor|room|hall",
-            help="What lobbies, foyers and other halls are labelled, if the model knows them; by "
-            "default, as set in the model's [labels].",
-        ),
-    ] = None,
-    doorway_depth: Annotated[
-        Positive | None,
-        Option(
-            metavar="M",
-            help="How deep doorways are labelled along the passage; by default, as in the maps "
-            "that the model learned from (m).",
-        ),
-    ] = None,
+    method: Method = None,
+    doorways: str | None = None,
+    halls: str | None = None,
+    doorway_depth_m: Positive | None = None,
     *,
     entered: GivenOptions[EnteredOptions],
-    corrections: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.png|FILE.geojson",
-            help="Known labels of a single map: a label image of its size, or polygons "
-            "and lines in metres with a property 'class'. Every method keeps them.",
-        ),
-    ] = None,
+    corrections: Path | None = None,
     unknown_value: UnknownValue = None,
-    max_cells: Annotated[
-        Whole | None,
-        Option(
-            help="Largest number of cells that a map coarser than the model is split into; 100 "
-            "million by default."
-        ),
-    ] = None,
-    jobs: Jobs = None,
-    scheduler: Scheduler = None,
-    memory: Memory = None,
-    shard: Annotated[
-        str | None,
-        Option(
-            metavar="I/N",
-            help="Of a batch, label only the I-th of N parts; for job arrays, from 1/N to N/N.",
-        ),
-    ] = None,
-    time_limit_s: Annotated[
-        Positive | None,
-        Option("--time-limit", metavar="SECONDS", help="Of a batch, give up a map after so long."),
-    ] = None,
-    retry_failed: Annotated[
-        bool, Option(help="Of a batch, label only the maps that failures.csv lists.")
-    ] = False,
-    dry_run: Annotated[
-        bool, Option(help="Of a batch, only say what would be labelled; nothing is written.")
-    ] = False,
-    outputs: Annotated[
-        str | None,
-        Option(
-            metavar="pictures,probabilities|none",
-            help="What to write besides labels and places; both by default.",
-        ),
-    ] = None,
+    max_cells: Whole | None = None,
+    workers: WorkerOptions,
+    batch: BatchOptions,
+    outputs: str | None = None,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
@@ -120,6 +53,28 @@ def label(
     --scheduler, --memory and the options of a batch make one: each map gets its own folder, maps
     already labelled are kept, and index.html lists them all. The exit code is 3 if some map could
     not be labelled.
+
+    Parameters
+    ----------
+    maps
+        map_server maps, folders to look through, or quoted patterns.
+    doorways : gates|labels
+        What separates places: gates, if the model finds any, or cells labelled as doorways; by
+        default, as set in the model's [topology].
+    halls : corridor|room|hall
+        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
+        set in the model's [labels].
+    doorway_depth_m : M
+        How deep doorways are labelled along the passage; by default, as in the maps that the model
+        learned from (m).
+    corrections : FILE.png|FILE.geojson
+        Known labels of a single map: a label image of its size, or polygons and lines in metres
+        with a property 'class'. Every method keeps them.
+    max_cells
+        Largest number of cells that a map coarser than the model is split into; 100 million by
+        default.
+    outputs : pictures,probabilities|none
+        What to write besides labels and places; both by default.
     """
     from pgm_places.batch.found_maps import names_many
     from pgm_places.batch.label_options import LabelOptions
@@ -131,14 +86,12 @@ def label(
         method=method,
         doorways=doorways,
         halls=halls,
-        doorway_depth_m=doorway_depth,
+        doorway_depth_m=doorway_depth_m,
         unknown_value=unknown_value,
         max_cells=max_cells,
         outputs=Outputs() if outputs is None else Outputs.named(outputs),
         **entered.values,
     )
-    workers = WorkerOptions(jobs, scheduler, memory)
-    batch = BatchOptions(shard, time_limit_s, retry_failed, dry_run)
     progress = make_progress(quiet=quiet)
     asked = workers.given or batch.given or is_address(maps[0]) or is_address(out)
     if len(maps) == 1 and not asked and not names_many(maps[0]):

@@ -12,6 +12,7 @@ from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
+from pgm_places.options import Positive
 
 if TYPE_CHECKING:
     from pgm_places.batch.found_maps import FoundMaps
@@ -21,27 +22,22 @@ if TYPE_CHECKING:
     from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
 
-Jobs = Annotated[
-    Annotated[int, Ge(1), Le(1024)] | None,
-    Option("--jobs", "-j", help="Worker processes; one per core by default."),
-]
-
-Scheduler = Annotated[
-    str | None,
-    Option(metavar="ADDRESS", help="Hand the work to this Dask cluster instead."),
-]
-
-Memory = Annotated[
-    str | None,
-    Option(metavar="SIZE", help="Memory limit of each worker, such as 4GB."),
-]
-
 
 @dataclass(frozen=True)
 class WorkerOptions:
-    """The flags; None where one was not given."""
+    """The flags; None where one was not given.
 
-    jobs: int | None = None
+    Parameters
+    ----------
+    jobs
+        Worker processes; one per core by default.
+    scheduler : ADDRESS
+        Hand the work to this Dask cluster instead.
+    memory : SIZE
+        Memory limit of each worker, such as 4GB.
+    """
+
+    jobs: Annotated[Annotated[int, Ge(1), Le(1024)] | None, Option("--jobs", "-j")] = None
     scheduler: str | None = None
     memory: str | None = None
 
@@ -82,10 +78,22 @@ _MOST_NAMES = 10
 
 @dataclass(frozen=True)
 class BatchOptions:
-    """The flags that only a batch has."""
+    """The flags that only a batch has.
+
+    Parameters
+    ----------
+    shard : I/N
+        Of a batch, label only the I-th of N parts; for job arrays, from 1/N to N/N.
+    time_limit_s : SECONDS
+        Of a batch, give up a map after so long.
+    retry_failed
+        Of a batch, label only the maps that failures.csv lists.
+    dry_run
+        Of a batch, only say what would be labelled; nothing is written.
+    """
 
     shard: str | None = None
-    time_limit_s: float | None = None
+    time_limit_s: Positive | None = None
     retry_failed: bool = False
     dry_run: bool = False
 
@@ -176,14 +184,9 @@ def _s(n: int) -> str:
 
 
 def index(
-    folder: Annotated[
-        Path, Argument(metavar="DIR", help="Folder or address that 'label' wrote many maps to.")
-    ],
+    folder: Annotated[Path, Argument("DIR")],
     *,
-    parquet: Annotated[
-        bool,
-        Option(help="Write places.parquet as well: a row for each place of all maps."),
-    ] = False,
+    parquet: bool = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -191,6 +194,13 @@ def index(
 
     For folders that several batches have filled, of which some were killed, or from which maps were
     removed: index.html, summary.csv and failures.csv are written again.
+
+    Parameters
+    ----------
+    folder
+        Folder or address that 'label' wrote many maps to.
+    parquet
+        Write places.parquet as well: a row for each place of all maps.
     """
     from pgm_places.batch.index import index_folder
 

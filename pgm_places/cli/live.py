@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places._extras import needed
-from pgm_places.cli.arguments import Force, Model, Quiet, Threads
+from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
@@ -31,64 +31,50 @@ PLACES_FILE = "places.jsonl"
 @option_flags("node", NodeOptions)
 @option_flags("options", LiveOptions)
 def live(
-    replay: Annotated[
-        Path | None,
-        Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
-    ] = None,
-    dds: Annotated[
-        bool, Option("--dds", help="Connect to a ROS 2 robot, with no ROS on this machine.")
-    ] = False,
-    local: Annotated[
-        bool, Option("--local", help="With --dds: communicate within this machine only.")
-    ] = False,
-    interface: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            help="With --dds: network interface, by name or address; Cyclone's choice by default.",
-        ),
-    ] = None,
-    peers: Annotated[
-        list[str] | None,
-        Option(
-            "--peer",
-            metavar="ADDRESS",
-            help="With --dds: a machine to look for where multicast does not pass. Repeatable.",
-        ),
-    ] = None,
-    session: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Keep the places in this file: they have the same ids the next time.",
-        ),
-    ] = None,
-    seconds: Annotated[
-        AtLeastZero | None, Option(help="With --dds: stop after this many seconds.")
-    ] = None,
+    replay: Path | None = None,
+    dds: bool = False,
+    local: bool = False,
+    interface: str | None = None,
+    peers: Annotated[list[str] | None, Option("--peer")] = None,
+    session: Path | None = None,
+    seconds: AtLeastZero | None = None,
     model: Model = "default",
-    method: Annotated[
-        str | None, Option(help="Method that labels the map; the model's last by default.")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out", "-o", help="With --replay: folder for the place of each scan and the last map."
-        ),
-    ] = None,
-    max_range: Annotated[
-        AtLeastZero | None,
-        Option(help="With --replay: readings of this range or more (m) count as no return."),
-    ] = None,
+    method: Method = None,
+    out: Annotated[Path | None, Option("--out", "-o")] = None,
+    max_range_m: AtLeastZero | None = None,
     *,
     node: NodeOptions,
     options: LiveOptions,
-    jsonl: Annotated[bool, Option("--jsonl", help="Print each line as a JSON object.")] = False,
+    jsonl: bool = False,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Label the places of a robot as it drives and maps. One line for each change of place."""
+    """Label the places of a robot as it drives and maps. One line for each change of place.
+
+    Parameters
+    ----------
+    replay : LOG
+        Replay a ROS bag or a CARMEN log at full speed.
+    dds
+        Connect to a ROS 2 robot, with no ROS on this machine.
+    local
+        With --dds: communicate within this machine only.
+    interface : NAME
+        With --dds: network interface, by name or address; Cyclone's choice by default.
+    peers : ADDRESS
+        With --dds: a machine to look for where multicast does not pass. Repeatable.
+    session : FILE
+        Keep the places in this file: they have the same ids the next time.
+    seconds
+        With --dds: stop after this many seconds.
+    out
+        With --replay: folder for the place of each scan and the last map.
+    max_range_m
+        With --replay: readings of this range or more (m) count as no return.
+    jsonl
+        Print each line as a JSON object.
+    """
     if dds == (replay is not None):
         raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
     for flag, is_given in (("--interface", interface), ("--peer", peers), ("--local", local)):
@@ -115,7 +101,7 @@ def live(
         model=model,
         method=method,
         map_topic=node.map_topic,
-        max_range_m=max_range,
+        max_range_m=max_range_m,
         options=options,
         json_lines=jsonl,
         force=force,

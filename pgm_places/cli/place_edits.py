@@ -15,9 +15,15 @@ if TYPE_CHECKING:
 def rename(
     folder: Places,
     place: Place,
-    name: Annotated[str, Argument(metavar="NAME", help="Its new name.")],
+    name: Annotated[str, Argument("NAME")],
 ) -> None:
-    """Give a place a name of your own, in place_names.yaml."""
+    """Give a place a name of your own, in place_names.yaml.
+
+    Parameters
+    ----------
+    name
+        Its new name.
+    """
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
     from pgm_places.topology.place_edits import renamed
 
@@ -31,9 +37,15 @@ def rename(
 def merge(
     folder: Places,
     first: Place,
-    second: Annotated[str, Argument(metavar="OTHER", help="The place to merge into the first.")],
+    second: Annotated[str, Argument("OTHER")],
 ) -> None:
-    """Merge two places into one. It keeps the id and the name of the first."""
+    """Merge two places into one. It keeps the id and the name of the first.
+
+    Parameters
+    ----------
+    second
+        The place to merge into the first.
+    """
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import merged
 
@@ -43,18 +55,16 @@ def merge(
 def split(
     folder: Places,
     place: Place,
-    points: Annotated[
-        list[float] | None,
-        Argument(
-            metavar="[X Y [X2 Y2]]",
-            help="A point, or the ends of a line (m); none to split it into the rooms that it "
-            "looks like.",
-        ),
-    ] = None,
+    points: Annotated[list[float] | None, Argument("[X Y [X2 Y2]]")] = None,
 ) -> None:
     """Split a place: along a line, at a point, or into its rooms.
 
     A point splits it where it is narrowest. The rooms are those that 'label' and check.csv tell of.
+
+    Parameters
+    ----------
+    points
+        A point, or the ends of a line (m); none to split it into the rooms that it looks like.
     """
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import split_across, split_apart, split_at

@@ -23,26 +23,13 @@ if TYPE_CHECKING:
 
 @option_flags("given", TopologyOptions, {"doorway_label": "--doorway"}, only_given=True)
 def topology(
-    labels_png: Annotated[
-        Path,
-        Argument(metavar="LABELS.png", help="Label image, with its names file next to it."),
-    ],
-    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="The map it belongs to.")],
+    labels_png: Annotated[Path, Argument("LABELS.png")],
+    map_yaml: Annotated[Path, Argument("MAP.yaml")],
     out: Out,
-    names_file: Annotated[
-        Path | None,
-        Option("--names", help="Names file; LABELS.yaml or labels.yaml by default."),
-    ] = None,
+    names_file: Annotated[Path | None, Option("--names")] = None,
     *,
     given: GivenOptions[TopologyOptions],
-    propose_splits_m: Annotated[
-        AtLeastZero,
-        Option(
-            "--propose-splits",
-            help="List where places could be split at openings narrower than this (m), without "
-            "splitting them.",
-        ),
-    ] = 0.0,
+    propose_splits_m: AtLeastZero = 0.0,
     unknown_value: UnknownValue = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -51,6 +38,17 @@ def topology(
 
     For labels that 'label' wrote, the settings and gates that it left beside them are used instead
     of the defaults. Flags override both.
+
+    Parameters
+    ----------
+    labels_png
+        Label image, with its names file next to it.
+    map_yaml
+        The map it belongs to.
+    names_file
+        Names file; LABELS.yaml or labels.yaml by default.
+    propose_splits_m
+        List where places could be split at openings narrower than this (m), without splitting them.
     """
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
@@ -143,49 +141,35 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
 
 def export(
     folder: Places,
-    to: Annotated[
-        str,
-        Option(
-            help="nav2 (all that it takes), nav2-route, regions, zones, keepout, speed-percent, "
-            "speed-m-s, binary, graphml, node-link, dot, geotiff or mcap."
-        ),
-    ],
-    out: Annotated[
-        Path | None, Option("--out", "-o", help="Folder for the files; DIR by default.")
-    ] = None,
-    values: Annotated[
-        list[str] | None,
-        Option(
-            "--set",
-            help="Mask value of a class or a place: room=100, or with speed-m-s and nav2 "
-            "corridor=0.8 (m/s). "
-            "Repeatable.",
-        ),
-    ] = None,
-    robot_radius_m: Annotated[
-        AtLeastZero | None,
-        Option(
-            "--robot-radius",
-            help="For nav2-route: the robot's radius (m), 0.2 by default. What it does not fit "
-            "through is left out, and the places that it cannot reach are listed. For keepout: "
-            "areas grow by it (0 by default).",
-        ),
-    ] = None,
-    keep_out: Annotated[
-        list[str] | None,
-        Option(help="For nav2 and nav2-route: a class or a place to keep out of. Repeatable."),
-    ] = None,
-    map_yaml: Annotated[
-        Path | None,
-        Option(
-            "--map",
-            metavar="MAP.yaml",
-            help="For nav2: the map, which is copied; by default the one that was labelled.",
-        ),
-    ] = None,
+    to: str,
+    out: Annotated[Path | None, Option("--out", "-o")] = None,
+    values: Annotated[list[str] | None, Option("--set")] = None,
+    robot_radius_m: AtLeastZero | None = None,
+    keep_out: list[str] | None = None,
+    map_yaml: Annotated[Path | None, Option("--map")] = None,
     force: Force = False,
 ) -> None:
-    """Write the places for Nav2, QGIS, Foxglove and other tools."""
+    """Write the places for Nav2, QGIS, Foxglove and other tools.
+
+    Parameters
+    ----------
+    to
+        nav2 (all that it takes), nav2-route, regions, zones, keepout, speed-percent, speed-m-s,
+        binary, graphml, node-link, dot, geotiff or mcap.
+    out
+        Folder for the files; DIR by default.
+    values
+        Mask value of a class or a place: room=100, or with speed-m-s and nav2 corridor=0.8 (m/s).
+        Repeatable.
+    robot_radius_m
+        For nav2-route: the robot's radius (m), 0.2 by default. What it does not fit through is left
+        out, and the places that it cannot reach are listed. For keepout: areas grow by it (0 by
+        default).
+    keep_out
+        For nav2 and nav2-route: a class or a place to keep out of. Repeatable.
+    map_yaml : MAP.yaml
+        For nav2: the map, which is copied; by default the one that was labelled.
+    """
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.exports import export as write_export
     from pgm_places.io.places.topology_files import load_named_topology
@@ -267,10 +251,16 @@ def _values(texts: Sequence[str]) -> dict[str, float]:
 
 def where(
     folder: Places,
-    x: Annotated[float, Argument(metavar="X", help="Position in the map frame (m).")],
-    y: Annotated[float, Argument(metavar="Y", help="Position in the map frame (m).")],
+    x: Annotated[float, Argument("X")],
+    y: Annotated[float, Argument("Y")],
 ) -> None:
-    """Show the place at a position. The exit code is 1 if there is none."""
+    """Show the place at a position. The exit code is 1 if there is none.
+
+    Parameters
+    ----------
+    x, y
+        Position in the map frame (m).
+    """
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology = load_named_topology(folder)

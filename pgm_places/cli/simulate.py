@@ -25,14 +25,12 @@ _ENDS = (".yaml", ".png", "_labels.png", "_labels.yaml")
 
 @option_flags("options", MapSimulation)
 def simulate_map(
-    plan_yaml: Annotated[
-        Path, Argument(metavar="PLAN.yaml", help="A clean map, such as one from CAD.")
-    ],
-    labels: Annotated[Path, Option(help="Label image of the plan.")],
+    plan_yaml: Annotated[Path, Argument("PLAN.yaml")],
+    labels: Path,
     out: Out,
     *,
-    seed: Annotated[Seed, Option(help="Seed of the first map.")] = 0,
-    copies: Annotated[Whole, Option(help="Number of maps, a seed for each.")] = 1,
+    seed: Seed = 0,
+    copies: Whole = 1,
     options: MapSimulation,
     unknown_value: UnknownValue = None,
     force: Force = False,
@@ -41,6 +39,17 @@ def simulate_map(
     """Turn a labelled plan into robot-like maps.
 
     Options written LOW,HIGH are ranges; each map draws a value from them.
+
+    Parameters
+    ----------
+    plan_yaml
+        A clean map, such as one from CAD.
+    labels
+        Label image of the plan.
+    seed
+        Seed of the first map.
+    copies
+        Number of maps, a seed for each.
     """
     from pgm_places.datasets.simulated_map import simulate_map as simulated
     from pgm_places.io.maps.label_image import load_labels, save_labels
@@ -78,49 +87,44 @@ LASER_FLAGS = {"n_beams": "--beams", "view_degrees": "--view"}
 @option_flags("laser", LaserOptions, LASER_FLAGS, without=("seed",))
 @option_flags("motion", RobotMotion, {"scan_every_s": "--every"}, without=("turn_rad_s",))
 def simulate(
-    out: Annotated[
-        Path,
-        Option(
-            "--out",
-            "-o",
-            help="The log: NAME.log, NAME.log.gz (CARMEN), NAME.bag (ROS 1), NAME.mcap, NAME (a "
-            "ROS 2 bag's folder) or NAME.csv (poses only).",
-        ),
-    ],
-    map_yaml: Annotated[
-        Path | None, Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
-    ] = None,
-    demo: Annotated[
-        bool, Option("--demo", help="Drive in a generated building and write its map too.")
-    ] = False,
-    labels: Annotated[
-        Path | None, Option(help="Label image of the map, for the true place of every step.")
-    ] = None,
+    out: Annotated[Path, Option("--out", "-o")],
+    map_yaml: Annotated[Path | None, Argument("MAP.yaml")] = None,
+    demo: bool = False,
+    labels: Path | None = None,
     *,
     laser: LaserOptions,
-    odometry_noise: Annotated[
-        AtLeastZero, Option(help="Odometry noise scale (1 = typical).")
-    ] = 1.0,
-    wheels_only: Annotated[
-        bool, Option("--wheels-only", help="Record odometry only, without the true poses.")
-    ] = False,
-    length_m: Annotated[
-        Annotated[float, Ge(0.5)] | None,
-        Option(
-            "--length",
-            help="Distance to drive (m); by default, far enough to pass every place.",
-        ),
-    ] = None,
+    odometry_noise: AtLeastZero = 1.0,
+    wheels_only: bool = False,
+    length_m: Annotated[float, Ge(0.5)] | None = None,
     motion: RobotMotion,
-    seed: Annotated[
-        Seed, Option(help="Seed of the starting point, the noise and the building.")
-    ] = 0,
+    seed: Seed = 0,
     unknown_value: UnknownValue = None,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Drive a simulated robot through a map and write its log."""
+    """Drive a simulated robot through a map and write its log.
+
+    Parameters
+    ----------
+    out
+        The log: NAME.log, NAME.log.gz (CARMEN), NAME.bag (ROS 1), NAME.mcap, NAME (a ROS 2 bag's
+        folder) or NAME.csv (poses only).
+    map_yaml
+        The map_server map to drive in.
+    demo
+        Drive in a generated building and write its map too.
+    labels
+        Label image of the map, for the true place of every step.
+    odometry_noise
+        Odometry noise scale (1 = typical).
+    wheels_only
+        Record odometry only, without the true poses.
+    length_m
+        Distance to drive (m); by default, far enough to pass every place.
+    seed
+        Seed of the starting point, the noise and the building.
+    """
     from pgm_places.io.logs.trajectories import check_name
     from pgm_places.io.output_set import output_set
     from pgm_places.sensing.odometry_noise import OdometryNoise

@@ -26,65 +26,46 @@ if TYPE_CHECKING:
 
 
 def studio(
-    maps: Annotated[
-        list[Path],
-        Argument(
-            metavar="MAP.yaml...", help="A map_server map, or several, listed with their progress."
-        ),
-    ],
-    labels: Annotated[
-        list[Path] | None,
-        Option(help="Label image to compare with, such as the truth; may be given several times."),
-    ] = None,
-    model: Annotated[
-        str,
-        Option(
-            "--model",
-            "-m",
-            help="Folder written by 'train', or the name of a shipped model; none to learn from "
-            "the paint alone.",
-        ),
-    ] = "default",
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out",
-            "-o",
-            help="Folder for the paint and the exports; MAP-studio by default, of several maps a "
-            "folder each in maps-studio.",
-        ),
-    ] = None,
-    corrections: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE",
-            help="Paint to begin with, as the studio exports it: a label image or GeoJSON. What "
-            "is painted already stays.",
-        ),
-    ] = None,
-    drive: Annotated[
-        Path | None,
-        Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
-    ] = None,
-    export_to: Annotated[
-        list[Path] | None,
-        Option(
-            metavar="DIR",
-            help="Folder that exports may also go to, beside those below the current one; may be "
-            "given several times.",
-        ),
-    ] = None,
-    port: Annotated[
-        Annotated[int, Ge(0), Le(65535)], Option(help="Port to listen on; 0 for any that is free.")
-    ] = 0,
-    no_browser: Annotated[
-        bool, Option("--no-browser", help="Print the address without opening it.")
-    ] = False,
+    maps: Annotated[list[Path], Argument("MAP.yaml...")],
+    labels: list[Path] | None = None,
+    model: Annotated[str, Option("--model", "-m")] = "default",
+    out: Annotated[Path | None, Option("--out", "-o")] = None,
+    corrections: Path | None = None,
+    drive: Path | None = None,
+    export_to: list[Path] | None = None,
+    port: Annotated[int, Ge(0), Le(65535)] = 0,
+    no_browser: bool = False,
     unknown_value: UnknownValue = None,
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Teach the labels of maps in the browser."""
+    """Teach the labels of maps in the browser.
+
+    Parameters
+    ----------
+    maps
+        A map_server map, or several, listed with their progress.
+    labels
+        Label image to compare with, such as the truth; may be given several times.
+    model
+        Folder written by 'train', or the name of a shipped model; none to learn from the paint
+        alone.
+    out
+        Folder for the paint and the exports; MAP-studio by default, of several maps a folder each
+        in maps-studio.
+    corrections : FILE
+        Paint to begin with, as the studio exports it: a label image or GeoJSON. What is painted
+        already stays.
+    drive : LOG
+        A drive in the map's frame, whose path is shown.
+    export_to : DIR
+        Folder that exports may also go to, beside those below the current one; may be given several
+        times.
+    port
+        Port to listen on; 0 for any that is free.
+    no_browser
+        Print the address without opening it.
+    """
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL

@@ -1,6 +1,5 @@
 """``pgm-places track`` with a model of cells and steps: a drive labelled together with its map."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pgm_places.cli.flags import named_as_flags
@@ -19,29 +18,21 @@ if TYPE_CHECKING:
     from pgm_places.progress import Progress
 
 
-def run_joint(
-    stored: "Stored",
-    log: Path,
-    out: Path | None,
-    options: TrackOptions,
-    *,
-    force: bool,
-    quiet: bool,
-) -> None:
+def run_joint(stored: "Stored", options: TrackOptions) -> None:
     """Label a complete log, and the map beneath it if there is one, which is written as well."""
     from pgm_places.batch.map_files import write_labelled
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import TRACK, label_names
     from pgm_places.report.topology_output import places_summary
 
-    out, progress = folder_for(log, out), make_progress(quiet=quiet)
+    out, progress = folder_for(options), make_progress(quiet=options.quiet)
     labeler = _labeler(stored, options)
     source = map_of(options, progress)
     names: tuple[str, ...] = TRACK
     if source is not None:
         names = (*TRACK, *label_names(labeler.label_names_))
-    with output_set(out, "track", names=names, force=force) as files:
-        track, places = _labelled(labeler, log, source, options, progress)
+    with output_set(out, "track", names=names, force=options.force) as files:
+        track, places = _labelled(labeler, source, options, progress)
         written = None
         if source is not None and places is not None:
             written = write_labelled(places, source, files, stored.rules, progress)
@@ -76,7 +67,6 @@ def _labeler(stored: "Stored", options: TrackOptions) -> "JointLabeler":
 
 def _labelled(
     labeler: "JointLabeler",
-    log: Path,
     source: "MapFile | None",
     options: TrackOptions,
     progress: "Progress",
@@ -85,7 +75,7 @@ def _labelled(
     from pgm_places.labelers.label_joint import label_map_and_drive
     from pgm_places.labelers.tracking import Track
 
-    read, names = read_log(log, options, progress), labeler.label_names_
+    read, names = read_log(options, progress), labeler.label_names_
     drive = with_truth(read.trajectory, options, names)
     if source is None:
         steps = labeler.label(drive=drive, progress=progress).steps

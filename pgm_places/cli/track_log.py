@@ -27,26 +27,18 @@ if TYPE_CHECKING:
     from pgm_places.progress import Progress
 
 
-def run_track(
-    stored: "Stored",
-    log: Path,
-    out: Path | None,
-    options: TrackOptions,
-    *,
-    force: bool,
-    quiet: bool,
-) -> None:
+def run_track(stored: "Stored", options: TrackOptions) -> None:
     """Label a complete log with a model of drives, or one of maps."""
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import TRACK
 
-    out, progress = folder_for(log, out), make_progress(quiet=quiet)
+    out, progress = folder_for(options), make_progress(quiet=options.quiet)
     labeler = track_labeler(stored, options, progress)
     source, known = map_of(options, progress), labelled_map(options, labeler)
     grid = None if source is None else source.grid
     counts = seen_objects(options, labeler, progress)
-    with output_set(out, "track", names=TRACK, force=force) as files:
-        read = read_log(log, options, progress)
+    with output_set(out, "track", names=TRACK, force=options.force) as files:
+        read = read_log(options, progress)
         track = _track(read, labeler, grid, known, counts, options, progress)
         with progress.stage("writing files"):
             write(track, grid, files.stage)
@@ -54,21 +46,21 @@ def run_track(
     say_written(files)
 
 
-def folder_for(log: Path, out: Path | None) -> Path:
+def folder_for(options: TrackOptions) -> Path:
     """The folder for the results of a complete log; without one, or a log, the command ends."""
-    if out is None:
+    if options.out is None:
         raise ConfigError("track needs a folder for its results: pass --out DIR")
-    if str(log) == "-":
+    if str(options.log) == "-":
         raise ConfigError("standard input requires --follow; without it, name a log file")
-    return out
+    return options.out
 
 
-def read_log(log: Path, options: TrackOptions, progress: "Progress") -> "LoadedLog":
+def read_log(options: TrackOptions, progress: "Progress") -> "LoadedLog":
     """A complete log, with its warnings on standard error."""
     from pgm_places.io.logs.trajectories import read_trajectory
 
     with progress.stage("log"):
-        read = read_trajectory(log, range_max_m=options.max_range_m)
+        read = read_trajectory(options.log, range_max_m=options.max_range_m)
     for message in read.warnings:
         progress.warn(message)
     return read

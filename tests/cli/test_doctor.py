@@ -138,11 +138,11 @@ def test_track_reads_its_map_as_label_does_and_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = write(tmp_path, free_thresh="0.25")
-    meant = map_of(TrackOptions(None, path), make_progress(quiet=True))
+    meant = map_of(TrackOptions(Path("-"), map_yaml=path), make_progress(quiet=True))
     assert meant is not None
     assert meant.fractions.unknown > 0.3
     assert "have grey 205" in capsys.readouterr().err
-    letter = map_of(TrackOptions(None, path, unknown_value="none"), make_progress(quiet=True))
+    letter = map_of(TrackOptions(Path("-"), map_yaml=path, unknown_value="none"), make_progress(quiet=True))
     assert letter is not None
     assert letter.fractions.unknown == 0
     assert capsys.readouterr().err == ""
