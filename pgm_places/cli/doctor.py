@@ -1,6 +1,7 @@
 """``pgm-places doctor``: checks the installation and maps."""
 
 import platform
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -13,29 +14,8 @@ from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey
 
-REQUIRED = (
-    "numpy",
-    "scipy",
-    "scikit-learn",
-    "cvxpy",
-    "osqp",
-    "networkx",
-    "pydantic",
-    "matplotlib",
-    "pillow",
-    "pyyaml",
-    "safetensors",
-    "rich",
-)
-OPTIONAL = (
-    "clarabel",
-    "piqp",
-    "ortools",
-    "pytoulbar2",
-    "h5py",
-    "rosbags",
-    "opencv-python-headless",
-)
+_SOLVERS = {"clarabel", "piqp", "ortools"}
+"""What cvxpy and decoders use where it is installed."""
 
 
 def doctor(
@@ -65,8 +45,7 @@ def doctor(
 
     rows = [["package", "version"], ["pgm-places", __version__]]
     rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
-    rows += [[name, _version(name)] for name in REQUIRED]
-    rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
+    rows += [[name, _version(name.partition(" ")[0])] for name in _packages()]
     say(text_table(rows))
     say(f"\nmethods: {', '.join(backend_names())}")
     say(f"decoders: {', '.join(decoder_names())}")
@@ -91,6 +70,20 @@ def _maps(maps: list[str], model: str, unknown_value: UnknownGrey | None, *, fix
     from pgm_places.trained import stored_labeler
 
     check_map(Path(maps[0]), stored_labeler(model).item, unknown_value, fix=fix)
+
+
+def _packages() -> list[str]:
+    """What this package needs, as its metadata say, and what it can use."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        needs = requires("pgm-places") or []
+    except PackageNotFoundError:  # a checkout that is not installed
+        needs = []
+    listed = {re.split(r"[^\w.-]", text)[0]: "extra ==" in text for text in reversed(needs)}
+    optional = {name for name, is_extra in listed.items() if is_extra} | _SOLVERS
+    required = sorted(listed.keys() - optional)
+    return [*required, *(f"{name} (optional)" for name in sorted(optional))]
 
 
 def _version(name: str) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pgm_places as pp
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import say
@@ -13,14 +14,13 @@ from pgm_places.errors import MapError, OutputError
 if TYPE_CHECKING:
     from pgm_places.batch.forecast import Forecast, Speed
     from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.options import UnknownGrey
 
 _UNENTERED = "'label' gives it no label, or all of it with --unentered"
 
 
 def check_map(
-    path: Path, labeler: "PlaceLabeler", unknown_value: "UnknownGrey | None", *, fix: bool
+    path: Path, labeler: "pp.PlaceLabeler", unknown_value: "UnknownGrey | None", *, fix: bool
 ) -> None:
     """Say everything of one map.
 
@@ -31,11 +31,7 @@ def check_map(
     OutputError
         Its file cannot be written, or one that is kept would be lost.
     """
-    from pgm_places.io.maps.map_server import load_map
-    from pgm_places.labelers.label_map import at_model_resolution
-    from pgm_places.spaces.unentered import find_unentered
-
-    loaded = load_map(path, unknown_value=unknown_value)
+    loaded = pp.load_map(path, unknown_value=unknown_value)
     if fix:
         loaded = _corrected(path, loaded)
     grid = loaded.grid
@@ -45,20 +41,32 @@ def check_map(
     say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
     say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
     say(shares_line(loaded.fractions))
-    problems = list(loaded.warnings)
-    try:
-        used, notes = at_model_resolution(labeler, grid)
+    used, notes, problems = _examined(loaded, labeler)
+    if used is not None:
         say(f"{int(used.free.sum()):,} cells to label, of {used.resolution_m:g} m")
-        for note in notes:
-            say(f"note: {note}")
-    except MapError as error:
-        problems.append(str(error))
-    if unentered := find_unentered(grid):
-        problems.append(f"{unentered}; {_UNENTERED}")
+    for note in notes:
+        say(f"note: {note}")
     for message in problems:
         say(f"warning: {message}")
     if not problems:
         say("no problems found")
+
+
+def _examined(
+    loaded: "MapFile", labeler: "pp.PlaceLabeler"
+) -> "tuple[pp.OccupancyGrid | None, list[str], list[str]]":
+    """The map as it would be labelled, if it can be; notes about that, and what looks wrong."""
+    from pgm_places.labelers.label_map import at_model_resolution
+    from pgm_places.spaces.unentered import find_unentered
+
+    used, notes, problems = None, list[str](), list(loaded.warnings)
+    try:
+        used, notes = at_model_resolution(labeler, loaded.grid)
+    except MapError as error:
+        problems.append(str(error))
+    if unentered := find_unentered(loaded.grid):
+        problems.append(f"{unentered}; {_UNENTERED}")
+    return used, notes, problems
 
 
 @dataclass(frozen=True)
@@ -142,49 +150,40 @@ def _table(rows: Sequence[_Row], speed: "Speed | None") -> str:
 def _row(
     name: str,
     path: Path,
-    labeler: "PlaceLabeler",
+    labeler: "pp.PlaceLabeler",
     unknown_value: "UnknownGrey | None",
     *,
     fix: bool,
 ) -> _Row:
     from pgm_places.batch.forecast import Forecast
-    from pgm_places.io.maps.map_server import load_map
-    from pgm_places.labelers.label_map import at_model_resolution
-    from pgm_places.spaces.unentered import find_unentered
 
-    problems = []
+    kept = []
     try:
-        loaded = load_map(path, unknown_value=unknown_value)
+        loaded = pp.load_map(path, unknown_value=unknown_value)
     except MapError as error:
         return _Row(name, problems=(str(error),))
     if fix:
         try:
             loaded = _corrected(path, loaded)
         except (MapError, OutputError) as error:  # the other maps may be corrected all the same
-            problems.append(str(error))
-    problems += loaded.warnings
-    grid = loaded.grid
-    free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
-    forecast = None
-    try:
-        used, notes = at_model_resolution(labeler, grid)
+            kept.append(str(error))
+    used, notes, problems = _examined(loaded, labeler)
+    grid, forecast = loaded.grid, None
+    if used is not None:
         # A finer map is coarsened as a matter of course; one that is split is the larger for it.
-        problems += notes if used.resolution_m < grid.resolution_m else []
+        kept += notes if used.resolution_m < grid.resolution_m else []
         forecast = Forecast(grid.cells.size, int(used.free.sum()))
-    except MapError as error:
-        problems.append(str(error))
-    if unentered := find_unentered(grid):
-        problems.append(f"{unentered}; {_UNENTERED}")
-    return _Row(name, grid.resolution_m, free_m2, forecast, tuple(problems))
+    free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
+    return _Row(name, grid.resolution_m, free_m2, forecast, (*kept, *problems))
 
 
 def _corrected(path: Path, loaded: "MapFile") -> "MapFile":
     """The map with another threshold in its file, if its own calls unknown cells free."""
     from pgm_places.io.maps.map_pixels import FREE_THRESH
-    from pgm_places.io.maps.map_server import correct_free_thresh, load_map
+    from pgm_places.io.maps.map_server import correct_free_thresh
 
     if not loaded.corrects_free_thresh:
         return loaded
     kept = correct_free_thresh(path)
     say(f"corrected {path}: free_thresh {FREE_THRESH}; the file as it was is {kept.name}")
-    return load_map(path, unknown_value=loaded.unknown_value)
+    return pp.load_map(path, unknown_value=loaded.unknown_value)

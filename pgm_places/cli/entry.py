@@ -61,7 +61,8 @@ def main() -> None:
             _prepare_streams()
             _run()
     except KeyboardInterrupt:
-        _interrupted(stops)
+        number = stops.number or signal.SIGINT
+        _end("interrupted; no file is left half-written", 128 + number)
     except BrokenPipeError:  # nobody reads on, which needs no words
         _leave(EXIT_UNREAD)
     except ImportError as error:
@@ -124,11 +125,6 @@ def _prepare_streams() -> None:
         warn(str(message))
 
     warnings.showwarning = show
-
-
-def _interrupted(stops: _Stops) -> None:
-    number = stops.number or signal.SIGINT
-    _end("interrupted; no file is left half-written", 128 + number)
 
 
 def _end(message: str, code: int) -> NoReturn:

@@ -1,15 +1,14 @@
 """``pgm-places explain``: why a position of a map has its label, in words and as a picture."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import pgm_places as pp
 from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
+from pgm_places.cli.inputs import read_map
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
-
-if TYPE_CHECKING:
-    from pgm_places.labelers.place_labeler import PlaceLabeler
 
 
 def explain(
@@ -38,7 +37,6 @@ def explain(
         Known labels, as label takes them.
     """
     from pgm_places.io.atomic import write_bytes
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
     from pgm_places.teaching.paint import Paint
@@ -47,16 +45,14 @@ def explain(
 
     progress = make_progress(quiet=quiet)
     stored = stored_labeler(model)
-    labeler: PlaceLabeler = stored.item
+    labeler: pp.PlaceLabeler = stored.item
     if method is not None:
         labeler.method(method)  # an unknown method shows before the work
-    loaded = load_map(map_yaml, unknown_value=unknown_value)
-    for message in loaded.warnings:
-        progress.warn(message)
-    teacher = Teacher(loaded.grid, labeler, method=method, rules=stored.rules, n_threads=n_threads)
+    grid = read_map(map_yaml, unknown_value, progress).grid
+    teacher = Teacher(grid, labeler, method=method, rules=stored.rules, n_threads=n_threads)
     paint = teacher.blank()
     if corrections is not None:
-        paint = Paint.read(corrections, loaded.grid, teacher.classes)
+        paint = Paint.read(corrections, grid, teacher.classes)
     taught = teacher.label(paint, progress=progress)
     explanation = explain_cell(taught, x, y)
     for line in explanation_lines(explanation):

@@ -7,6 +7,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pgm_places as pp
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.cli.track_log import write
@@ -27,10 +28,7 @@ if TYPE_CHECKING:
 
     from pgm_places.labelers.online import OnlineLabeler
     from pgm_places.labelers.tracking import Track
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.persistence.map_prior import LabelledMapFolder
-    from pgm_places.trajectories.scan import Scan
 
 POLL_S = 0.2
 
@@ -83,8 +81,8 @@ class _Follower:
 
     def __init__(
         self,
-        labeler: "TrajectoryLabeler",
-        grid: "OccupancyGrid | None",
+        labeler: "pp.TrajectoryLabeler",
+        grid: "pp.OccupancyGrid | None",
         known: "LabelledMapFolder | None",
         counts: Seen | None,
         json_lines: bool,
@@ -92,10 +90,10 @@ class _Follower:
         self._labeler, self._grid, self._known = labeler, grid, known
         self._counts, self._json_lines = counts, json_lines
         self._online: OnlineLabeler | None = None
-        self._scans: list[Scan] = []
+        self._scans: list[pp.Scan] = []
         self.beliefs: list[NDArray[np.float64]] = []
 
-    def add(self, scan: "Scan") -> None:
+    def add(self, scan: "pp.Scan") -> None:
         """One more scan."""
         if self._online is None:
             prior = None if self._known is None else self._known.prior
@@ -114,7 +112,7 @@ class _Follower:
             name = self._labeler.label_names[best]
             say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {name} {belief[best]:.3f}")
 
-    def _record(self, scan: "Scan", belief: "NDArray[np.float64]", best: int) -> dict[str, Any]:
+    def _record(self, scan: "pp.Scan", belief: "NDArray[np.float64]", best: int) -> dict[str, Any]:
         names = self._labeler.label_names
         x, y, heading = (round(float(value), 6) for value in scan.pose)
         record: dict[str, Any] = {
@@ -137,21 +135,19 @@ class _Follower:
         """All that was labelled so far."""
         import numpy as np
 
-        from pgm_places.inference.labeling import Labeling, Status
         from pgm_places.labelers.tracking import Track
-        from pgm_places.trajectories.trajectory import Trajectory
 
         name = "standard input" if str(log) == "-" else log.stem
         table = np.array(self.beliefs, np.float64)
         labels = self._labeler.method_.choose(table)
-        labeling = Labeling(labels, Status.CONVERGED, beliefs=table)
-        path = Trajectory.from_scans(self._scans[: len(table)], name=name)
+        labeling = pp.Labeling(labels, pp.Status.CONVERGED, beliefs=table)
+        path = pp.Trajectory.from_scans(self._scans[: len(table)], name=name)
         return Track(path, labeling, tuple(self._labeler.label_names))
 
 
 def _scans(
-    options: TrackOptions, labeler: "TrajectoryLabeler", grid: "OccupancyGrid | None"
-) -> "Generator[Scan]":
+    options: TrackOptions, labeler: "pp.TrajectoryLabeler", grid: "pp.OccupancyGrid | None"
+) -> "Generator[pp.Scan]":
     """The scans of a log as they come."""
     from pgm_places.io.logs.bag_access import is_bag
     from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
@@ -193,16 +189,15 @@ def _files(log: Path) -> Iterator[Iterator[bytes]]:
 
 
 def _cast_scans(
-    log: Path, lines: Iterator[bytes], labeler: "TrajectoryLabeler"
-) -> "Iterator[Scan]":
+    log: Path, lines: Iterator[bytes], labeler: "pp.TrajectoryLabeler"
+) -> "Iterator[pp.Scan]":
     """Empty scans at the poses of a table: all their beams are taken from the map."""
     import numpy as np
 
     from pgm_places.io.logs.pose_csv import iter_pose_csv
-    from pgm_places.trajectories.scan import Scan, ScanGeometry
 
     reach_m = labeler.scan_model_.sensor.max_range_m
-    geometry = ScanGeometry.half_circle(2, range_max_m=reach_m)
+    geometry = pp.ScanGeometry.half_circle(2, range_max_m=reach_m)
     ranges = np.full(geometry.n_beams, reach_m, np.float32)
     for time_s, pose in iter_pose_csv(log, lines):
-        yield Scan(time_s, pose, ranges, geometry)
+        yield pp.Scan(time_s, pose, ranges, geometry)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument
 from pgm_places.cli.flags import GivenOptions, grouped, named_as_flags, option_flags
+from pgm_places.cli.inputs import read_map
 from pgm_places.cli.label_many import (
     BatchOptions,
     WorkerOptions,
@@ -124,16 +125,13 @@ def _label_one(
     progress: "Progress",
 ) -> None:
     from pgm_places.batch.map_files import label_file
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
     from pgm_places.report.outputs import label_names
     from pgm_places.report.topology_output import places_summary
 
     model = _read(options, progress)
     with progress.stage("map"):
-        loaded = load_map(map_yaml, unknown_value=options.unknown_value)
-    for message in loaded.warnings:
-        progress.warn(message)
+        loaded = read_map(map_yaml, options.unknown_value, progress)
     known = None
     if corrections is not None:
         from pgm_places.teaching.paint import Paint

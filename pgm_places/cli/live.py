@@ -1,10 +1,11 @@
 """``pgm-places live``: the place of a robot as it drives, and its map as it grows."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import pgm_places as pp
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option
@@ -18,12 +19,10 @@ from pgm_places.live.node_options import NodeOptions
 from pgm_places.options import AtLeastZero
 
 if TYPE_CHECKING:
-    from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.live.live_map import LiveLabels
     from pgm_places.live.place_finder import FoundPlace
     from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.replay import Replay
-    from pgm_places.progress import Progress
 
 PLACES_FILE = "places.jsonl"
 
@@ -80,151 +79,109 @@ def live(
     for flag, is_given in (("--interface", interface), ("--peer", peers), ("--local", local)):
         if is_given and not dds:
             raise ConfigError(f"{flag} is for a robot: pass --dds with it")
+    asked = _Asked(options, model, method, session, jsonl, n_threads, quiet)
     if replay is None:
-        _run_robot(
-            node,
-            options,
-            model=model,
-            method=method,
-            network=DdsNetwork(local, interface or "", tuple(peers or ())),
-            session=session,
-            seconds=seconds,
-            json_lines=jsonl,
-            n_threads=n_threads,
-            quiet=quiet,
-        )
-        return
-    _run_replay(
-        replay,
-        out,
-        session,
-        model=model,
-        method=method,
-        map_topic=node.map_topic,
-        max_range_m=max_range_m,
-        options=options,
-        json_lines=jsonl,
-        force=force,
-        n_threads=n_threads,
-        quiet=quiet,
-    )
+        _run_robot(asked, node, DdsNetwork(local, interface or "", tuple(peers or ())), seconds)
+    else:
+        _run_replay(asked, replay, node.map_topic, max_range_m, out, force=force)
+
+
+class _Asked(NamedTuple):
+    """What is asked of a robot and of a replay alike."""
+
+    options: LiveOptions
+    model: str
+    method: str | None
+    session: Path | None
+    json_lines: bool
+    n_threads: int | None
+    quiet: bool
 
 
 def _run_replay(
-    replay: Path,
-    out: Path | None,
-    session: Path | None,
-    *,
-    model: str,
-    method: str | None,
+    asked: _Asked,
+    log: Path,
     map_topic: str,
     max_range_m: float | None,
-    options: LiveOptions,
-    json_lines: bool,
+    out: Path | None,
+    *,
     force: bool,
-    n_threads: int | None,
-    quiet: bool,
 ) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.session_file import read_session, write_session
     from pgm_places.report.outputs import LIVE
-    from pgm_places.trained import trained_labeler
 
-    progress = make_progress(quiet=quiet)
-    memory = PlaceMemory() if session is None else read_session(session)
-    labeler = trained_labeler(model)
-    run = _replay(
-        replay, labeler, method, memory, map_topic, max_range_m, options, n_threads, progress
-    )
+    memory = PlaceMemory() if asked.session is None else read_session(asked.session)
+    run = _replay(asked, log, map_topic, max_range_m, memory)
     with ExitStack() as stack:
         files = None
         if out is not None:
             files = stack.enter_context(output_set(out, "live", names=LIVE, force=force))
-        _say_all(run, None if files is None else files.stage, json_lines)
-    if session is not None:
-        write_session(session, memory)
+        _say_all(run, None if files is None else files.stage, asked.json_lines)
+    if asked.session is not None:
+        write_session(asked.session, memory)
     if files is not None:
         say_written(files)
 
 
 def _run_robot(
-    node: NodeOptions,
-    options: LiveOptions,
-    *,
-    model: str,
-    method: str | None,
-    network: DdsNetwork,
-    session: Path | None,
-    seconds: float | None,
-    json_lines: bool,
-    n_threads: int | None,
-    quiet: bool,
+    asked: _Asked, node: NodeOptions, network: DdsNetwork, seconds: float | None
 ) -> None:
     """``pgm-places live --dds``."""
     for module in ("cyclonedds", "rosbags"):
         needed(module, extra="dds", purpose="live --dds")
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.live.dds_node import DdsNode
     from pgm_places.live.map_process import MapProcess
     from pgm_places.live.place_finder import PlaceFinder
-    from pgm_places.trained import trained_labeler
 
     network.config()  # refused before anything is started
-    progress = make_progress(quiet=quiet)
+    progress = make_progress(quiet=asked.quiet)
 
     def show(found: "FoundPlace") -> None:
         if found.changed:
-            say(_place_line(found, json_lines))
+            say(_place_line(found, asked.json_lines))
 
-    desk = MapProcess(model, method=method, n_threads=n_threads, session=session)
+    desk = MapProcess(
+        asked.model, method=asked.method, n_threads=asked.n_threads, session=asked.session
+    )
     try:
         with progress.stage("model"):
-            finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), options)
+            tracker = pp.TrajectoryLabeler.from_places(pp.trained_labeler(asked.model))
+            finder = PlaceFinder(tracker, asked.options)
             finder.warm_up()
-        robot = DdsNode(finder, desk, progress.warn, node, options, on_place=show, network=network)
+        robot = DdsNode(
+            finder, desk, progress.warn, node, asked.options, on_place=show, network=network
+        )
         robot.run(float("inf") if seconds is None else seconds)
     except KeyboardInterrupt:
-        if not quiet:
+        if not asked.quiet:
             complain("stopped")
     finally:
         desk.close()
 
 
 def _replay(
-    log: Path,
-    labeler: "PlaceLabeler",
-    method: str | None,
-    memory: "PlaceMemory",
-    map_topic: str,
-    max_range_m: float | None,
-    options: LiveOptions,
-    n_threads: int | None,
-    progress: "Progress",
+    asked: _Asked, log: Path, map_topic: str, max_range_m: float | None, memory: "PlaceMemory"
 ) -> "Replay":
     """The log, with the maps that it holds in the frame of its poses."""
     from pgm_places.io.logs.map_messages import read_map_messages
     from pgm_places.io.logs.trajectories import read_trajectory
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.live.live_map import LiveMap
     from pgm_places.live.place_finder import PlaceFinder
     from pgm_places.live.replay import Replay
 
+    progress, labeler = make_progress(quiet=asked.quiet), pp.trained_labeler(asked.model)
     with progress.stage("log"):
         maps = list(read_map_messages(log, map_topic))
         frame = maps[0].frame if maps else None
         loaded = read_trajectory(log, range_max_m=max_range_m, fixed_frame=frame)
     for message in loaded.warnings:
         progress.warn(message)
-    tracker = TrajectoryLabeler.from_places(labeler)
-    run = Replay(
-        loaded.trajectory,
-        PlaceFinder(tracker, options),
-        LiveMap(labeler, method=method, memory=memory, n_threads=n_threads),
-        options,
-        maps,
-    )
+    finder = PlaceFinder(pp.TrajectoryLabeler.from_places(labeler), asked.options)
+    live_map = LiveMap(labeler, method=asked.method, memory=memory, n_threads=asked.n_threads)
+    run = Replay(loaded.trajectory, finder, live_map, asked.options, maps)
     if run.counts_metres:
         n_stamps = len(set(run.drive.times_s.tolist()))
         progress.warn(
@@ -278,16 +235,9 @@ def _map_line(found: "LiveLabels", json_lines: bool) -> str:
         }
         return _json(record)
     names = {region.id: region.name for region in found.topology.regions}
-    parts = [f"map {found.map_seq}: {n_places} places"]
-    parts += _listed("new", (names[place] for place in found.appeared))
-    if found.vanished:
-        parts.append(f"{len(found.vanished)} gone")
-    return "; ".join(parts)
-
-
-def _listed(word: str, names: Iterable[str]) -> list[str]:
-    text = ", ".join(names)
-    return [f"{word}: {text}"] if text else []
+    new = ", ".join(names[place] for place in found.appeared)
+    gone = f"; {len(found.vanished)} gone" if found.vanished else ""
+    return f"map {found.map_seq}: {n_places} places{f'; new: {new}' if new else ''}{gone}"
 
 
 def _json(record: Mapping[str, Any]) -> str:

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import pgm_places as pp
 from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import GivenOptions, option_flags
+from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import InputError
@@ -15,7 +17,6 @@ from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.spaces.doorways import Doorways
     from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
@@ -50,9 +51,6 @@ def topology(
     propose_splits_m
         List where places could be split at openings narrower than this (m), without splitting them.
     """
-    from pgm_places.io.maps.label_image import load_labels
-    from pgm_places.io.maps.label_values import listed_names
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
     from pgm_places.report.outputs import PLACES, SETTINGS
@@ -60,15 +58,12 @@ def topology(
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
-        loaded = load_map(map_yaml, unknown_value=unknown_value)
-        names = listed_names(labels_png, names_file)
-        labels = load_labels(labels_png, names, grid=loaded.grid, names_path=names_file)
+        loaded = read_map(map_yaml, unknown_value, progress)
+        names, labels = read_labels(labels_png, loaded.grid, names_file)
         settings = load_settings(labels_png.parent) or PlaceSettings(TopologyOptions())
         rules = given.over(settings.rules)
         doorways = settings.doorways if rules.doorways == "gates" else None
         probabilities = _probabilities(labels_png, names, loaded.grid)
-    for message in loaded.warnings:
-        progress.warn(message)
     if (labels_png.parent / SETTINGS_FILE).exists():
         say(_settings_line(labels_png.parent / SETTINGS_FILE, rules, doorways))
     elif given.values.get("doorways") == "gates":
@@ -94,7 +89,9 @@ def topology(
     say_written(files)
 
 
-def _probabilities(labels_png: Path, names: Sequence[str], grid: "OccupancyGrid") -> dict[str, Any]:
+def _probabilities(
+    labels_png: Path, names: Sequence[str], grid: "pp.OccupancyGrid"
+) -> dict[str, Any]:
     """The probabilities beside labels, and their cells; of labels changed since, none are known."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
@@ -220,16 +217,15 @@ def _write_routes(
     say(routes_summary(topology, routes))
 
 
-def _map_for_nav2(folder: Path, given: Path | None) -> "OccupancyGrid | None":
+def _map_for_nav2(folder: Path, given: Path | None) -> "pp.OccupancyGrid | None":
     """The map that was labelled, or the one that was given instead; says what is amiss."""
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.report.label_files import labelled_map
 
     path = given or labelled_map(folder)
     if path is None:
         complain("the map is not copied, because it is not where it was labelled; pass --map")
         return None
-    grid = load_map(path).grid
+    grid = pp.load_map(path).grid
     if grid.yaw_rad:
         complain(
             f"the origin of the map is turned by {grid.yaw_rad:g} rad, which Nav2's costmaps and "

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
     from rich.progress import Progress
 
 
-def make_progress(*, quiet: bool) -> "BarProgress | LineProgress | QuietProgress":
+def make_progress(*, quiet: bool) -> "BarProgress | QuietProgress":
     """Bars if standard error is a terminal, lines if it is not, only warnings if ``quiet``."""
     if quiet:
         return QuietProgress()
@@ -29,7 +29,7 @@ class QuietProgress(Silent):
         warn(message)
 
 
-class LineProgress:
+class LineProgress(QuietProgress):
     """One line per stage when it ends, for logs and pipes."""
 
     @contextmanager
@@ -37,12 +37,7 @@ class LineProgress:
         """Print the stage's name and its seconds when it ends."""
         start = time.perf_counter()
         yield Silent()
-        seconds = time.perf_counter() - start
-        complain(f"{name}: {seconds:.1f} s")
-
-    def warn(self, message: str) -> None:
-        """Print the warning."""
-        warn(message)
+        complain(f"{name}: {time.perf_counter() - start:.1f} s")
 
 
 class _Bar:

@@ -4,10 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import pgm_places as pp
 from pgm_places._option_marks import Ge
 from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import option_flags
+from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.datasets.map_simulation import MapSimulation
@@ -17,8 +19,7 @@ from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 
 if TYPE_CHECKING:
-    from pgm_places.maps.labelled_map import LabelledMap
-    from pgm_places.trajectories.trajectory import Trajectory
+    from pgm_places.progress import Progress
 
 _ENDS = (".yaml", ".png", "_labels.png", "_labels.yaml")
 
@@ -52,20 +53,11 @@ def simulate_map(
         Number of maps, a seed for each.
     """
     from pgm_places.datasets.simulated_map import simulate_map as simulated
-    from pgm_places.io.maps.label_image import load_labels, save_labels
-    from pgm_places.io.maps.label_values import listed_names
-    from pgm_places.io.maps.map_server import load_map, save_map
     from pgm_places.io.output_set import output_set
-    from pgm_places.maps.labelled_map import LabelledMap
 
     progress = make_progress(quiet=quiet)
     with progress.stage("plan"):
-        loaded = load_map(plan_yaml, unknown_value=unknown_value)
-        for message in loaded.warnings:
-            progress.warn(message)
-        names = tuple(listed_names(labels, None))
-        raster = load_labels(labels, names, grid=loaded.grid)
-        plan = LabelledMap(loaded.grid, raster, name=plan_yaml.stem)
+        plan, names = _users_map(plan_yaml, labels, unknown_value, progress)
     seeds = range(seed, seed + copies)
     stems = {number: f"{plan_yaml.stem}_{number}" for number in seeds}
     listed = [f"{stem}{end}" for stem in stems.values() for end in _ENDS]
@@ -76,8 +68,8 @@ def simulate_map(
     ):
         for number, stem in stems.items():
             made = simulated(plan, names, seed=number, options=options)
-            save_map(made.grid, files.stage / stem)
-            save_labels(files.stage / f"{stem}_labels.png", made.labels, names)
+            pp.save_map(made.grid, files.stage / stem)
+            pp.save_labels(files.stage / f"{stem}_labels.png", made.labels, names)
     say_written(files)
 
 
@@ -145,9 +137,7 @@ def simulate(
             if map_yaml is None:
                 place, names = _demo_map(staged, seed)
             else:
-                place, names, notes = _users_map(map_yaml, labels, unknown_value)
-                for message in notes:
-                    progress.warn(message)
+                place, names = _users_map(map_yaml, labels, unknown_value, progress)
         with progress.stage("drive"):
             driven = robot.explore(
                 place.grid, seed=seed, max_length_m=length_m, name=_stem(out), n_threads=n_threads
@@ -170,50 +160,40 @@ def _file_names(out: Path, *, demo: bool) -> list[str]:
     return names + [f"{stem}{end}" for end in ends if demo]
 
 
-def _write(out: Path, driven: "Trajectory", picture: bytes, wheels_only: bool) -> None:
+def _write(out: Path, driven: "pp.Trajectory", picture: bytes, wheels_only: bool) -> None:
     """Write the log, the true places of its steps and the picture."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.logs.trajectories import write_trajectory
 
-    write_trajectory(out, _as_recorded(driven, wheels_only))
+    recorded = driven
+    if wheels_only and driven.odometry is not None:
+        recorded = replace(driven, poses=driven.odometry, odometry=None)
+    write_trajectory(out, recorded)
     if out.suffix != ".csv":
         write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven)
     write_bytes(out.with_name(f"{_stem(out)}.png"), picture)
 
 
 def _users_map(
-    map_yaml: Path, labels: Path | None, unknown_value: UnknownGrey | None
-) -> "tuple[LabelledMap, tuple[str, ...], tuple[str, ...]]":
-    """The map, the names of its labels (none without labels), and warnings."""
+    map_yaml: Path, labels: Path | None, unknown_value: UnknownGrey | None, progress: "Progress"
+) -> "tuple[pp.LabelledMap, tuple[str, ...]]":
+    """The map, and the names of its labels: none without labels."""
     import numpy as np
 
-    from pgm_places.io.maps.label_image import load_labels
-    from pgm_places.io.maps.label_values import listed_names
-    from pgm_places.io.maps.map_server import load_map
-    from pgm_places.maps.labelled_map import LabelledMap
-
-    loaded = load_map(map_yaml, unknown_value=unknown_value)
-    names: tuple[str, ...] = ()
-    raster = np.full(loaded.grid.shape, -1, np.int16)
-    if labels is not None:
-        names = tuple(listed_names(labels, None))
-        raster = load_labels(labels, names, grid=loaded.grid)
-    return LabelledMap(loaded.grid, raster), names, tuple(loaded.warnings)
+    grid = read_map(map_yaml, unknown_value, progress).grid
+    names, raster = ((), np.full(grid.shape, -1)) if labels is None else read_labels(labels, grid)
+    return pp.LabelledMap(grid, raster, name=map_yaml.stem), names
 
 
-def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...]]":
+def _demo_map(out: Path, seed: int) -> "tuple[pp.LabelledMap, tuple[str, ...]]":
     """A generated building, also written as files next to the log."""
     from pgm_places.datasets.building import generate_building
-    from pgm_places.io.maps.label_image import save_labels
-    from pgm_places.io.maps.map_server import save_map
-    from pgm_places.maps.labelled_map import LabelledMap
 
     building = generate_building(seed=seed)
-    stem = out.with_name(_stem(out))
-    save_map(building.grid, stem.with_name(f"{stem.name}_map"))
-    labels = stem.with_name(f"{stem.name}_labels.png")
-    save_labels(labels, building.labels, building.label_names)
-    return LabelledMap(building.grid, building.labels), building.label_names
+    pp.save_map(building.grid, out.with_name(f"{_stem(out)}_map"))
+    labels = out.with_name(f"{_stem(out)}_labels.png")
+    pp.save_labels(labels, building.labels, building.label_names)
+    return pp.LabelledMap(building.grid, building.labels), building.label_names
 
 
 def _stem(out: Path) -> str:
@@ -221,14 +201,7 @@ def _stem(out: Path) -> str:
     return out.name.removesuffix(".gz").removesuffix(".log") if ".log" in out.name else out.stem
 
 
-def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
-    """What gets recorded: the true poses together with odometry, or odometry alone."""
-    if wheels_only and driven.odometry is not None:
-        return replace(driven, poses=driven.odometry, odometry=None)
-    return driven
-
-
-def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory") -> bytes:
+def _picture(place: "pp.LabelledMap", names: tuple[str, ...], driven: "pp.Trajectory") -> bytes:
     import numpy as np
 
     from pgm_places.report.path_pictures import path_map
@@ -246,7 +219,7 @@ def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory")
     )
 
 
-def _summary(driven: "Trajectory") -> str:
+def _summary(driven: "pp.Trajectory") -> str:
     import numpy as np
 
     from pgm_places.cli.tables import text_table

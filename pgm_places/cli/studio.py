@@ -4,10 +4,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import pgm_places as pp
 from pgm_places._extras import needed
 from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
+from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.given_labels import GivenLabels
@@ -69,7 +70,6 @@ def studio(
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.server import serve
@@ -83,9 +83,7 @@ def studio(
     stored = None if model == NO_MODEL else stored_labeler(model)
 
     def opened(map_yaml: Path, folder: Path) -> Desk:
-        loaded = load_map(map_yaml, unknown_value=unknown_value)
-        for message in loaded.warnings:
-            progress.warn(message)
+        loaded = read_map(map_yaml, unknown_value, progress)
         desk = Desk(
             loaded,
             folder,
@@ -154,17 +152,15 @@ def _shelf_of(
     return Shelf(books, folder, export_folders)
 
 
-def _given(paths: "Sequence[Path]", grid: "OccupancyGrid") -> "list[GivenLabels]":
+def _given(paths: "Sequence[Path]", grid: "pp.OccupancyGrid") -> "list[GivenLabels]":
     """Labels to compare with, each by the name of its file."""
-    from pgm_places.io.maps.label_image import load_labels
-    from pgm_places.io.maps.label_values import listed_names
     from pgm_places.studio.given_labels import GivenLabels
 
     found: list[GivenLabels] = []
     for path in paths:
-        names = tuple(listed_names(path))
+        names, labels = read_labels(path, grid)
         title = path.name if all(path.name != item.title for item in found) else str(path)
-        found.append(GivenLabels(title, load_labels(path, names, grid=grid), names))
+        found.append(GivenLabels(title, labels, names))
     return found
 
 
@@ -172,8 +168,7 @@ def _path(drive: Path) -> "NDArray[np.float64]":
     """The positions of a drive in metres."""
     from pgm_places.io.logs.trajectories import read_trajectory
 
-    loaded = read_trajectory(drive)
-    return loaded.trajectory.poses[:, :2]
+    return read_trajectory(drive).trajectory.poses[:, :2]
 
 
 def _announce(address: str, *, browser: bool) -> None:

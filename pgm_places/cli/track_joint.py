@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+import pgm_places as pp
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
@@ -11,7 +12,6 @@ from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
     from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.labelers.joint_labeler import JointLabeler
     from pgm_places.labelers.label_map import LabelledPlaces
     from pgm_places.labelers.tracking import Track
     from pgm_places.persistence.stored import Stored
@@ -44,9 +44,9 @@ def run_joint(stored: "Stored", options: TrackOptions) -> None:
     say_written(files)
 
 
-def _labeler(stored: "Stored", options: TrackOptions) -> "JointLabeler":
+def _labeler(stored: "Stored", options: TrackOptions) -> "pp.JointLabeler":
     """The model with the options of the command; those for other models are refused."""
-    labeler: JointLabeler = stored.item
+    labeler: pp.JointLabeler = stored.item
     if options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "
@@ -66,7 +66,7 @@ def _labeler(stored: "Stored", options: TrackOptions) -> "JointLabeler":
 
 
 def _labelled(
-    labeler: "JointLabeler",
+    labeler: "pp.JointLabeler",
     source: "MapFile | None",
     options: TrackOptions,
     progress: "Progress",

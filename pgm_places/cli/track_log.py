@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pgm_places as pp
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say, say_written
@@ -20,8 +21,6 @@ from pgm_places.errors import ConfigError
 if TYPE_CHECKING:
     from pgm_places.io.logs.loaded_log import LoadedLog
     from pgm_places.labelers.tracking import Track
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.persistence.map_prior import LabelledMapFolder
     from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
@@ -68,8 +67,8 @@ def read_log(options: TrackOptions, progress: "Progress") -> "LoadedLog":
 
 def _track(
     read: "LoadedLog",
-    labeler: "TrajectoryLabeler",
-    grid: "OccupancyGrid | None",
+    labeler: "pp.TrajectoryLabeler",
+    grid: "pp.OccupancyGrid | None",
     known: "LabelledMapFolder | None",
     counts: "Seen | None",
     options: TrackOptions,
@@ -102,7 +101,7 @@ def _track(
     return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
 
 
-def write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
+def write(track: "Track", grid: "pp.OccupancyGrid | None", out: Path) -> None:
     """All files of a track, drawn on the map or on one of its scans."""
     from pgm_places.labelers.tracking import map_of_scans
     from pgm_places.report.track_page import write_track

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import pgm_places as pp
 from pgm_places.cli.arguments import Force, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.inputs import read_map
 from pgm_places.errors import ConfigError
 from pgm_places.options import AtLeastZero
 
@@ -15,11 +17,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.persistence.map_prior import LabelledMapFolder
     from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
-    from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.vision.object_counts import ObjectCounts
 
 MOST_CHANGED = 0.01
@@ -86,38 +86,31 @@ class TrackOptions:
 def stored_model(options: TrackOptions) -> "Stored":
     """The model that is named, or the default one, of a kind that labels drives."""
     from pgm_places.persistence.stored import read
-    from pgm_places.trained import model_folder
+    from pgm_places.trained import DEFAULT, TRACKING, model_folder
 
-    folder = model_folder(options.model or _default_model(options))
+    # The shipped model of maps where there is one to cast scans in, else that of drives.
+    usual = TRACKING if options.map_yaml is None else DEFAULT
+    folder = model_folder(options.model or usual)
     return read(folder, "place-labeler", "trajectory-labeler", "joint-labeler")
-
-
-def _default_model(options: TrackOptions) -> str:
-    """The shipped model of maps where there is one to cast scans in, else that of drives."""
-    from pgm_places.trained import DEFAULT, TRACKING
-
-    return TRACKING if options.map_yaml is None else DEFAULT
 
 
 def track_labeler(
     stored: "Stored", options: TrackOptions, progress: "Progress"
-) -> "TrajectoryLabeler":
+) -> "pp.TrajectoryLabeler":
     """The labeler of a stored model, with the options of the command."""
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.models.hmm import HiddenMarkovModel
 
     labeler = stored.item
     if stored.kind == "place-labeler":  # with what it knows of moving robots
-        labeler = TrajectoryLabeler.from_places(labeler)
-    is_hmm = isinstance(labeler.method_, HiddenMarkovModel)
-    if is_hmm:
+        labeler = pp.TrajectoryLabeler.from_places(labeler)
+    if isinstance(labeler.method_, HiddenMarkovModel):
         labeler = _changed(labeler, method__mode=options.mode)
     elif options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "
             f"{type(labeler.method_).__name__}"
         )
-    chosen = options.beams or ("known-map" if options.map_yaml is not None else None)
+    chosen = options.beams or (options.map_yaml and "known-map")
     if chosen is not None:
         labeler = _changed(labeler, beams__missing=chosen)
     if options.every_m is not None:
@@ -127,19 +120,21 @@ def track_labeler(
             progress.warn(
                 f"--every {options.every_m:g}: the transitions of this model are not exactly "
                 "those of any continuous motion; the nearest that are differ by up to "
-                f"{changed:.3f} in a "
-                "probability. For the best labels, train a model at this distance"
+                f"{changed:.3f} in a probability. For the best labels, train a model at this "
+                "distance"
             )
     return labeler
 
 
-def _changed(labeler: "TrajectoryLabeler", **options: object) -> "TrajectoryLabeler":
+def _changed(labeler: "pp.TrajectoryLabeler", **options: object) -> "pp.TrajectoryLabeler":
     """The labeler with other options; what it refuses is named by its flag."""
     with named_as_flags({"mode": "--mode", "missing": "--beams", "every_m": "--every"}):
         return labeler.with_options(**options)
 
 
-def labelled_map(options: TrackOptions, labeler: "TrajectoryLabeler") -> "LabelledMapFolder | None":
+def labelled_map(
+    options: TrackOptions, labeler: "pp.TrajectoryLabeler"
+) -> "LabelledMapFolder | None":
     """The map that was labelled beforehand, if one is named."""
     if options.map_labels is None:
         return None
@@ -150,24 +145,19 @@ def labelled_map(options: TrackOptions, labeler: "TrajectoryLabeler") -> "Labell
 
 def map_of(options: TrackOptions, progress: "Progress") -> "MapFile | None":
     """The map in the frame of the log, if one is named, with its warnings on standard error."""
-    from pgm_places.io.maps.map_server import load_map
-
     if options.map_yaml is None:
         return None
-    loaded = load_map(options.map_yaml, unknown_value=options.unknown_value)
-    for message in loaded.warnings:
-        progress.warn(message)
-    return loaded
+    return read_map(options.map_yaml, options.unknown_value, progress)
 
 
 def with_truth(
-    trajectory: "Trajectory", options: TrackOptions, label_names: tuple[str, ...]
-) -> "Trajectory":
+    trajectory: "pp.Trajectory", options: TrackOptions, label_names: tuple[str, ...]
+) -> "pp.Trajectory":
     """The trajectory with the true places from a table of as many steps, if one is named."""
-    if options.truth is None:
-        return trajectory
     from pgm_places.io.logs import truth_table
 
+    if options.truth is None:
+        return trajectory
     return truth_table.with_truth(trajectory, options.truth, label_names)
 
 
@@ -194,19 +184,18 @@ class Seen:
 
 
 def seen_objects(
-    options: TrackOptions, labeler: "TrajectoryLabeler", progress: "Progress"
+    options: TrackOptions, labeler: "pp.TrajectoryLabeler", progress: "Progress"
 ) -> Seen | None:
     """The counts of objects, if the model learned with any."""
     names = labeler.scan_model_.extra_names
+    if options.counts is None and names:
+        raise ConfigError(
+            f"this model also uses counts of {', '.join(names)}; pass them: --counts FILE"
+        )
     if options.counts is None:
-        if names:
-            raise ConfigError(
-                f"this model also uses counts of {', '.join(names)}; pass them: --counts FILE"
-            )
         return None
     if not names:
         raise ConfigError("this model uses the laser only; omit --counts")
-
     from pgm_places.io.logs.object_counts import read_object_counts
 
     counts = read_object_counts(options.counts)
