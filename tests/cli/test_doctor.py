@@ -142,7 +142,8 @@ def test_track_reads_its_map_as_label_does_and_says_so(
     assert meant is not None
     assert meant.fractions.unknown > 0.3
     assert "have grey 205" in capsys.readouterr().err
-    letter = map_of(TrackOptions(Path("-"), map_yaml=path, unknown_value="none"), make_progress(quiet=True))
+    options = TrackOptions(Path("-"), map_yaml=path, unknown_value="none")
+    letter = map_of(options, make_progress(quiet=True))
     assert letter is not None
     assert letter.fractions.unknown == 0
     assert capsys.readouterr().err == ""
