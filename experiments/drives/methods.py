@@ -52,7 +52,7 @@ def _compared(name: str) -> Comparison:
 
 def _figures_of(found: Comparison, method: MethodResult, some: Sequence[int]) -> str:
     """A method's row over some of the drives, its interval by stretches of their ways."""
-    items, labelings = [found.maps[i] for i in some], [method.labelings[i] for i in some]
+    items, labelings = [found.maps[i] for i in some], [[method.labelings[i] for i in some]]
     scored = Evaluation.merged([method.evaluations[i] for i in some])
     interval = score_intervals(items, labelings, len(found.label_names))["accuracy"]
     doors = DoorScores.total(method.doors[i] for i in some)

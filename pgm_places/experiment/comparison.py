@@ -10,7 +10,7 @@ import numpy as np
 from pgm_places.evaluation import confusion
 from pgm_places.evaluation.bootstrap import Resamples, pooled
 from pgm_places.evaluation.evaluation import Evaluation, Interval
-from pgm_places.experiment.judgement import Judgement, judge_seeds
+from pgm_places.experiment.judgement import Judgement, judge
 from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores
@@ -61,8 +61,8 @@ class MethodResult:
 
     def spread(self, figure: Callable[[Evaluation], float | None]) -> float | None:
         """The standard deviation of a figure over the seeds; None of one seed, or not defined."""
-        found = [figure(item.evaluation) for item in self.by_seed.values()]
-        values = [value for value in found if value is not None]
+        figures = [figure(item.evaluation) for item in self.by_seed.values()]
+        values = [value for value in figures if value is not None]
         return float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
@@ -92,7 +92,7 @@ class Comparison:
     def judgement(self) -> Judgement:
         """Which differences between methods are more than chance."""
         labelings = {method.id: method.all_labelings for method in self.methods}
-        return judge_seeds(self.maps, labelings, self.label_names)
+        return judge(self.maps, labelings, self.label_names)
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -124,35 +124,29 @@ class Comparison:
 
     def by_unit(self, method: MethodResult) -> dict[str, Evaluation]:
         """A method's pooled evaluation of each kind of node: ``cell``, ``step``."""
-        found: dict[str, list[Evaluation]] = {}
+        of_unit: dict[str, list[Evaluation]] = {}
         for item, evaluation in zip(self.maps, method.evaluations, strict=True):
-            found.setdefault(item.unit, []).append(evaluation)
-        return {unit: Evaluation.merged(parts) for unit, parts in found.items()}
+            of_unit.setdefault(item.unit, []).append(evaluation)
+        return {unit: Evaluation.merged(parts) for unit, parts in of_unit.items()}
 
 
 def score_intervals(
-    maps: Sequence[TestItem], labelings: Sequence[Labeling], n_labels: int
+    maps: Sequence[TestItem], labelings: Sequence[Sequence[Labeling]], n_labels: int
 ) -> dict[str, Interval]:
     """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
 
     A block bootstrap over squares of ``BLOCK_M`` of maps, stretches of ``STRETCH_M`` of drives, and
     single nodes of graphs, or ``NODES_PER_BLOCK`` side by side
-    (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
+    (:func:`pgm_places.evaluation.evaluation.block_bootstrap`). ``labelings`` are those of each
+    seed, which are drawn like blocks.
     """
-    return intervals_over_seeds(maps, [labelings], n_labels)
-
-
-def intervals_over_seeds(
-    maps: Sequence[TestItem], labelings: Sequence[Sequence[Labeling]], n_labels: int
-) -> dict[str, Interval]:
-    """The same of the labellings of several seeds together, seeds drawn like blocks."""
     resamples = Resamples.of(
         np.concatenate([item.node_truth for item in maps]), blocks_of(maps), n_labels=n_labels
     )
     counts = pooled(
         [
-            resamples.confusions(np.concatenate([labeling.labels for labeling in found]))
-            for found in labelings
+            resamples.confusions(np.concatenate([labeling.labels for labeling in of_seed]))
+            for of_seed in labelings
         ]
     )
     return {

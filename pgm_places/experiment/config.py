@@ -4,10 +4,9 @@ The options of the sensor, the lists, the methods and the topological maps are d
 modules; this module declares those that concern files, and combines them.
 """
 
-import dataclasses
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,9 +15,7 @@ from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.floor_teaching import FloorOptions
-from pgm_places.experiment.graph_config import GraphConfig
-from pgm_places.experiment.map_config import MapConfig
-from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.source_config import SourceConfig, given_options
 from pgm_places.experiment.source_patterns import without_patterns
 from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.step_options import StepOptions
@@ -48,32 +45,12 @@ __all__ = [
 NO_MODEL = "none"
 """The base model of those who learn from nothing but their maps, as the studio does without one."""
 
-_OF_MAPS = (
-    "resolution_m",
-    "connectivity",
-    "sensor",
-    "context",
-    "space",
-    "floor",
-    "steps",
-    "features",
+_OF_MAPS = frozenset(
+    ("resolution_m", "connectivity", "sensor", "context", "space", "floor", "steps", "features")
 )
 """What says nothing of graphs of one's own."""
 
-_OF_TRAINING = (
-    "nodes",
-    "resolution_m",
-    "connectivity",
-    "sensor",
-    "classifier",
-    "context",
-    "space",
-    "floor",
-    "steps",
-    "features",
-    "select",
-    "methods",
-)
+_OF_TRAINING = _OF_MAPS | {"nodes", "classifier", "select", "methods"}
 """What a model that was trained before has already."""
 
 Nodes = Literal["cells", "steps", "both", "graph"]
@@ -199,11 +176,7 @@ class ExperimentConfig:
 
 def _check_teaching(config: ExperimentConfig) -> None:
     """Refuse options that a base model already fixes, and those that need one."""
-    given = [
-        item.name
-        for item in dataclasses.fields(config)
-        if item.name in _OF_TRAINING and getattr(config, item.name) != _default(item)
-    ]
+    given = given_options(config, _OF_TRAINING)
     if config.base_model is None:
         if not config.methods:
             raise ConfigError("methods: give at least one, as a table [[methods]]")
@@ -211,24 +184,19 @@ def _check_teaching(config: ExperimentConfig) -> None:
             raise ConfigError(
                 "[teaching] says how a base_model continues to learn; give base_model"
             )
-    elif given or config.labels.halls != LabelsConfig.halls or config.labels.doorway_depth_m:
-        of_labels = "halls" if config.labels.halls != LabelsConfig.halls else "doorway_depth_m"
-        name = given[0] if given else f"labels.{of_labels}"
+        return
+    given += [f"labels.{x}" for x in given_options(config.labels, {"halls", "doorway_depth_m"})]
+    if given:
         raise ConfigError(
-            f"{name} is for training from scratch; base_model brings its own, so remove it"
+            f"{given[0]} is for training from scratch; base_model brings its own, so remove it"
         )
-    elif config.base_model == NO_MODEL:
+    if config.base_model == NO_MODEL:
         alone = {name: getattr(config.teaching, name) for name in OF_PAINT_ALONE}
         if config.teaching != TeachingOptions(**alone):
             raise ConfigError(
                 f"[teaching] takes {' and '.join(OF_PAINT_ALONE)} where base_model = "
                 f"{NO_MODEL!r}: there is no model to keep or to continue from"
             )
-
-
-def _default(item: "dataclasses.Field[Any]") -> Any:
-    made = item.default_factory
-    return item.default if made is dataclasses.MISSING else made()
 
 
 def _check_methods(config: ExperimentConfig) -> None:
@@ -256,26 +224,23 @@ def _check_nodes(config: ExperimentConfig) -> None:
         raise ConfigError(
             "[select] scores options on training drives that are held out; [[train]] has none"
         )
-    for part, sources in (("train", config.train), ("test", config.test)):
-        for index, item in enumerate(sources):
-            where = f"{part}[{index}]"
-            if item.graph is not None:
-                raise ConfigError(f"{where} is a graph; write nodes = 'graph' above all tables")
-            if nodes == "cells" and item.is_drive:
-                raise ConfigError(
-                    f"{where} is a drive, but cells of maps are labelled; write nodes = 'steps' or "
-                    "nodes = 'both' at the top of the file"
-                )
-            if nodes != "cells" and part == "test" and not item.is_drive:
-                raise ConfigError(
-                    f"{where} is a map, but steps of drives are labelled; give a log or a drive"
-                )
-            if item.map_labels is not None and (part == "train" or nodes != "steps"):
-                raise ConfigError(
-                    f"{where}: map_labels is for drives to test on, with nodes = 'steps'"
-                )
-            if nodes == "both" and item.log is not None and item.map is None:
-                raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
+    for where, item in _sources(config):
+        is_test = where.startswith("test")
+        if item.graph is not None:
+            raise ConfigError(f"{where} is a graph; write nodes = 'graph' above all tables")
+        if nodes == "cells" and item.is_drive:
+            raise ConfigError(
+                f"{where} is a drive, but cells of maps are labelled; write nodes = 'steps' or "
+                "nodes = 'both' at the top of the file"
+            )
+        if nodes != "cells" and is_test and not item.is_drive:
+            raise ConfigError(
+                f"{where} is a map, but steps of drives are labelled; give a log or a drive"
+            )
+        if item.map_labels is not None and not (is_test and nodes == "steps"):
+            raise ConfigError(f"{where}: map_labels is for drives to test on, with nodes = 'steps'")
+        if nodes == "both" and item.log is not None and item.map is None:
+            raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
     for method in config.methods:
         if method.unary == "none":
             raise ConfigError(f"methods.{method.id}: unary = 'none' is for nodes = 'graph'")
@@ -285,21 +250,14 @@ def _check_nodes(config: ExperimentConfig) -> None:
 
 def _check_graphs(config: ExperimentConfig) -> None:
     """Refuse whatever is not a graph of one's own, or is for maps and drives."""
-    for part, sources in (("train", config.train), ("test", config.test)):
-        for index, item in enumerate(sources):
-            if item.graph is None:
-                raise ConfigError(
-                    f"{part}[{index}] is not a graph; give graph = 'FILE.graphml', or its tables: "
-                    "graph = { nodes = 'nodes.csv', edges = 'edges.csv' }"
-                )
-    given = [
-        item.name
-        for item in dataclasses.fields(config)
-        if item.name in _OF_MAPS and getattr(config, item.name) != _default(item)
-    ]
-    if given or config.base_model is not None:
-        name = given[0] if given else "base_model"
-        raise ConfigError(f"{name} is for maps and drives, not for nodes = 'graph'; remove it")
+    for where, item in _sources(config):
+        if item.graph is None:
+            raise ConfigError(
+                f"{where} is not a graph; give graph = 'FILE.graphml', or its tables: "
+                "graph = { nodes = 'nodes.csv', edges = 'edges.csv' }"
+            )
+    if given := given_options(config, _OF_MAPS | {"base_model"}):
+        raise ConfigError(f"{given[0]} is for maps and drives, not for nodes = 'graph'; remove it")
     for method in config.methods:
         if method.unary not in ("auto", "none"):
             raise ConfigError(
@@ -309,28 +267,27 @@ def _check_graphs(config: ExperimentConfig) -> None:
 
 
 def _check_label_names(config: ExperimentConfig) -> None:
-    names = list(config.labels.names)
-    order = config.classifier.order
-    if isinstance(order, tuple) and sorted(order) not in (sorted(names), *_all_but_one(names)):
+    names, order = list(config.labels.names), config.classifier.order
+    all_but_one = [sorted(set(names) - {name}) for name in names]
+    if isinstance(order, tuple) and sorted(order) not in (sorted(names), *all_but_one):
         raise ConfigError(
             f"classifier.order must name each of {names} once (the last may be left out), "
             f"got {list(order)}"
         )
-    for part, maps in (("train", config.train), ("test", config.test)):
-        for index, item in enumerate(maps):
-            source: MapConfig | GraphConfig = item.drive or item
-            if item.graph is not None:
-                source = item.graph_options
-            for code, label in (source.classes or {}).items():
-                if label not in ("", *names):  # "" for no label
-                    raise ConfigError(
-                        f"{part}[{index}].classes: {code!r} is translated to {label!r}, which is "
-                        f"not a label. {nearest_name(label, names)}"
-                    )
+    for where, item in _sources(config):
+        source = item.graph_options if item.graph is not None else item.drive or item
+        for code, label in (source.classes or {}).items():
+            if label not in ("", *names):  # "" for no label
+                raise ConfigError(
+                    f"{where}.classes: {code!r} is translated to {label!r}, which is not a label. "
+                    f"{nearest_name(label, names)}"
+                )
 
 
-def _all_but_one(names: list[str]) -> list[list[str]]:
-    return [sorted(set(names) - {name}) for name in names]
+def _sources(config: ExperimentConfig) -> Iterator[tuple[str, SourceConfig]]:
+    """What is trained and tested on, by its place in the file."""
+    for part, sources in (("train", config.train), ("test", config.test)):
+        yield from ((f"{part}[{index}]", item) for index, item in enumerate(sources))
 
 
 def load_config(path: Path) -> ExperimentConfig:

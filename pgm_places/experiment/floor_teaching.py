@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _STYLES = ("office", "school", "clinic", "home", "hotel", "varied", "university", "hall")
 _NAMES = ("corridor", "room", "doorway", "hall")
+_RATE = 2e-4
 _OWN_SHARE = 0.5
 """Pieces of the user's maps; the others keep the networks from forgetting all other buildings."""
 
@@ -70,15 +71,11 @@ def taught_floor(
         for number, network in enumerate(floor.networks):
             trainer = Trainer(network.weights)
             pieces = _pieces([own, others], number)
-            loss, accuracy = trainer.learn(pieces, options.steps, _rate)
+            loss, accuracy = trainer.learn(pieces, options.steps, lambda _step: _RATE)
             networks.append(FloorNetwork(trainer.network))
             done = (number + 1) / len(floor.networks)
             stage.update(done, f"loss {loss:.3f}, {100 * accuracy:.1f} % of cells right")
     return replace(floor, networks=tuple(networks))
-
-
-def _rate(_step: int) -> float:
-    return 2e-4
 
 
 def _floor(item: LabelledMap, names: Sequence[str], *, drawn: bool) -> "LabelledFloor":

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import ConfigError, LabelError
+from pgm_places.errors import ConfigError
 from pgm_places.evaluation.folds import contiguous_parts, fold_of_buildings
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
@@ -18,7 +18,6 @@ from pgm_places.experiment.task import Evidence, Task
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.structured_labeler import StructuredLabeler
-from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.list_learning import with_explicit_order
 
 
@@ -27,7 +26,7 @@ def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabe
     problems = [item.problem for item in sources.graphs]
     truths = [item.truth for item in sources.graphs]
     labelers = graph_labelers(experiment.config)
-    found: dict[str, StructuredLabeler] = {}
+    learned: dict[str, StructuredLabeler] = {}
     with experiment.learning():
         for alone in (False, True):  # methods with unary = "none" see no classifier
             chosen = {n: item for n, item in labelers.items() if (item.classifier is None) == alone}
@@ -36,8 +35,8 @@ def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabe
             shared = next(iter(chosen.values()))
             shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
             methods = {name: item.backend for name, item in chosen.items()}
-            found |= shared.fit_methods(methods, problems, truths, progress=experiment.progress)
-    return {name: found[name] for name in labelers}
+            learned |= shared.fit_methods(methods, problems, truths, progress=experiment.progress)
+    return {name: learned[name] for name in labelers}
 
 
 def _classifier(
@@ -62,12 +61,8 @@ def _evidence(
     def label(name: str) -> Sequence[Labeling]:
         return [labelers[name].label(item.problem, truth=item.truth)]
 
-    def doors(*_: Any) -> tuple[DoorScores, ...]:
-        return ()
-
-    return Evidence(
-        [TestGraph(item.name, item.problem.graph, item.truth, item.building)], label, doors
-    )
+    tested = TestGraph(item.name, item.problem.graph, item.truth, item.building)
+    return Evidence([tested], label)
 
 
 def _method(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
@@ -83,11 +78,6 @@ def graph_splits(
     Whole buildings of graphs where there are several, else parts of the only one: nodes that lie
     together (:func:`pgm_places.evaluation.folds.contiguous_parts`). These stay in the graph that is
     learned from, without their labels. Folds that leave a label without an example are skipped.
-
-    Raises
-    ------
-    LabelError
-        No fold is left.
     """
     of_graph = fold_of_buildings([item.building for item in graphs], n_folds)
     folds = [
@@ -96,20 +86,13 @@ def graph_splits(
         else np.full(len(item.truth), fold, np.int64)
         for item, fold in zip(graphs, of_graph, strict=True)
     ]
-    found = False
     for fold in np.unique(np.concatenate(folds)):
         learn = [g.with_labels_at(part != fold) for g, part in zip(graphs, folds, strict=True)]
         test = [g.with_labels_at(part == fold) for g, part in zip(graphs, folds, strict=True)]
         learn, test = ([g for g in part if (g.truth >= 0).any()] for part in (learn, test))
         known = np.concatenate([np.zeros(0, np.int64), *(g.truth for g in learn)])
         if test and len(np.unique(known[known >= 0])) == n_labels:
-            found = True
             yield learn, test
-    if not found:
-        raise LabelError(
-            "no fold can be held out: each one leaves some label without examples; label more, or "
-            "use more folds"
-        )
 
 
 GRAPHS = Task(graph_labelers, _learn, "graphs", _evidence, _method)

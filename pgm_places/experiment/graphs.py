@@ -1,6 +1,6 @@
 """The graphs of an experiment on problems of one's own, read with their true labels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,14 +61,14 @@ def load_graphs(
         No node of a graph has a label to learn or to test.
     """
     sources: Sequence[SourceConfig] = getattr(experiment.config, part)
-    found: list[SourceGraph] = []
+    graphs: list[SourceGraph] = []
     with experiment.timed("load"), experiment.progress.stage(f"{part} graphs") as stage:
         for index, source in enumerate(sources):
             where = f"{part}[{index}]"
-            found.append(_load(experiment, source, where))
-            _check_features([*like, *found][0], found[-1], where)
-            stage.update((index + 1) / len(sources), found[-1].name)
-    return found
+            graphs.append(_load(experiment, source, where))
+            _check_features([*like, *graphs][0], graphs[-1], where)
+            stage.update((index + 1) / len(sources), graphs[-1].name)
+    return graphs
 
 
 def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceGraph:
@@ -92,7 +92,8 @@ def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceGra
         )
         problem = _with_more(problem, nodes, given)
     except InputError as error:
-        raise type(error)(_once(where, str(error))) from None
+        message = str(error)
+        raise type(error)(message if message.startswith(where) else f"{where}: {message}") from None
     if problem.known is not None:
         truth = np.where(problem.known >= 0, -1, truth)
     if not (truth >= 0).any():
@@ -102,10 +103,6 @@ def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceGra
         )
     building = source.building or str(given.file or given.nodes)
     return SourceGraph(name, problem, truth, building, (features, ties))
-
-
-def _once(where: str, message: str) -> str:
-    return message if message.startswith(where) else f"{where}: {message}"
 
 
 def _tables(experiment: Experiment, given: GraphConfig) -> tuple[GraphTables, str]:
@@ -128,20 +125,18 @@ def _translated(nodes: Table, given: GraphConfig, where: str) -> Table:
     """The nodes with labels in the configuration's names."""
     if given.classes is None:
         return nodes
-    classes: Mapping[str, str] = given.classes
-    found = dict(nodes)
-    for column in (given.label, given.known):
-        if column is None:
-            continue
-        values = _column(nodes, column)
-        otherwise = classes.get("*", "")
-        found[column] = ["" if is_empty(v) else classes.get(str(v), otherwise) for v in values]
-    if all(is_empty(value) for value in found.get(given.label, [])):
+    classes, translated, otherwise = given.classes, dict(nodes), given.classes.get("*", "")
+    for column in filter(None, (given.label, given.known)):
+        translated[column] = [
+            "" if is_empty(value) else classes.get(str(value), otherwise)
+            for value in _column(nodes, column)
+        ]
+    if all(is_empty(value) for value in translated[given.label]):
         said = sorted({str(v) for v in nodes[given.label] if not is_empty(v)})
         raise LabelError(
             f"{where}: classes translates none of {shown(said)} in column {given.label!r}"
         )
-    return found
+    return translated
 
 
 def _column(table: Table, name: str) -> list[Any]:
@@ -159,24 +154,21 @@ def _features(
 ) -> tuple[str, ...]:
     """The columns of features: those named, or all of numbers; what is left out is said."""
     if named is not None:
-        for column in named:
-            odd = _odd_value(_column(table, column))
-            if odd is not None:
-                raise InputError(f"column {column!r} must hold numbers, got {shown(odd[0])}")
+        _check_numbers(table, named)
         return named
-    found = []
+    features = []
     for column, values in table.items():
         if column in others:
             continue
         odd = _odd_value(values)
         if odd is None:
-            found.append(column)
+            features.append(column)
         else:
             experiment.warn(
                 f"{where}: column {shown(column)} holds {shown(odd[0])}, which is not a finite "
                 "number, and is left out of the features"
             )
-    return tuple(found)
+    return tuple(features)
 
 
 def _odd_value(values: Sequence[Any]) -> tuple[Any] | None:
@@ -197,10 +189,8 @@ def _with_more(problem: LabelingProblem, nodes: Table, given: GraphConfig) -> La
     if given.positions is not None:
         graph = replace(graph, points_m=_numbers(nodes, given.positions))
     known = None
-    if given.known is not None:
-        known = np.array(
-            [_label(value, names, given.known) for value in _column(nodes, given.known)]
-        )
+    if (told := given.known) is not None:
+        known = np.array([_label(value, names, told) for value in _column(nodes, told)])
     if given.probabilities is None:
         return replace(problem, graph=graph, known=known)
     if len(given.probabilities) != len(names):
@@ -229,11 +219,15 @@ def _label(value: Any, names: Sequence[str], column: str) -> int:
 
 
 def _numbers(table: Table, columns: Sequence[str]) -> NDArray[np.float64]:
+    _check_numbers(table, columns)
+    return np.stack([np.asarray(table[column], np.float64) for column in columns], axis=1)
+
+
+def _check_numbers(table: Table, columns: Sequence[str]) -> None:
     for column in columns:
         odd = _odd_value(_column(table, column))
         if odd is not None:
             raise InputError(f"column {column!r} must hold numbers, got {shown(odd[0])}")
-    return np.stack([np.asarray(table[column], np.float64) for column in columns], axis=1)
 
 
 def _check_features(first: SourceGraph, other: SourceGraph, where: str) -> None:

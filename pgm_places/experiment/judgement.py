@@ -13,7 +13,7 @@ from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, poole
 from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 
-__all__ = ["TESTED", "Difference", "Judgement", "judge", "judge_seeds", "points"]
+__all__ = ["TESTED", "Difference", "Judgement", "judge", "points"]
 
 FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
     "accuracy": confusion.accuracy,
@@ -118,8 +118,8 @@ class Judgement:
 
     def best(self, figure: str) -> str | None:
         """The method that is better than all others beyond chance; None where there is none."""
-        found = self.leaders.get(figure, frozenset())
-        return next(iter(found)) if len(found) == 1 else None
+        leaders = self.leaders.get(figure, frozenset())
+        return next(iter(leaders)) if len(leaders) == 1 else None
 
     def between(self, first: str, second: str, figure: str = "accuracy") -> Difference:
         """The difference of two methods, from the side of the first."""
@@ -145,27 +145,10 @@ def points(difference: float) -> str:
 
 def judge(
     items: Sequence[TestItem],
-    labelings: Mapping[str, Sequence[Labeling]],
-    label_names: Sequence[str],
-) -> Judgement:
-    """All methods against each other on what was tested.
-
-    Parameters
-    ----------
-    items : sequence of TestItem
-    labelings : mapping of str to sequence of Labeling
-        Of each item, by the id of the method.
-    label_names : sequence of K str
-    """
-    return judge_seeds(items, {name: [found] for name, found in labelings.items()}, label_names)
-
-
-def judge_seeds(
-    items: Sequence[TestItem],
     labelings: Mapping[str, Sequence[Sequence[Labeling]]],
     label_names: Sequence[str],
 ) -> Judgement:
-    """The same for methods that were taught with several seeds, the same for all.
+    """All methods against each other on what was tested, taught with one seed or the same several.
 
     Figures are of all seeds together, and differences paired by seed: the intervals draw seeds and
     blocks, the same for both methods. A building counts for the method that has more there with all
@@ -203,7 +186,7 @@ def judge_seeds(
             figure,
             Interval.of(figures[first][figure] - figures[second][figure]),
             SignTest.of(by_building[first][figure], by_building[second][figure]),
-            _paired(by_seed[first][figure], by_seed[second][figure]),
+            _differences(by_seed[first][figure], by_seed[second][figure]),
         )
         for figure in TESTED
         for first, second in combinations(labelings, 2)
@@ -216,21 +199,20 @@ def judge_seeds(
     return Judgement(differences, {**leaders, **{f: _tested(judged, f) for f in TESTED}})
 
 
-def _paired(first: Sequence[float], second: Sequence[float]) -> tuple[float, ...]:
+def _differences(first: Sequence[float], second: Sequence[float]) -> tuple[float, ...]:
     """The difference with each seed; () where there is one."""
-    found = tuple(a - b for a, b in zip(first, second, strict=True))
-    return found if len(found) > 1 else ()
+    return tuple(a - b for a, b in zip(first, second, strict=True)) if len(first) > 1 else ()
 
 
 def _figures(
     counts: NDArray[np.int64], label_names: Sequence[str]
 ) -> dict[str, NDArray[np.float64]]:
     """(1 + R,) of each figure, of the whole and of each resample."""
-    found = {name: figure(counts) for name, figure in FIGURES.items()}
+    figures = {name: figure(counts) for name, figure in FIGURES.items()}
     for kind, figure in BY_LABEL.items():
         values = figure(counts)
-        found |= {f"{kind} of {name}": values[:, k] for k, name in enumerate(label_names)}
-    return found
+        figures |= {f"{kind} of {name}": values[:, k] for k, name in enumerate(label_names)}
+    return figures
 
 
 def _by_building(

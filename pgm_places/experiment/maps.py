@@ -130,11 +130,6 @@ def _read_map(
     return loaded.grid, labels, yaml_path
 
 
-def _title(seed: int, drawn: dict[str, Any]) -> str:
-    how = ", ".join(f"{key} {value}" for key, value in drawn.items())
-    return f"generated building {seed}" + (f" ({how})" if how else "")
-
-
 def _generated(
     experiment: Experiment, seed: int, drawn: dict[str, Any]
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
@@ -146,7 +141,9 @@ def _generated(
     numbers = [names.index(name) if name in names else -1 for name in building.label_names]
     # The last entry is for -1, "no label".
     labels = np.array([*numbers, -1], np.int16)[building.labels]
-    return building.grid, labels, Path(_title(seed, drawn)), building.split_column
+    how = ", ".join(f"{key} {value}" for key, value in drawn.items())
+    title = Path(f"generated building {seed}" + (f" ({how})" if how else ""))
+    return building.grid, labels, title, building.split_column
 
 
 def _default_name(source: MapConfig, origin: Path) -> str:

@@ -12,7 +12,6 @@ from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.experiment.sources import Source
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.trajectories.trajectory import Trajectory
 
 _WHOLES = {"cell": "maps", "step": "drives", "node": "graphs"}
 """What nodes are part of."""
@@ -108,42 +107,31 @@ def _named_building(source: SourceConfig) -> str | None:
 def _labelled_nodes(item: Source, joined: bool) -> list[_Nodes]:
     """Those of a source; of a drive also the cells of its map, where both are labelled."""
     if isinstance(item, LabelledMap):
-        return [_cells(item)]
+        cells = np.flatnonzero(item.labelled_cells)
+        return [_Nodes(item.name, "cell", _raster(item), cells)]
     if isinstance(item, SourceGraph):
-        return [_graph_nodes(item)]
-    of_map = [_cells(item.map)] if joined and item.map is not None else []
-    return [_steps(item.trajectory), *of_map]
-
-
-def _cells(item: LabelledMap) -> _Nodes:
-    return _Nodes(item.name, "cell", _raster(item), np.flatnonzero(item.labelled_cells))
+        problem = item.problem
+        said = (problem.graph.edges, problem.node_features, problem.unary, problem.edge_features)
+        whole = _digest(*(part for part in said if part is not None))
+        return [_Nodes(item.name, "node", whole, np.flatnonzero(item.truth >= 0))]
+    # Steps are told apart by their time and pose, so that parts of one log are recognised.
+    drive, known = item.trajectory, item.labels >= 0
+    rows = np.column_stack([drive.times_s, drive.poses])[known]
+    steps = _Nodes(drive.name, "step", "", np.array([_digest(row) for row in rows]))
+    return [steps, *(_labelled_nodes(item.map, joined) if joined and item.map is not None else [])]
 
 
 def _raster(item: LabelledMap) -> str:
     return _digest(item.grid.cells)
 
 
-def _steps(drive: Trajectory) -> _Nodes:
-    """Steps are told apart by their time and pose, so that parts of one log are recognised."""
-    assert drive.labels is not None  # drives without true places are refused
-    rows = np.column_stack([drive.times_s, drive.poses])[drive.labels >= 0]
-    return _Nodes(drive.name, "step", "", np.array([_digest(row) for row in rows]))
-
-
-def _graph_nodes(item: SourceGraph) -> _Nodes:
-    problem = item.problem
-    said = (problem.graph.edges, problem.node_features, problem.unary, problem.edge_features)
-    whole = _digest(*(part for part in said if part is not None))
-    return _Nodes(item.name, "node", whole, np.flatnonzero(item.truth >= 0))
-
-
 def _digest(*arrays: NDArray[np.generic]) -> str:
     """A text that is the same for equal arrays alone."""
-    found = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=16)
     for array in arrays:
-        found.update(f"{array.shape} {array.dtype}".encode())
-        found.update(array.tobytes())
-    return found.hexdigest()
+        digest.update(f"{array.shape} {array.dtype}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def _listed(names: Sequence[str]) -> str:

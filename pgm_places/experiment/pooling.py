@@ -1,6 +1,6 @@
 """Comparisons of several splits, and of several seeds, as one."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,6 @@ from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
     SeedResult,
-    intervals_over_seeds,
     score_intervals,
 )
 from pgm_places.experiment.experiment import Experiment
@@ -28,15 +27,14 @@ def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: 
     words : str
         What the title adds.
     """
-    first = next(iter(parts.values()))
-    maps = tuple(item for part in parts.values() for item in part.maps)
-    ends = np.cumsum([0, *(len(part.maps) for part in parts.values())]).tolist()
-    methods = []
-    for number, _ in enumerate(first.methods):
-        merged = _side_by_side([part.methods[number] for part in parts.values()])
-        intervals = score_intervals(maps, merged.labelings, len(first.label_names))
-        methods.append(replace(merged, intervals=intervals))
     every = list(parts.values())
+    first, maps = every[0], tuple(item for part in every for item in part.maps)
+    ends = np.cumsum([0, *(len(part.maps) for part in every)]).tolist()
+    methods = []
+    for results in zip(*(part.methods for part in every), strict=True):
+        merged = _side_by_side(results)
+        intervals = score_intervals(maps, [merged.labelings], len(first.label_names))
+        methods.append(replace(merged, intervals=intervals))
     return replace(
         _noted(experiment, every),
         title=f"{first.title}: {words}",
@@ -53,13 +51,12 @@ def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Compa
     Figures are of all seeds together. Labellings, histories, doors and what was learned are those
     of the first seed; ``by_seed`` of each method has the labellings of all.
     """
-    first = next(iter(parts.values()))
-    methods = []
-    for number, _ in enumerate(first.methods):
-        results = {seed: part.methods[number] for seed, part in parts.items()}
-        pooled = _repeated(results)
-        labelings = [item.labelings for item in results.values()]
-        intervals = intervals_over_seeds(first.maps, labelings, len(first.label_names))
+    every, methods = list(parts.values()), []
+    first = every[0]
+    for results in zip(*(part.methods for part in every), strict=True):
+        pooled = _repeated(dict(zip(parts, results, strict=True)))
+        labelings = [item.labelings for item in results]
+        intervals = score_intervals(first.maps, labelings, len(first.label_names))
         methods.append(replace(pooled, intervals=intervals))
     if all(_always_the_same(method) for method in methods):
         experiment.warn(
@@ -67,7 +64,7 @@ def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Compa
             "learn is drawn by chance, so seeds say nothing; compare on several splits instead"
         )
     return replace(
-        _noted(experiment, list(parts.values())),
+        _noted(experiment, every),
         title=f"{first.title}, {len(parts)} seeds",
         methods=tuple(methods),
         selection=None,
@@ -82,8 +79,8 @@ def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
         inputs |= part.inputs
         for name, value in part.stage_seconds.items():
             seconds[name] = seconds.get(name, 0.0) + value
-    for message in (message for part in parts for message in part.warnings):
-        experiment.warn(message)
+        for message in part.warnings:
+            experiment.warn(message)
     notes = tuple(experiment.warnings)
     return replace(parts[0], stage_seconds=seconds, inputs=inputs, warnings=notes)
 
@@ -106,12 +103,10 @@ def _side_by_side(results: Sequence[MethodResult]) -> MethodResult:
 def _repeated(results: Mapping[int, MethodResult]) -> MethodResult:
     """The results of one method with all seeds; its seconds are those of one seed on average."""
     every = list(results.values())
-    by_map: Iterable[tuple[Evaluation, ...]] = zip(
-        *(item.evaluations for item in every), strict=True
-    )
+    by_map = zip(*(item.evaluations for item in every), strict=True)
     return replace(
         every[0],
-        evaluations=tuple(Evaluation.merged(found) for found in by_map),
+        evaluations=tuple(Evaluation.merged(list(of_seeds)) for of_seeds in by_map),
         evaluation=Evaluation.merged([item.evaluation for item in every]),
         seconds={
             key: float(np.mean([item.seconds[key] for item in every])) for key in ("learn", "infer")

@@ -162,7 +162,7 @@ def method_result(
         evaluation=Evaluation.merged(evaluations),
         seconds={**seconds, "infer": seconds["infer"] - recording},
         learned=dict(getattr(method.backend, "summary", None) or {}),
-        intervals=score_intervals(items, labelings, len(label_names)),
+        intervals=score_intervals(items, [labelings], len(label_names)),
         histories=tuple(history_of(labeling) for labeling in labelings),
         learning=learning_of(method.backend),
     )

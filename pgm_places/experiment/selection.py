@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -71,12 +71,7 @@ class Selection:
             "criterion": self.criterion,
             "chosen": dict(self.chosen.options),
             "candidates": [
-                {
-                    "options": dict(item.options),
-                    "score": item.score,
-                    "spread": item.spread,
-                    "by_fold": list(item.by_fold),
-                }
+                {**asdict(item), "spread": item.spread, "by_fold": list(item.by_fold)}
                 for item in self.candidates
             ],
         }
@@ -110,8 +105,8 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
             "maps are of one; add those of others, or tell them apart with building"
         )
     method = settings.method or experiment.config.methods[-1].id
-    splits = list(held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names)))
-    found = []
+    splits = held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names))
+    tried = []
     with experiment.progress.stage("selection") as stage:
         for number, (options, config) in enumerate(candidates, start=1):
             alone = tuple(item for item in config.methods if item.id == method)
@@ -119,17 +114,17 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
             # The stages of a candidate's training are no stages of the experiment.
             trial = replace(experiment, config=kept, progress=Silent(), seconds={})
             parts = [_score(trial, *split) for split in splits]
-            figures = [float(getattr(part, settings.criterion)) for part in parts]
-            whole = float(getattr(Evaluation.merged(parts), settings.criterion))
-            found.append(Candidate(options, whole, tuple(figures)))
+            whole, *figures = (
+                float(getattr(part, settings.criterion))
+                for part in (Evaluation.merged(parts), *parts)
+            )
+            tried.append(Candidate(options, whole, tuple(figures)))
             stage.update(number / len(candidates), f"{number} of {len(candidates)}")
-    return Selection(method, settings.criterion, tuple(found))
+    return Selection(method, settings.criterion, tuple(tried))
 
 
-def held_out_splits(
-    sources: Sources, n_folds: int, n_labels: int
-) -> Iterator[tuple[Sources, Sources]]:
-    """The training and test data, fold by fold.
+def held_out_splits(sources: Sources, n_folds: int, n_labels: int) -> list[tuple[Sources, Sources]]:
+    """The training and test data of each fold.
 
     Whole buildings are held out if there are several, otherwise stripes of the only one; never
     single cells or steps, because neighbours look alike. Folds that leave some label without
@@ -142,25 +137,27 @@ def held_out_splits(
         No fold is left.
     """
     if sources.graphs:
-        for learn, held_out in graph_splits(sources.graphs, n_folds, n_labels):
-            yield Sources(graphs=learn), Sources(graphs=held_out)
-        return
-    fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
-    every = np.concatenate(fold_of)
-    found = False
-    for fold in np.unique(every):
-        if len(np.unique(labels[every != fold])) < n_labels:
-            continue
-        test = _parts(sources, [numbers == fold for numbers in fold_of])
-        if sources.drives and not test.drives:
-            continue
-        found = True
-        yield _parts(sources, [numbers != fold for numbers in fold_of]), test
-    if not found:
+        parts = graph_splits(sources.graphs, n_folds, n_labels)
+        splits = [(Sources(graphs=learn), Sources(graphs=test)) for learn, test in parts]
+    else:
+        splits = list(_splits(sources, n_folds, n_labels))
+    if not splits:
         raise LabelError(
             "no fold can be held out: each one leaves some label without examples; label more, or "
             "use more folds"
         )
+    return splits
+
+
+def _splits(sources: Sources, n_folds: int, n_labels: int) -> Iterator[tuple[Sources, Sources]]:
+    """Those of maps and drives."""
+    fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
+    every = np.concatenate(fold_of)
+    for fold in np.unique(every):
+        test = _parts(sources, [numbers == fold for numbers in fold_of])
+        learnable = len(np.unique(labels[every != fold])) == n_labels
+        if learnable and (test.drives or not sources.drives):
+            yield _parts(sources, [numbers != fold for numbers in fold_of]), test
 
 
 def _folds(sources: Sources, n_folds: int) -> list[NDArray[np.int64]]:
@@ -219,22 +216,20 @@ def _candidates(
             f"[select] has {number} combinations of options; at most {MOST_CANDIDATES} are "
             "allowed, so leave some out"
         )
-    found = []
-    for values in product(*settings.options.values()):
-        options = dict(zip(settings.options, values, strict=True))
-        found.append((options, changed_config(config, options)))
-    return found
+    every = [
+        dict(zip(settings.options, values, strict=True))
+        for values in product(*settings.options.values())
+    ]
+    return [(options, changed_config(config, options)) for options in every]
 
 
 def _score(trial: Experiment, learn: Sources, held_out: Sources) -> Evaluation:
     """The one method of a configuration, trained on some sources and scored on others."""
     labelers = task_of(trial.config).learn(trial, learn)
-    found = label_tests(trial, labelers, tests_of(trial.config, held_out))
-    [labelings] = found.labelings.values()
-    names = label_names(labelers)
-    return Evaluation.merged(
-        [
-            evaluate(item.node_truth, labeling.labels, names)
-            for item, labeling in zip(found.items, labelings, strict=True)
-        ]
-    )
+    labelled = label_tests(trial, labelers, tests_of(trial.config, held_out))
+    [labelings] = labelled.labelings.values()
+    parts = [
+        evaluate(item.node_truth, labeling.labels, label_names(labelers))
+        for item, labeling in zip(labelled.items, labelings, strict=True)
+    ]
+    return Evaluation.merged(parts)

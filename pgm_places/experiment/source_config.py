@@ -1,8 +1,9 @@
 """What an experiment trains or is tested on: a map, a log of a drive, or a simulated drive."""
 
 import dataclasses
+from collections.abc import Set
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from pgm_places._option_marks import Ge
 from pgm_places.errors import ConfigError
@@ -106,10 +107,9 @@ class SourceConfig(MapConfig):
     def __post_init__(self) -> None:
         check_options(self)
         if self.graph is not None:
+            of_others = _OF_LOGS | _OF_MAPS | {"log", "drive"}
             self._refuse(
-                _OF_LOGS | _OF_MAPS | {"log", "drive"},
-                "graph",
-                "put it into graph = {...}, if it is an option of graphs",
+                of_others, "graph", "put it into graph = {...}, if it is an option of graphs"
             )
             return
         if self.log is not None and self.drive is not None:
@@ -122,9 +122,8 @@ class SourceConfig(MapConfig):
                     f"{list(self.region)}"
                 )
         if self.drive is not None:
-            self._refuse(
-                _OF_LOGS - {"region", "map_labels"} | _OF_MAPS, "drive", "put it into drive = {...}"
-            )
+            of_others = _OF_LOGS - {"region", "map_labels"} | _OF_MAPS
+            self._refuse(of_others, "drive", "put it into drive = {...}")
         elif self.log is None:
             self._refuse(_OF_LOGS, "map", "it is for logs")
             self._check_map()
@@ -142,14 +141,20 @@ class SourceConfig(MapConfig):
         if self.laser is not None and self.map is None:
             raise ConfigError("laser simulates scans in a map; add map")
 
-    def _refuse(self, names: "frozenset[str] | set[str]", beside: str, what: str) -> None:
-        given = [
-            item.name
-            for item in dataclasses.fields(self)
-            if item.name in names and getattr(self, item.name) != item.default
-        ]
-        if given:
+    def _refuse(self, names: Set[str], beside: str, what: str) -> None:
+        if given := given_options(self, names):
             raise ConfigError(f"{given[0]} does not apply to {beside}: {what}")
+
+
+def given_options(options: Any, names: Set[str]) -> list[str]:
+    """Those of these options that are not what they are by default, in the order of the fields."""
+    given = []
+    for item in dataclasses.fields(options):
+        made = item.default_factory
+        default = item.default if made is dataclasses.MISSING else made()
+        if item.name in names and getattr(options, item.name) != default:
+            given.append(item.name)
+    return given
 
 
 _OWN = frozenset(item.name for item in dataclasses.fields(SourceConfig))

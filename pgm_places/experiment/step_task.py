@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.doors import passage_scores
@@ -29,31 +28,29 @@ StepLabeler = TrajectoryLabeler | JointLabeler
 def _learn_steps(experiment: Experiment, sources: Sources) -> dict[str, StepLabeler]:
     """A fitted labeler per method: they share the lists and learn from the same held-out scores."""
     with experiment.learning():
-        return dict(
-            step_labeler(experiment.config).fit_methods(
-                step_methods(experiment.config),
-                sources.maps,
-                [item.trajectory for item in sources.drives],
-                known_map=[item.grid for item in sources.drives],
-                n_threads=experiment.n_threads,
-                progress=experiment.progress,
-            )
+        learned = step_labeler(experiment.config).fit_methods(
+            step_methods(experiment.config),
+            sources.maps,
+            [item.trajectory for item in sources.drives],
+            known_map=[item.grid for item in sources.drives],
+            n_threads=experiment.n_threads,
+            progress=experiment.progress,
         )
+    return {**learned}
 
 
 def _learn_both(experiment: Experiment, sources: Sources) -> dict[str, StepLabeler]:
     """The same for methods that label steps and cells together."""
     pairs = [MappedDrive(_map_of(item), item.trajectory) for item in sources.drives]
     with experiment.learning():
-        return dict(
-            joint_labeler(experiment.config).fit_methods(
-                step_methods(experiment.config),
-                pairs,
-                sources.maps,
-                n_threads=experiment.n_threads,
-                progress=experiment.progress,
-            )
+        learned = joint_labeler(experiment.config).fit_methods(
+            step_methods(experiment.config),
+            pairs,
+            sources.maps,
+            n_threads=experiment.n_threads,
+            progress=experiment.progress,
         )
+    return {**learned}
 
 
 def _steps(
@@ -98,10 +95,7 @@ def _both(
         # Score and history belong to all nodes together; they are reported once, with the cells.
         return [found.cells, replace(found.steps, score=None, bound=None, info={})]
 
-    def doors(*_: Any) -> tuple[DoorScores, ...]:
-        return ()
-
-    return Evidence([on_map, TestDrive(f"{path.name}: steps", path, known.grid)], label, doors)
+    return Evidence([on_map, TestDrive(f"{path.name}: steps", path, known.grid)], label)
 
 
 def _map_of(drive: SourceDrive) -> LabelledMap:

@@ -37,7 +37,7 @@ class Evidence(NamedTuple):
 
     items: Sequence[TestItem]
     label: Callable[[str], Sequence[Labeling]]
-    doors: Callable[[str, Sequence[Labeling], int], tuple[DoorScores, ...]]
+    doors: Callable[[str, Sequence[Labeling], int], tuple[DoorScores, ...]] = lambda *_: ()
 
 
 @dataclass(frozen=True)

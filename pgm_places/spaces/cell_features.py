@@ -106,32 +106,18 @@ class CellFeatures:
         InputError
             If a cell lies outside the map or a column does not exist.
         """
-        chosen = np.arange(len(self.names)) if columns is None else columns
-        found = np.empty((len(np.asarray(cells_rc)), len(np.asarray(chosen))), np.float32)
-        self.write(cells_rc, chosen, found, n_threads=n_threads)
-        return found
-
-    def write(
-        self,
-        cells_rc: ArrayLike,
-        columns: ArrayLike,
-        found: NDArray[np.float32],
-        first: int = 0,
-        *,
-        n_threads: int | None = None,
-    ) -> None:
-        """Write the result of :meth:`lookup` to ``found[:, first:first + F]``, C-contiguous."""
-        cells, size = np.asarray(cells_rc), len(self.names)
-        chosen = integer_array("columns", columns, ("F",), low=0, high=size)
-        cells = self.divisions[0].watershed.checked(cells_rc)
+        n_all, watershed = len(self.names), self.divisions[0].watershed
+        chosen = range(n_all) if columns is None else columns
+        indices = integer_array("columns", chosen, ("F",), low=0, high=n_all)
+        cells = watershed.checked(cells_rc)
+        features = np.empty((len(cells), len(indices)), np.float32)
 
         def take(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
-            places = cells[some]
-            basin, clearance = self.divisions[0].watershed.read(places)
-            self.lookups.write(places, basin, clearance, chosen, found[some], first)
+            self.lookups.write(cells[some], *watershed.read(cells[some]), indices, features[some])
 
         run_tasks(take, -(-len(cells) // _CELLS_PER_TASK), n_threads=n_threads)
+        return features
 
     @cached_property
     def lookups(self) -> Lookups:

@@ -100,12 +100,11 @@ class DoorMatch:
                 f"shape {taken.shape}"
             )
         counted = self.door_m2 >= _LEAST_DOOR_M2
-        found = np.zeros(len(self.door_m2), np.bool_)
-        found[self.door[taken & self.is_doorway]] = True
+        is_found = np.isin(np.arange(len(self.door_m2)), self.door[taken])
         judged = taken & (self.known | self.is_doorway)
         return DoorScores(
             doors=int(counted.sum()),
-            found=int((found & counted).sum()),
+            found=int((is_found & counted).sum()),
             accepted=int(judged.sum()),
             right=int((judged & self.is_doorway).sum()),
         )

@@ -158,9 +158,9 @@ def _at_cuts(segmentation: Segmentation, openings: Openings) -> NDArray[np.bool_
 def chord_directions() -> NDArray[np.float64]:
     """(24, 2) row and column steps of length 1 over half a turn, exact along rows and columns."""
     angle = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
-    found = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    found[np.abs(found) < 1e-12] = 0.0
-    return found
+    directions = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    directions[np.abs(directions) < 1e-12] = 0.0
+    return directions
 
 
 def _on_free_cells(grid: OccupancyGrid, points_rc: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,14 +63,14 @@ class _Groups:
 
     def best(self) -> list[tuple[int, int]]:
         """The pairs with the largest weight; none if all are negative."""
-        found: list[tuple[int, int]] = []
+        pairs: list[tuple[int, int]] = []
         largest = 0
-        while self.queue and (not found or -self.queue[0][0] == largest):
+        while self.queue and (not pairs or -self.queue[0][0] == largest):
             negative, a, b = heapq.heappop(self.queue)
             if self.weight[a].get(b) == -negative:  # else it has changed since, or is gone
-                found.append((a, b))
+                pairs.append((a, b))
                 largest = -negative
-        return found
+        return pairs
 
     def now(self, group: int) -> int:
         """The group that one has become part of."""
@@ -96,11 +96,11 @@ class _Groups:
 
 def _contracted(groups: _Groups) -> NDArray[np.int64]:
     """(M, 2) the pairs that were joined."""
-    found: list[tuple[int, int]] = []
+    joined: list[tuple[int, int]] = []
     while chosen := groups.best():
         for pair in chosen:
             a, b = map(groups.now, pair)
             if a != b:
                 groups.merge(a, b)
-        found += chosen
-    return np.array(found, np.int64).reshape(-1, 2)
+        joined += chosen
+    return np.array(joined, np.int64).reshape(-1, 2)

@@ -70,9 +70,9 @@ class NodeFeatures:
     >>> from pgm_places.spaces.segmentation import Segmentation
     >>> grid = generate_building(size="small").grid
     >>> features, cells = CellFeatures.of(Segmentation.of(grid)), MaskCells.of(grid.free)
-    >>> nodes, found = np.arange(5, 8), np.empty((3, 2), np.float32)
-    >>> NodeFeatures.of(features, cells).write(nodes, np.array([0, 7]), found)
-    >>> bool((found == features.lookup(cells[nodes], [0, 7])).all())
+    >>> nodes, values = np.arange(5, 8), np.empty((3, 2), np.float32)
+    >>> NodeFeatures.of(features, cells).write(nodes, np.array([0, 7]), values)
+    >>> bool((values == features.lookup(cells[nodes], [0, 7])).all())
     True
     """
 
@@ -99,9 +99,9 @@ class NodeFeatures:
         self,
         nodes: NDArray[np.int64],
         columns: NDArray[np.int64],
-        found: NDArray[np.float32],
+        out: NDArray[np.float32],
         first: int = 0,
     ) -> None:
-        """Write columns of some nodes to ``found[:, first:first + F]``, C-contiguous."""
+        """Write columns of some nodes to ``out[:, first:first + F]``, C-contiguous."""
         clearance = clearance_m(self.relief[nodes], self.resolution_m)
-        self.lookups.write(self.cells[nodes], self.basin[nodes], clearance, columns, found, first)
+        self.lookups.write(self.cells[nodes], self.basin[nodes], clearance, columns, out, first)

@@ -103,10 +103,10 @@ def find_openings(
     that a pillar or a wall between two doors separates two openings.
     """
     first = np.cumsum([0, *(divisions.max(axis=1, initial=-1) + 1)])
-    found = _all_openings(borders, divisions, first, resolution_m)
-    ends = np.searchsorted(found.segments[:, 0], first).tolist()
+    openings = _all_openings(borders, divisions, first, resolution_m)
+    ends = np.searchsorted(openings.segments[:, 0], first).tolist()
     return [
-        replace(found[begin:end], segments=found.segments[begin:end] - np.int32(start))
+        replace(openings[begin:end], segments=openings.segments[begin:end] - np.int32(start))
         for (begin, end), start in zip(pairwise(ends), first.tolist(), strict=False)
     ]
 
@@ -118,15 +118,13 @@ def _all_openings(
     resolution_m: float,
 ) -> Openings:
     """The openings of all divisions, whose segments are numbered one division after the other."""
-    one, other = (divisions[:, basins] for basins in borders.basins.T)
-    division, site = np.nonzero(one != other)
-    segments = np.stack([np.minimum(one, other), np.maximum(one, other)], axis=2)[division, site]
-    segments += first[division, np.newaxis].astype(np.int32)
+    sides = np.sort(divisions[:, borders.basins], axis=2)
+    division, site = np.nonzero(sides[..., 0] != sides[..., 1])
+    segments = sides[division, site] + first[division, np.newaxis].astype(np.int32)
     halves, relief = borders.halves_rc[site], borders.relief[site]
     opening = np.empty(len(site), np.int64)
     count = number_openings(segments, halves, _REACH, opening)
-    place = halves / 2.0
-    top = np.zeros(count, np.int32)
+    place, top = halves / 2.0, np.zeros(count, np.int32)
     np.maximum.at(top, opening, relief)
     highest = np.flatnonzero(relief == top[opening])
     at_top = opening[highest]
@@ -173,10 +171,8 @@ def _directions(
     offset: NDArray[np.float64], opening: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
     """(O, 2) principal axis of each opening's sites; (0, 0) where they have none."""
-    row, column = offset.T
-    rr, rc, cc = (
-        np.bincount(opening, m, count) for m in (row * row, row * column, column * column)
-    )
+    r, c = offset.T
+    rr, rc, cc = (np.bincount(opening, moment, count) for moment in (r * r, r * c, c * c))
     # The principal eigenvector of [[rr, rc], [rc, cc]] is at half this angle.
     angle = 0.5 * np.arctan2(2 * rc, cc - rr)
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)

@@ -10,24 +10,12 @@ WIDEST_WALL_M = 0.6
 LEAST_SHARED_M = 1.0
 
 
-def neighbour_graph(
-    places: Places,
-    *,
-    widest_wall_m: float = WIDEST_WALL_M,
-    least_shared_m: float = LEAST_SHARED_M,
-) -> LabelGraph:
-    """The places as nodes, joined where a gate parts them or a wall does.
+def neighbour_graph(places: Places) -> LabelGraph:
+    """The places as nodes, joined where a gate parts them or at least 1 m of a wall does.
 
     Rooms of one kind are often side by side along a corridor, without a door between them; the
-    graph of ``places`` joins each of them with the corridor only.
-
-    Parameters
-    ----------
-    places : Places
-    widest_wall_m : float
-        Walls that are thicker, or what lies in shafts between two walls, part no neighbours.
-    least_shared_m : float
-        Length of the wall that two places must share.
+    graph of ``places`` joins each of them with the corridor only. Walls thicker than 0.6 m, or what
+    lies in shafts between two walls, part no neighbours.
 
     Examples
     --------
@@ -41,13 +29,10 @@ def neighbour_graph(
     >>> neighbour_graph(places_between(gates, np.zeros(len(gates), bool))).edges.tolist()
     [[0, 1]]
     """
-    pairs, shared_m = shared_walls(
-        places.segments.raster(),
-        places.gates.segmentation.watershed.grid.resolution_m,
-        widest_wall_m=widest_wall_m,
-    )
+    resolution_m = places.gates.segmentation.watershed.grid.resolution_m
+    pairs, shared_m = shared_walls(places.segments.raster(), resolution_m)
     by_gate = np.sort(places.gate_places[places.parting], axis=1)
-    both = np.concatenate([pairs[shared_m >= least_shared_m], by_gate])
+    both = np.concatenate([pairs[shared_m >= LEAST_SHARED_M], by_gate])
     return LabelGraph.from_edges(places.count, np.unique(both, axis=0))
 
 

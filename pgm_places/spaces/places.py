@@ -144,9 +144,9 @@ def _probability(accepted: ArrayLike, n_gates: int) -> NDArray[np.float64]:
 def _log_odds(probability: NDArray[np.float64], threshold: float) -> NDArray[np.float64]:
     """(G,) log-odds of each gate against those of the threshold, infinite if it is certain."""
     p = np.clip(probability, _SURE, 1 - _SURE)
-    found = np.log(p / (1 - p)) - np.log(threshold / (1 - threshold))
-    found[probability == 0], found[probability == 1] = -np.inf, np.inf
-    return found
+    log_odds = np.log(p / (1 - p)) - np.log(threshold / (1 - threshold))
+    log_odds[probability == 0], log_odds[probability == 1] = -np.inf, np.inf
+    return log_odds
 
 
 def _strongest(segments: NDArray[np.int32], log_odds: NDArray[np.float64]) -> NDArray[np.float64]:

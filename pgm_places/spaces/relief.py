@@ -32,11 +32,11 @@ def open_space(grid: OccupancyGrid, smallest_m2: float = SMALLEST_SPACE_M2) -> N
     >>> int(open_space(OccupancyGrid(cells, resolution_m=0.5)).sum())
     81
     """
-    found = np.empty(grid.shape, np.bool_)
+    is_open = np.empty(grid.shape, np.bool_)
     cell_m2 = grid.resolution_m**2
     furniture = (FURNITURE_M2 / cell_m2, FURNITURE_M / grid.resolution_m)
-    open_cells(grid.cells, FREE, *furniture, smallest_m2 / cell_m2, found)
-    return found
+    open_cells(grid.cells, FREE, *furniture, smallest_m2 / cell_m2, is_open)
+    return is_open
 
 
 _ROOT_UNIT = 1024

@@ -9,7 +9,7 @@ from pgm_places._core import add_paths, largest_rests
 from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.segment_rows import SegmentRows
 from pgm_places.spaces.segmentation import Segments
-from pgm_places.spaces.shapes import shapes_of
+from pgm_places.spaces.shapes import shape_columns
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
 
 NARROW_M = 0.8
@@ -38,32 +38,13 @@ def segment_features(*divisions: Segments) -> NDArray[np.float64]:
     segments = SegmentRows(divisions)
     if not segments.count:
         return np.zeros((0, len(OWN_FEATURES) + len(LARGEST_NEIGHBOUR_FEATURES)))
-    own = _shape_columns(segments)
+    own = shape_columns(segments)
     own |= _opening_columns(segments, own)
     own |= _position_columns(segments, own)
     values = np.stack([own[spec.id] for spec in OWN_FEATURES], axis=1)
     of_largest = [spec.id.removeprefix("largest_") for spec in LARGEST_NEIGHBOUR_FEATURES]
     picked = np.stack([own[id] for id in of_largest], axis=1)
     return np.concatenate([values, _of_largest_neighbour(segments, picked)], axis=1)
-
-
-def _shape_columns(segments: SegmentRows) -> dict[str, NDArray[np.float64]]:
-    shapes, area, radius = shapes_of(segments), segments.area_m2, segments.radius_m
-    return {
-        "area": area,
-        "radius": radius,
-        "clearance": shapes.clearance,
-        "clearance_share": shapes.clearance / radius,
-        "roundness": shapes.roundness,
-        "short": shapes.short,
-        "long": shapes.long,
-        "aspect": shapes.short / shapes.long,
-        "filling": area / (shapes.short * shapes.long),
-        "discs": area / (np.pi * radius**2),
-        "unknown": shapes.unknown / shapes.outline,
-        "furniture": shapes.furniture,
-        "outline": shapes.outline,
-    }
 
 
 def _opening_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray[np.float64]]:
@@ -188,6 +169,6 @@ def _of_largest_neighbour(
     """(S, P) the columns of each segment's largest neighbour; ties go to the larger values."""
     i, j = _both_ways(segments)
     order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first
-    found = np.zeros_like(picked)
-    found[i[order]] = picked[j[order]]  # the last one stays
-    return found
+    of_largest = np.zeros_like(picked)
+    of_largest[i[order]] = picked[j[order]]  # the last one stays
+    return of_largest

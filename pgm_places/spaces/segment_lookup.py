@@ -65,30 +65,6 @@ class SegmentLookup:
         """F + 3: the columns of the segment, and the three that a cell adds."""
         return self.table.shape[1] + _CELL_COLUMNS
 
-    def write(
-        self,
-        cells_rc: NDArray[np.int32],
-        basin: NDArray[np.int32],
-        clearance_m: NDArray[np.float64],
-        source: NDArray[np.int64],
-        target: NDArray[np.int64],
-        found: NDArray[np.float32],
-    ) -> None:
-        """Write the columns ``source`` of cells (n, 2) to the columns ``target`` of ``found``."""
-        write_features(
-            cells_rc,
-            self.segment_of[basin],
-            clearance_m,
-            self.table,
-            self.radius_m,
-            self.start,
-            self.lines,
-            self.resolution_m,
-            source,
-            target,
-            found,
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class Lookups:
@@ -114,15 +90,26 @@ class Lookups:
         basin: NDArray[np.int32],
         clearance_m: NDArray[np.float64],
         columns: NDArray[np.int64],
-        found: NDArray[np.float32],
+        out: NDArray[np.float32],
         first: int = 0,
     ) -> None:
-        """Write columns of cells (n, 2) to ``found[:, first:first + F]``."""
-        found[:, first + np.flatnonzero(columns == 0)] = clearance_m[:, None]
+        """Write columns of cells (n, 2) to ``out[:, first:first + F]``."""
+        out[:, first + np.flatnonzero(columns == 0)] = clearance_m[:, None]
         start = 1
         for part in self.parts:
             places = np.flatnonzero((columns >= start) & (columns < start + part.n_columns))
             if len(places):
-                source = columns[places] - start
-                part.write(cells_rc, basin, clearance_m, source, first + places, found)
+                write_features(
+                    cells_rc,
+                    part.segment_of[basin],
+                    clearance_m,
+                    part.table,
+                    part.radius_m,
+                    part.start,
+                    part.lines,
+                    part.resolution_m,
+                    columns[places] - start,
+                    first + places,
+                    out,
+                )
             start += part.n_columns

@@ -54,21 +54,6 @@ class Watershed:
         """The sums from which the shapes of segments are computed."""
         return sum_up(self.grid, self.basins, self.relief)
 
-    def at(self, cells_rc: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """(n,) basin, -1 for none, and (n,) distance to the nearest wall in metres at cells.
-
-        Parameters
-        ----------
-        cells_rc : (n, 2) int
-            Row and column.
-
-        Raises
-        ------
-        InputError
-            If a cell lies outside the map.
-        """
-        return self.read(self.checked(cells_rc))
-
     def checked(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
         """Cells (n, 2) as C-contiguous integers; cells outside the map are refused."""
         cells, shape = np.asarray(cells_rc), self.grid.shape
@@ -86,7 +71,7 @@ class Watershed:
         return np.ascontiguousarray(cells, np.int32)
 
     def read(self, cells_rc: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """The result of :meth:`at` for cells already checked."""
+        """(n,) basin, -1 for none, and (n,) distance to the nearest wall in metres at cells."""
         r, c = cells_rc[:, 0] + 1, cells_rc[:, 1] + 1
         return self.basins.raster[r, c], clearance_m(self.relief[r, c], self.grid.resolution_m)
 
@@ -139,14 +124,11 @@ class Segments:
     @cached_property
     def neighbours(self) -> NDArray[np.int32]:
         """(E, 2) the pairs of segments that share an opening, the smaller first, sorted."""
-        pairs = self.openings.segments  # sorted, so that the same ones follow each other
-        is_new = np.ones(len(pairs), np.bool_)
-        is_new[1:] = (pairs[1:, 0] != pairs[:-1, 0]) | (pairs[1:, 1] != pairs[:-1, 1])
-        return sealed(pairs[is_new])
+        return sealed(np.unique(self.openings.segments, axis=0))
 
     def at(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
         """(n,) segment of cells (n, 2) given as row and column, -1 for none."""
-        return self.of_basins(self.watershed.at(cells_rc)[0])
+        return self.of_basins(self.watershed.read(self.watershed.checked(cells_rc))[0])
 
     def of_basins(self, basin: NDArray[np.int32]) -> NDArray[np.int32]:
         """The segment of each basin of an array of any shape, -1 for none."""
@@ -155,12 +137,10 @@ class Segments:
     def raster(self, dtype: DTypeLike = np.int32) -> NDArray[Any]:
         """(H, W) segment of each cell; -1 where it is not open, or on a line between segments."""
         basin = self.watershed.basins.raster[1:-1, 1:-1]
-        found = np.empty(basin.shape, dtype)
-        for rows in bands_of_rows(
-            self.watershed.grid.shape
-        ):  # NumPy looks up by 64-bit copies of the numbers
-            found[rows] = self.of_basins(basin[rows])
-        return found
+        segment = np.empty(basin.shape, dtype)
+        for rows in bands_of_rows(basin.shape):  # NumPy looks up by 64-bit copies of the numbers
+            segment[rows] = self.of_basins(basin[rows])
+        return segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,13 +264,13 @@ def _divisions(
     pairs = np.ascontiguousarray(passes[:, :2])
     widths = half_width_m(passes[:, 2], resolution_m)
     radii = half_width_m(basins.summit[: basins.count], resolution_m)
-    found = np.empty((len(ratios), basins.count), np.int32)
-    for root, ratio in zip(found, ratios, strict=True):
+    divisions = np.empty((len(ratios), basins.count), np.int32)
+    for root, ratio in zip(divisions, ratios, strict=True):
         area = basins.area[: basins.count].copy()
         merge_basins(pairs, widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
         number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own
         root[:] = number[root]
-    return found, touching
+    return divisions, touching
 
 
 def _borders(

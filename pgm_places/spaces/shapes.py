@@ -1,7 +1,5 @@
 """Shapes of segments: moments, smallest rectangle, outline, furniture."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,39 +9,13 @@ from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_rows import SegmentRows
 
 
-@dataclass(frozen=True, eq=False)
-class Shapes:
-    """One value per segment, lengths in metres.
+def shape_columns(rows: SegmentRows) -> dict[str, NDArray[np.float64]]:
+    """(S,) values of all segments of some divisions by feature: see ``SHAPE_FEATURES``.
 
-    Parameters
-    ----------
-    clearance : (S,) float64
-        Mean distance of its cells to the nearest wall.
-    roundness : (S,) float64
-        Square root of the ratio of the second central moments of its cells, smaller over larger:
-        1 for a disc or a square, near 0 for a line.
-    short, long : (S,) float64
-        Sides of the smallest rectangle around it, over 15 orientations.
-    outline : (S,) float64
-        Length of its outline along sides of cells, including openings.
-    unknown : (S,) float64
-        Length of its outline at unknown cells.
-    furniture : (S,) float64
-        Share of its cells that are not free on the map, that is, filled obstacles.
+    Beside these, ``outline`` is its length along sides of cells, including openings. Roundness is 1
+    for a disc or a square, near 0 for a line.
     """
-
-    clearance: NDArray[np.float64]
-    roundness: NDArray[np.float64]
-    short: NDArray[np.float64]
-    long: NDArray[np.float64]
-    outline: NDArray[np.float64]
-    unknown: NDArray[np.float64]
-    furniture: NDArray[np.float64]
-
-
-def shapes_of(rows: SegmentRows) -> Shapes:
-    """The shapes of all segments of some divisions."""
-    resolution_m, count = rows.resolution_m, rows.count
+    resolution_m, area, radius, count = rows.resolution_m, rows.area_m2, rows.radius_m, rows.count
     sums = rows.divisions[0].watershed.sums
     total = np.zeros((count, sums.total.shape[1]), np.int64)
     low = np.full((count, sums.low.shape[1]), np.inf)
@@ -51,19 +23,25 @@ def shapes_of(rows: SegmentRows) -> Shapes:
     parts = zip(rows.divisions, *map(rows.by_division, (total, low, high)), strict=True)
     for division, *own in parts:
         gather_basins(division.segment_of, sums.total, sums.low, sums.high, *own)
-    cells = np.round(rows.area_m2 / resolution_m**2).astype(np.int64)
-    short, long = _rectangles(low, high)
-    return Shapes(
-        clearance=clearance_m(total[:, 0] / cells, resolution_m),
-        roundness=_roundness(cells, total[:, 4:9]),
-        short=short * resolution_m,
-        long=long * resolution_m,
-        outline=np.asarray(
-            (total[:, 2] + total[:, 3] + rows.open_sides) * resolution_m, np.float64
-        ),
-        unknown=np.asarray(total[:, 3] * resolution_m, np.float64),
-        furniture=total[:, 1] / cells,
-    )
+    cells = np.round(area / resolution_m**2).astype(np.int64)
+    short, long = (side * resolution_m for side in _rectangles(low, high))
+    clearance = clearance_m(total[:, 0] / cells, resolution_m)
+    outline = (total[:, 2] + total[:, 3] + rows.open_sides) * resolution_m
+    return {
+        "area": area,
+        "radius": radius,
+        "clearance": clearance,
+        "clearance_share": clearance / radius,
+        "roundness": _roundness(cells, total[:, 4:9]),
+        "short": short,
+        "long": long,
+        "aspect": short / long,
+        "filling": area / (short * long),
+        "discs": area / (np.pi * radius**2),
+        "unknown": total[:, 3] * resolution_m / outline,
+        "furniture": total[:, 1] / cells,
+        "outline": outline,
+    }
 
 
 def _rectangles(

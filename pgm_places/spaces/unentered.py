@@ -239,12 +239,12 @@ def _in_pieces(piece: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[n
 
 def _and_around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) the mask and the cells that share a side with it."""
-    found = mask.copy()
-    found[1:] |= mask[:-1]
-    found[:-1] |= mask[1:]
-    found[:, 1:] |= mask[:, :-1]
-    found[:, :-1] |= mask[:, 1:]
-    return found
+    wider = mask.copy()
+    wider[1:] |= mask[:-1]
+    wider[:-1] |= mask[1:]
+    wider[:, 1:] |= mask[:, :-1]
+    wider[:, :-1] |= mask[:, 1:]
+    return wider
 
 
 def _numbered(kind: NDArray[np.int8]) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:

@@ -16,6 +16,8 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graph_task import graph_splits
 from pgm_places.experiment.graphs import load_graphs
 from pgm_places.experiment.runs import compare
+from pgm_places.experiment.selection import held_out_splits
+from pgm_places.experiment.sources import Sources
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
 
@@ -124,7 +126,7 @@ def test_parts_of_a_single_graph_are_held_out_by_their_labels(tmp_path: Path) ->
         np.testing.assert_array_equal(np.maximum(known.truth, asked.truth), graph.truth)
     two = [graph.with_labels_at(graph.truth < 2)]
     with pytest.raises(LabelError, match="no fold can be held out"):
-        list(graph_splits(two, 4, 3))
+        held_out_splits(Sources(graphs=two), 4, 3)
 
 
 def test_evidence_and_probabilities_come_from_columns(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """A method is called better only where it is, on the same blocks and over buildings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import comb
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.bootstrap import Interval, SignTest
-from pgm_places.experiment.judgement import Difference, judge
+from pgm_places.experiment.judgement import Difference, Judgement, judge
 from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
@@ -40,10 +40,15 @@ def wrong_at(items: Sequence[TestMap], share: float, seed: int) -> list[Labeling
     return found
 
 
+def judged(items: Sequence[TestMap], labelings: Mapping[str, Sequence[Labeling]]) -> Judgement:
+    """Methods that were taught with one seed."""
+    return judge(items, {name: [found] for name, found in labelings.items()}, NAMES)
+
+
 def test_what_is_better_everywhere_is_the_best() -> None:
     items = floors(7)
     labelings = {"good": wrong_at(items, 0.02, 1), "bad": wrong_at(items, 0.2, 2)}
-    found = judge(items, labelings, NAMES)
+    found = judged(items, labelings)
     [accuracy, balanced] = found.differences
     assert (accuracy.figure, balanced.figure) == ("accuracy", "balanced_accuracy")
     assert accuracy.winner == balanced.winner == "good"
@@ -59,7 +64,7 @@ def test_what_is_better_everywhere_is_the_best() -> None:
 def test_what_chance_explains_is_not_the_best() -> None:
     items = floors(7)
     labelings = {"one": wrong_at(items, 0.1, 1), "other": wrong_at(items, 0.1, 2)}
-    found = judge(items, labelings, NAMES)
+    found = judged(items, labelings)
     assert {item.winner for item in found.differences} == {None}
     assert found.best("accuracy") is None
     assert found.leaders["accuracy"] == {"one", "other"}
@@ -68,7 +73,7 @@ def test_what_chance_explains_is_not_the_best() -> None:
 def test_equal_labellings_are_even_to_the_bit() -> None:
     items = floors(2)
     same = wrong_at(items, 0.1, 1)
-    found = judge(items, {"one": same, "other": same}, NAMES)
+    found = judged(items, {"one": same, "other": same})
     for item in found.differences:
         assert item.interval == Interval(0.0, 0.0, 0.0)
         assert item.buildings == SignTest(0, 0, 2)
@@ -82,7 +87,7 @@ def test_one_large_building_does_not_decide_against_six_others() -> None:
     items = [large, *floors(6)]
     first = [*wrong_at([large], 0.02, 1), *wrong_at(items[1:], 0.15, 2)]
     second = [*wrong_at([large], 0.3, 3), *wrong_at(items[1:], 0.02, 4)]
-    found = judge(items, {"first": first, "second": second}, NAMES)
+    found = judged(items, {"first": first, "second": second})
     accuracy = found.between("first", "second")
     assert accuracy.interval.low > 0
     assert accuracy.buildings == SignTest(1, 6, 0)
@@ -97,7 +102,7 @@ def test_differences_are_paired() -> None:
     hard = rng.random(item.node_truth.shape) < 0.3
     easier = hard & (rng.random(hard.shape) < 0.9)
     labels = [Labeling(part.astype(np.int64), Status.EXACT) for part in (easier, hard)]
-    found = judge([item], {"easier": [labels[0]], "hard": [labels[1]]}, NAMES)
+    found = judged([item], {"easier": [labels[0]], "hard": [labels[1]]})
     interval = found.between("easier", "hard").interval
     share = float((hard & ~easier).mean())
     half = 1.96 * np.sqrt(share * (1 - share) / hard.size)
@@ -111,7 +116,7 @@ def test_differences_are_paired() -> None:
 
 def test_one_method_has_nothing_to_be_judged_by() -> None:
     items = floors(1)
-    found = judge(items, {"alone": wrong_at(items, 0.1, 1)}, NAMES)
+    found = judged(items, {"alone": wrong_at(items, 0.1, 1)})
     assert found.differences == () and found.best("accuracy") is None
 
 
@@ -126,7 +131,7 @@ def test_the_sign_test_counts_every_outcome(better: int, worse: int) -> None:
 def test_a_label_that_is_nowhere_is_nobodys_best() -> None:
     items = [floor("a", np.zeros((12, 12), np.int64))]
     labelings = {"one": wrong_at(items, 0.0, 1), "other": wrong_at(items, 0.3, 2)}
-    found = judge(items, labelings, NAMES)
+    found = judged(items, labelings)
     assert found.leaders["recall of room"] == frozenset()
     assert found.best("recall of corridor") == "one"
 

@@ -11,7 +11,7 @@ from pgm_places.cli.tables import comparison_table
 from pgm_places.evaluation.bootstrap import Resamples, SignTest, pooled
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.judgement import judge_seeds
+from pgm_places.experiment.judgement import judge
 from pgm_places.experiment.labelled_items import blocks_of
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.splits import splits_of
@@ -138,7 +138,7 @@ def test_what_two_splits_test_on_is_drawn_together() -> None:
     twice = {name: [*found, *found] for name, found in once.items()}
 
     def width(many: list[Any], labelings: dict[str, Any]) -> float:
-        found = judge_seeds(many, {n: [f] for n, f in labelings.items()}, NAMES).differences[0]
+        found = judge(many, {n: [f] for n, f in labelings.items()}, NAMES).differences[0]
         return found.interval.high - found.interval.low
 
     same = blocks_of([*items, *items])
@@ -152,7 +152,7 @@ def test_methods_that_share_their_luck_are_even_to_the_bit() -> None:
     """Both methods of a pair get the same draws of seeds."""
     items = floors(3)
     found = [wrong_at(items, share, seed) for share, seed in ((0.05, 1), (0.2, 2), (0.4, 3))]
-    [one, _] = judge_seeds(items, {"one": found, "twin": list(found)}, NAMES).differences
+    [one, _] = judge(items, {"one": found, "twin": list(found)}, NAMES).differences
     assert (one.interval.low, one.interval.estimate, one.interval.high) == (0.0, 0.0, 0.0)
     assert one.by_seed == (0.0, 0.0, 0.0) and one.seeds == SignTest(0, 0, 3)
 
@@ -162,11 +162,11 @@ def test_luck_with_seeds_widens_the_interval() -> None:
     items = floors(4)
     steady = [wrong_at(items, 0.2, seed) for seed in (1, 2)]
     lucky = [wrong_at(items, 0.02, 3), wrong_at(items, 0.3, 4)]
-    [found, _] = judge_seeds(items, {"lucky": lucky, "steady": steady}, NAMES).differences
+    [found, _] = judge(items, {"lucky": lucky, "steady": steady}, NAMES).differences
     assert found.interval.estimate > 0.02 and found.winner is None
     assert (found.seeds.better, found.seeds.worse) == (1, 1)
     always = {"lucky": [lucky[0]] * 2, "steady": steady}
-    assert judge_seeds(items, always, NAMES).differences[0].winner == "lucky"
+    assert judge(items, always, NAMES).differences[0].winner == "lucky"
 
 
 def test_repetitions_are_drawn_with_replacement() -> None:

@@ -3,11 +3,13 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces import place_neighbours
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.place_neighbours import neighbour_graph, shared_walls
 from pgm_places.spaces.places import places_between
@@ -41,7 +43,9 @@ def test_shared_walls_are_those_that_lines_cross(seed: int, most_cells: int) -> 
     )
 
 
-def test_rooms_along_a_corridor_are_joined_with_it_and_with_each_other() -> None:
+def test_rooms_along_a_corridor_are_joined_with_it_and_with_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     cells = np.zeros((60, 122), np.int8)
     cells[20:24] = 100  # the corridor's wall; three rooms above it
     cells[24:, 40:42] = cells[24:, 80:82] = 100
@@ -54,5 +58,5 @@ def test_rooms_along_a_corridor_are_joined_with_it_and_with_each_other() -> None
     graph = neighbour_graph(places)
     joined = {tuple(sorted((number[i], number[j]))) for i, j in graph.edges.tolist()}
     assert joined == {(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)}
-    no_walls = neighbour_graph(places, least_shared_m=100.0)
-    assert no_walls.n_edges == 3
+    monkeypatch.setattr(place_neighbours, "LEAST_SHARED_M", 100.0)
+    assert neighbour_graph(places).n_edges == 3

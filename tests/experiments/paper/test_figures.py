@@ -22,7 +22,7 @@ def test_a_method_s_line_has_its_interval() -> None:
     comparison = small_comparison()
     method = comparison.methods[0]
     labelled = replace(
-        method, intervals=score_intervals(comparison.maps, method.labelings, len(NAMES))
+        method, intervals=score_intervals(comparison.maps, [method.labelings], len(NAMES))
     )
     line = finding("cells", labelled, paper=0.973)
     assert line.accuracy == pytest.approx(26 / 27)
