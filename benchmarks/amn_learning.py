@@ -30,12 +30,11 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.margin_solution import MaxMarginSolution
+from pgm_places.solvers.margin_solution import LearnedWeights
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import max_margin_qp
-from pgm_places.solvers.max_oracle import graph_cut_oracle
+from pgm_places.solvers.max_oracle import certify_weights, graph_cut_oracle
 from pgm_places.unary.learning import UnaryLearner
 
 TRAINING_COLUMNS = 366
@@ -66,25 +65,23 @@ def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMargi
         graph, NAMES, scores[0].laser, np.asarray(scores[0].node_features, np.float64)
     )
     truth = known.truth(graph)
-    task = AssociativeMarkovNetwork(C=PENALTY).learning_problems([problem], [truth])[0]
+    task = AssociativeMarkovNetwork(C=PENALTY).learning_problem([problem], [truth])
     return f"{title}, {100 * grid.resolution_m:.0f} cm", task
 
 
-def learned(task: MaxMarginProblem, **options: Any) -> MaxMarginSolution:
+def learned(task: MaxMarginProblem, **options: Any) -> LearnedWeights:
     """The default learner: each cut starts from the last one's, until these find no more."""
     quick = graph_cut_oracle(task.n_nodes, task.edges, from_last=True)
     thorough = graph_cut_oracle(task.n_nodes, task.edges)
     return cutting_plane(task, quick, thorough=thorough, **options)
 
 
-def learners(task: MaxMarginProblem) -> dict[str, Callable[[], MaxMarginSolution]]:
+def learners(task: MaxMarginProblem) -> dict[str, Callable[[], LearnedWeights]]:
     """The methods by name."""
     oracle = graph_cut_oracle(task.n_nodes, task.edges)
-    found: dict[str, Callable[[], MaxMarginSolution]] = {
+    found: dict[str, Callable[[], LearnedWeights]] = {
         "cutting plane": lambda: learned(task),
         "cutting plane, each cut from scratch": lambda: cutting_plane(task, oracle),
-        "cutting plane, full steps": lambda: learned(task, step=1.0),
-        "cutting plane, OSQP as master": lambda: learned(task, master="osqp"),
     }
     if task.n_nodes <= QP_NODES:
         found["compact QP, Clarabel"] = lambda: max_margin_qp(task, solver="clarabel")

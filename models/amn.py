@@ -11,24 +11,31 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
+from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem, labelled_problems, weights_of
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
     Learner,
-    LearnerOptions,
+    LearningOptions,
     choose_completed,
     choose_penalty,
     learn,
     learn_hidden,
     weighted,
 )
-from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
+from pgm_places.models.cliques import clique_terms, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
-from pgm_places.models.labelled_examples import labelled_parts, labelled_weights, penalties_of
+from pgm_places.models.labelled_examples import (
+    Example,
+    labelled_parts,
+    labelled_weights,
+    penalties_of,
+)
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
     edge_feature_count,
@@ -44,10 +51,10 @@ from pgm_places.models.linear_model import (
 )
 from pgm_places.models.told import of_those_asked, told_of, with_told
 from pgm_places.options import Positive, Whole
-from pgm_places.solvers.certificate import certify_weights
-from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution, OnStep, reached
+from pgm_places.solvers.margin_solution import REACHED, LearnedWeights, OnStep, reached
 from pgm_places.solvers.max_margin import MaxMarginProblem, joined, set_weights, split_weights
 from pgm_places.solvers.max_margin_qp import QPSolver
+from pgm_places.solvers.max_oracle import certify_weights
 
 __all__ = ["AssociativeMarkovNetwork"]
 
@@ -162,115 +169,85 @@ class AssociativeMarkovNetwork(LinearModel):
         """
         weights = None if sample_weight is None else weights_of(sample_weight, problems)
         problems, labelings, weights = with_told(problems, labelings, weights)
-        examples = labelled_problems(problems, labelings)
-        if completes(self.unlabelled, examples):
-            if weights is not None:
-                raise InputError(
-                    "sample_weight needs unlabelled='dropped': labels are being completed, and "
-                    "completed nodes have a weight of their own"
-                )
-            return self._fit_completed(examples, on_iteration)
-        known = labelled_parts(problems, labelings)
-        scaling, sizes, tasks = self._prepared(known)
-        if weights is not None:
-            tasks = weighted(tasks, labelled_weights(weights, labelings))
-        penalties = penalties_of(self.C, AUTO_PENALTIES)
-        search = None
-        options = self._learner_options()
-        if len(penalties) > 1:
-            graphs = [problem.graph for problem, _ in known]
-            chosen, search = choose_penalty(
-                tasks, graphs, penalties, self.n_validation_blocks, options
+        hidden = completes(self.unlabelled, labelled_problems(problems, labelings))
+        if hidden and weights is not None:
+            raise InputError(
+                "sample_weight needs unlabelled='dropped': labels are being completed, and "
+                "completed nodes have a weight of their own"
             )
-            tasks = [replace(task, penalty=chosen) for task in tasks]
-        begin = self._weights_to_begin_with(
-            "edge_weights", _of_weights(sizes, joined(tasks)), tasks[0].n_labels
-        )
-        start = time.perf_counter()
-        solution = learn(tasks, options, start=begin, on_iteration=on_iteration)
-        seconds = time.perf_counter() - start
-        record = self._record(joined(tasks), solution, len(tasks), seconds)
-        return self._with_weights(scaling, sizes, tasks[0], solution, record, search)
-
-    def _fit_completed(
-        self,
-        examples: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
-        on_iteration: OnStep | None,
-    ) -> Self:
-        """:meth:`fit` with the labels of nodes that have none completed."""
-        if self._goes_on:
+        if hidden and self._goes_on:
             raise InputError(
                 "warm_start needs unlabelled='dropped': where labels are being completed, learning "
                 "begins with a completion, not with weights"
             )
-        examples = [(problem, truth) for problem, truth in examples if (truth >= 0).any()]
-        if not examples:
-            raise InputError("no node of any training map has a label")
-        scaling, sizes, tasks = self._prepared(examples)
-        truth = np.concatenate([labels for _, labels in examples])
+        examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
+        scaling, sizes, task = self._prepared(examples)
+        if weights is not None:
+            task = weighted(task, np.concatenate(labelled_weights(weights, labelings)))
+        options, search = self._learner_options(), None
         penalties = penalties_of(self.C, AUTO_PENALTIES)
-        penalty, search = penalties[0], None
-        options = self._learner_options()
-        whole = joined(tasks)
         if len(penalties) > 1:
-            parts = np.concatenate(
-                [hidden_parts(p.graph, labels, self.n_validation_blocks) for p, labels in examples]
+            task, search = self._with_penalty(task, examples, hidden, penalties, options)
+        of_weights = sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        start, objectives = time.perf_counter(), None
+        if hidden:
+            truth = np.concatenate([labels for _, labels in examples])
+            completed = learn_hidden(
+                task, truth, self._class_weight, options, on_iteration=on_iteration
             )
-            if whole.told is not None:
-                parts[whole.told >= 0] = -1
-
-            penalty, search = choose_completed(
-                whole, truth, parts, penalties, self._class_weight, options
-            )
-        start = time.perf_counter()
-        completed = learn_hidden(
-            replace(whole, penalty=penalty),
-            truth,
-            self._class_weight,
-            options,
-            on_iteration=on_iteration,
-        )
-        seconds = time.perf_counter() - start
-        solution = completed.solution
-        record = self._record(replace(whole, penalty=penalty), solution, len(tasks), seconds)
-        found = self._with_weights(scaling, sizes, whole, solution, record, search)
-        return replace(found, completion_objectives=completed.objectives)
-
-    def _with_weights(
-        self,
-        scaling: Standardization,
-        sizes: TermSizes,
-        task: MaxMarginProblem,
-        solution: MaxMarginSolution,
-        record: LearningRecord,
-        search: NDArray[np.float64] | None,
-    ) -> Self:
+            solution, objectives = completed.solution, completed.objectives
+        else:
+            begin = self._weights_to_begin_with("edge_weights", of_weights, task.n_labels)
+            solution = learn(task, options, start=begin, on_iteration=on_iteration)
+        record = self._record(task, solution, len(examples), time.perf_counter() - start)
         warn_if_stalled(record, self.scale)
-        weights = solution.weights / _of_weights(sizes, task)
-        node_weights, edge_weights = split_weights(task, weights)
-        of_cliques = None if task.sets is None else set_weights(task, weights).copy()
+        weights_now = solution.weights / of_weights
+        node_weights, edge_weights = split_weights(task, weights_now)
         return replace(
             self,
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
-            clique_weights=of_cliques,
+            clique_weights=None if task.sets is None else set_weights(task, weights_now).copy(),
             **learned_arrays(scaling, record, solution.history, search),
-            completion_objectives=None,
+            completion_objectives=objectives,
         )
 
-    def learning_problems(
-        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
-    ) -> list[MaxMarginProblem]:
-        """The max-margin problems, one per map, that :meth:`fit` hands to the learner.
+    def _with_penalty(
+        self,
+        task: MaxMarginProblem,
+        examples: Sequence[Example],
+        hidden: bool,
+        penalties: Sequence[float],
+        options: LearningOptions,
+    ) -> tuple[MaxMarginProblem, NDArray[np.float64]]:
+        """The problem with the C that labels held-out nodes best, and what each C reaches."""
+        n = self.n_validation_blocks
+        if not hidden:
+            parts = np.concatenate([contiguous_parts(p.graph, n, truth) for p, truth in examples])
+            penalty, search = choose_penalty(task, parts, n, penalties, options)
+            return replace(task, penalty=penalty), search
+        parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
+        if task.told is not None:
+            parts[task.told >= 0] = -1
+        truth = np.concatenate([labels for _, labels in examples])
+        penalty, search = choose_completed(
+            task, truth, parts, penalties, self._class_weight, options
+        )
+        return replace(task, penalty=penalty), search
 
-        They have the first C where there are several.
+    def learning_problem(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> MaxMarginProblem:
+        """The max-margin problem of all maps that :meth:`fit` hands to the learner.
+
+        It has the first C where there are several.
         """
         return self._prepared(labelled_parts(problems, labelings))[2]
 
     def _prepared(
-        self, known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]]
-    ) -> tuple[Standardization, TermSizes, list[MaxMarginProblem]]:
-        """The scaling, and one max-margin problem a map; unknown labels are 0, with a loss of 0."""
+        self, known: Sequence[Example]
+    ) -> tuple[Standardization, TermSizes, MaxMarginProblem]:
+        """The scaling, and all maps as one problem; unknown labels are 0, with a loss of 0."""
         parts = parse_node_features(self.node_features)
         problems = [problem for problem, _ in known]
         require_like_cliques(problems)
@@ -297,30 +274,30 @@ class AssociativeMarkovNetwork(LinearModel):
                 known, raw, np.split(losses, ends), strict=True
             )
         ]
-        return scaling, sizes, tasks
+        return scaling, sizes, joined(tasks)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        found = edge_features(problem, self.edge_features)
-        if found.min(initial=0.0) < 0:
+        features = edge_features(problem, self.edge_features)
+        if features.min(initial=0.0) < 0:
             raise InputError(
                 "an associative network needs edge_features of at least 0, got "
-                f"{found.min():g}; shift signed features, split each into a positive and a "
+                f"{features.min():g}; shift signed features, split each into a positive and a "
                 "negative column, or take method 'crf', whose tables may have any sign"
             )
-        return self.edge_scale * found
+        return self.edge_scale * features
 
-    def _learner_options(self) -> LearnerOptions:
-        return LearnerOptions(
+    def _learner_options(self) -> LearningOptions:
+        return LearningOptions(
             self.learner,
-            self.solver,
             self.learning_tolerance,
             self.max_cuts,
             self.time_limit_s,
             self.certified_tolerance if self.certify_learning else None,
+            self.solver,
         )
 
     def _record(
-        self, task: MaxMarginProblem, solution: MaxMarginSolution, n_maps: int, seconds: float
+        self, task: MaxMarginProblem, solution: LearnedWeights, n_maps: int, seconds: float
     ) -> LearningRecord:
         start = time.perf_counter()
         certified = solution.certified if self.certify_learning else None
@@ -374,9 +351,7 @@ class AssociativeMarkovNetwork(LinearModel):
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        potentials, rewards = self.potentials(problem), self.clique_rewards(problem)
-        found = decode_cliques_as(self, problem, potentials, self.inference, rewards)
-        return self._with_summary(found)
+        return self._decoded(problem, self.potentials(problem), self.inference)
 
     def _check_learned(self) -> None:
         super()._check_learned()
@@ -384,8 +359,3 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
-
-
-def _of_weights(sizes: TermSizes, task: MaxMarginProblem) -> NDArray[np.float64]:
-    """(n_weights,) by what the features of a task's weights are divided."""
-    return sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)

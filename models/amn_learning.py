@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import times_rows
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.models.completion import (
     Completed,
     best_of_hidden,
@@ -19,17 +18,14 @@ from pgm_places.models.completion import (
 )
 from pgm_places.models.labelled_examples import ClassWeight, best_value, node_losses
 from pgm_places.solvers.adjacency import adjacency, part_means
-from pgm_places.solvers.certificate import certify_weights
-from pgm_places.solvers.evidence import keeping
-from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
-from pgm_places.solvers.max_margin import MaxMarginProblem, joined, potentials_of
+from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
+from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle, potentials_of
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.max_oracle import problem_oracle
+from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 
 __all__ = [
-    "LEARNERS",
     "Learner",
-    "LearnerOptions",
+    "LearningOptions",
     "choose_completed",
     "choose_penalty",
     "learn",
@@ -38,33 +34,37 @@ __all__ = [
 ]
 
 Learner = Literal["cutting-plane", "qp"]
-LEARNERS: tuple[Learner, ...] = get_args(Learner)
 
 SEARCH_TOLERANCE = 1e-2
 """Learning is only this exact while C is being chosen: C changes by factors of several."""
 
 
 @dataclass(frozen=True)
-class LearnerOptions:
-    """The options of learning that do not depend on the data; see the network's docstring."""
+class LearningOptions:
+    """The options of learning that do not depend on the data; see the models' docstrings."""
 
-    learner: Learner
-    solver: QPSolver
+    learner: str
     tolerance: float
-    max_cuts: int
+    max_steps: int
     time_limit_s: float | None
     certified_tolerance: float | None
+    solver: QPSolver = "clarabel"
+
+    @property
+    def quick(self) -> "LearningOptions":
+        """The same while a value of C is being chosen."""
+        return replace(self, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
 
 
 def learn(
-    problems: Sequence[MaxMarginProblem],
-    options: LearnerOptions,
+    problem: MaxMarginProblem,
+    options: LearningOptions,
     *,
     cuts: Sequence[Cut] = (),
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
-) -> MaxMarginSolution:
-    """The weights that the chosen learner finds for one or several maps.
+) -> LearnedWeights:
+    """The weights that the chosen learner finds.
 
     The cutting plane begins at given weights where there are any.
     """
@@ -74,7 +74,7 @@ def learn(
             "warm_start=False"
         )
     if options.learner == "qp":
-        if any(problem.told is not None for problem in problems):
+        if problem.told is not None:
             raise InputError(
                 "learner='qp' takes no known labels as evidence; take 'cutting-plane', or leave "
                 "known out of the training problems"
@@ -82,21 +82,20 @@ def learn(
         from pgm_places.solvers.max_margin_qp import max_margin_qp
 
         return max_margin_qp(
-            joined(problems),
+            problem,
             solver=options.solver,
             tolerance=min(options.tolerance, 1e-4),
             time_limit_s=options.time_limit_s,
         )
     from pgm_places.solvers.cutting_plane import cutting_plane
 
-    problem = joined(problems)
     exact = problem.n_labels <= 2  # one cut: nothing is left to verify
     return cutting_plane(
         problem,
         problem_oracle(problem, from_last=True),
         thorough=problem_oracle(problem),
         tolerance=options.tolerance,
-        max_iterations=options.max_cuts,
+        max_iterations=options.max_steps,
         time_limit_s=options.time_limit_s,
         cuts=cuts,
         start=start,
@@ -108,16 +107,16 @@ def learn(
 
 
 def choose_penalty(
-    problems: Sequence[MaxMarginProblem],
-    graphs: Sequence[LabelGraph],
+    problem: MaxMarginProblem,
+    parts: NDArray[np.int64],
+    n_parts: int,
     penalties: Sequence[float],
-    n_blocks: int,
-    options: LearnerOptions,
+    options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
-    """The C with the best balanced accuracy on held-out blocks, and (P, 2) C and that accuracy.
+    """The C with the best balanced accuracy on held-out parts, and (P, 2) C and that accuracy.
 
-    Every map is cut into contiguous parts; part b of all maps is held out in turn, the network is
-    learned on the rest and labels the part alone. Single cells are never held out: their
+    Every map is cut into contiguous parts (N,); part b of all maps is held out in turn, the network
+    is learned on the rest and labels the part alone. Single cells are never held out: their
     neighbours would give them away. Among equals the smaller C wins.
 
     Raises
@@ -125,46 +124,41 @@ def choose_penalty(
     LabelError
         A label lies in one part only, so that learning without that part is impossible.
     """
-    parts = [
-        contiguous_parts(graph, n_blocks, problem.labels)
-        for graph, problem in zip(graphs, problems, strict=True)
-    ]
-    quick = replace(
-        options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
-    )
+    quick = replace(options.quick, learner="cutting-plane")
     truth: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
-    for part in range(n_blocks):
-        train = [_restricted(p, at != part) for p, at in zip(problems, parts, strict=True)]
-        held_out = joined(
-            [_restricted(p, at == part) for p, at in zip(problems, parts, strict=True)]
-        )
-        kept = np.unique(np.concatenate([problem.labels for problem in train]))
-        if len(kept) < held_out.n_labels:
+    for part in range(n_parts):
+        rest, held_out = _restricted(problem, parts != part), _restricted(problem, parts == part)
+        if len(np.unique(rest.labels)) < problem.n_labels:
             raise LabelError(
                 "C cannot be chosen by held-out blocks: without block "
-                f"{part + 1} of {n_blocks} some label has no example left. "
+                f"{part + 1} of {n_parts} some label has no example left. "
                 "Use more validation blocks or give one C"
             )
         counts = held_out.loss > 0  # what weighs nothing is not asked either
         truth.append(held_out.labels[counts])
         cuts: tuple[Cut, ...] = ()
         oracle = problem_oracle(held_out)
-        for number, penalty in enumerate(penalties):
-            priced = [replace(problem, penalty=penalty) for problem in train]
-            solution = learn(priced, quick, cuts=cuts)
+        for labelings, penalty in zip(answers, penalties, strict=True):
+            solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
             cuts = solution.cuts  # planes hold at any C
-            unary, agreement = potentials_of(held_out, solution.weights)
-            labels = oracle(keeping(unary, held_out.told), agreement)
-            answers[number].append(labels[counts])
+            labelings.append(_labels_at(held_out, solution.weights, oracle)[counts])
     return best_value(penalties, truth, answers)
+
+
+def _labels_at(
+    problem: MaxMarginProblem, weights: NDArray[np.float64], oracle: Oracle
+) -> NDArray[np.int64]:
+    """The labels that an oracle gives a problem at some weights."""
+    unary, agreement = potentials_of(problem, weights)
+    return oracle(keep_known(unary, problem.told), agreement)
 
 
 def learn_hidden(
     problem: MaxMarginProblem,
     truth: NDArray[np.int64],
     class_weight: ClassWeight,
-    options: LearnerOptions,
+    options: LearningOptions,
     *,
     on_iteration: OnStep | None = None,
 ) -> Completed:
@@ -177,9 +171,9 @@ def learn_hidden(
         truth,
         [smooth_completion(problem.node_features, around, truth, problem.n_labels)],
         lambda labels: node_losses(labels, names, class_weight),
-        lambda now, cuts: learn([now], quick, cuts=cuts, on_iteration=on_iteration),
+        lambda now, cuts: learn(now, quick, cuts=cuts, on_iteration=on_iteration),
         problem_oracle(problem),
-        lambda now: learn([now], options, on_iteration=on_iteration),
+        lambda now: learn(now, options, on_iteration=on_iteration),
     )
 
 
@@ -189,42 +183,29 @@ def choose_completed(
     parts: NDArray[np.int64],
     penalties: Sequence[float],
     class_weight: ClassWeight,
-    options: LearnerOptions,
+    options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
     """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy."""
-    quick = replace(
-        options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
-    )
+    quick = replace(options.quick, learner="cutting-plane")
     best = problem_oracle(problem)
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        labelings = []
-        for penalty in penalties:
-            priced = replace(problem, penalty=penalty)
-            solution = learn_hidden(priced, labels, class_weight, quick).solution
-            unary, agreement = potentials_of(problem, solution.weights)
-            labelings.append(best(keeping(unary, problem.told), agreement))
-        return labelings
+        priced = (replace(problem, penalty=penalty) for penalty in penalties)
+        learned = (learn_hidden(now, labels, class_weight, quick).solution for now in priced)
+        return [_labels_at(problem, solution.weights, best) for solution in learned]
 
     return best_of_hidden(truth, parts, penalties, labels_with)
 
 
-def weighted(
-    tasks: Sequence[MaxMarginProblem], weights: Sequence[NDArray[np.float64]]
-) -> list[MaxMarginProblem]:
-    """The problems with losses multiplied by weights (N,), scaled so that the mean loss stays.
+def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
+    """The problem with losses multiplied by weights (N,), scaled so that the mean loss stays.
 
     Each connected part also scores as much as it counts: its hinge is then multiplied as a whole.
     """
-    before = np.concatenate([task.loss for task in tasks])
-    after = before * np.concatenate(weights)
+    after = task.loss * weight
     if not after.any():
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
-    scale = before.mean() / after.mean()
-    return [_counting(task, scale * part) for task, part in zip(tasks, weights, strict=True)]
-
-
-def _counting(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
+    weight = task.loss.mean() / after.mean() * weight
     joins = [task.edges] if task.sets is None else [task.edges, task.sets.joins]
     share = part_means(task.n_nodes, np.concatenate(joins), weight)
     return replace(

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models.chain_statistics import normalised
 from pgm_places.models.evidence_weight import Observation, log_likelihood, possible

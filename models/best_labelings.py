@@ -16,11 +16,9 @@ from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoders import Decoder, named_decoder
 from pgm_places.models.decoding import decode
-from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
-from pgm_places.solvers.forest import forest_maximum
-from pgm_places.solvers.forest_order import is_forest
-from pgm_places.solvers.max_marginals import max_marginals
+from pgm_places.solvers.forest import forest_maximum, max_marginals
 from pgm_places.solvers.pairwise import pairwise_model
 
 __all__ = ["BestLabelings", "best_labelings"]
@@ -132,11 +130,9 @@ class _Search(Protocol):
 
     def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
         """The best labelling that is found, and whether it is proved to be that."""
-        ...
 
     def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
         """The best one but that."""
-        ...
 
 
 def _enumerated(

@@ -113,9 +113,8 @@ def _sum_product(problem: DecodingTask) -> DecodingAnswer:
 
 
 def _exact(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.adjacency import adjacency
+    from pgm_places.solvers.adjacency import adjacency, is_forest
     from pgm_places.solvers.forest import forest_marginals, forest_maximum
-    from pgm_places.solvers.forest_order import is_forest
 
     around = adjacency(problem.graph.n_nodes, problem.graph.edges)
     if not is_forest(around):

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.hidden_labels import Solve, concave_convex
 from pgm_places.solvers.likelihood import maximize_likelihood
-from pgm_places.solvers.margin_solution import REACHED, MaxMarginSolution
+from pgm_places.solvers.margin_solution import REACHED, LearnedWeights
 from pgm_places.solvers.max_margin import Oracle
 from pgm_places.solvers.table_field import TableField
 
@@ -46,7 +46,7 @@ class Completed:
 
     Parameters
     ----------
-    solution : MaxMarginSolution
+    solution : LearnedWeights
         Of the last step.
     labels : (N,) int
         The completed labels.
@@ -54,7 +54,7 @@ class Completed:
         The objective of the concave-convex procedure after each round; it never rises.
     """
 
-    solution: MaxMarginSolution
+    solution: LearnedWeights
     labels: NDArray[np.int64]
     objectives: NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def learn_completed(
     loss_of: LossOf,
     solve: Solve,
     best: Oracle,
-    last: Callable[[Any], MaxMarginSolution],
+    last: Callable[[Any], LearnedWeights],
 ) -> Completed:
     """The weights of largest margin where some labels are not known.
 

@@ -14,13 +14,14 @@ from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem, weights_of
-from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.amn_learning import LearningOptions
+from pgm_places.models.cliques import clique_terms, require_like_cliques
 from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
-    LearningOptions,
     LearningTask,
     choose_by_hiding,
     choose_link_scale,
@@ -41,7 +42,12 @@ from pgm_places.models.labelled_examples import (
     penalties_of,
 )
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
-from pgm_places.models.linear_features import edge_features, node_features, parse_node_features
+from pgm_places.models.linear_features import (
+    edge_features,
+    node_features,
+    parse_node_features,
+    with_auto,
+)
 from pgm_places.models.linear_model import (
     LinearModel,
     TermSizes,
@@ -50,8 +56,7 @@ from pgm_places.models.linear_model import (
 )
 from pgm_places.models.told import not_telling, of_those_asked, told_of, with_told
 from pgm_places.options import Positive, Whole
-from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest_order import is_forest
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField, beside
 
@@ -208,7 +213,7 @@ class ConditionalRandomField(LinearModel):
             penalty=penalty,
             objective=solution.objective,
             lower_bound=solution.lower_bound,
-            certified_objective=getattr(solution, "certified", solution.objective),
+            certified_objective=solution.certified,
             iterations=solution.iterations,
             seconds=time.perf_counter() - start,
             certificate_seconds=0.0,
@@ -287,19 +292,14 @@ class ConditionalRandomField(LinearModel):
         return scaling, sizes, LearningTask(beside(fields), truth, loss, loss_of, told=told)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        alone = problem.unary is None
         parts = parse_node_features(self.node_features)
-        if "auto" in parts:
-            there = "raw" if problem.unary is None else "logz"
-            parts = tuple(dict.fromkeys([*(part for part in parts if part != "auto"), there]))
-        return node_features(problem, parts)
+        return node_features(problem, with_auto(parts, {"raw": alone, "logz": not alone}))
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
         """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
-        names = tuple(self.edge_features)
-        if "auto" not in names:
-            return names
-        there = ["constant"] + ([] if problem.edge_features is None else ["given"])
-        return tuple(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
+        there = {"constant": True, "given": problem.edge_features is not None}
+        return tuple(with_auto(self.edge_features, there))
 
     def _options(self, field: TableField) -> LearningOptions:
         return LearningOptions(
@@ -340,9 +340,7 @@ class ConditionalRandomField(LinearModel):
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        potentials, rewards = self.potentials(problem), self.clique_rewards(problem)
-        found = decode_cliques_as(self, problem, potentials, self.decoder_for(problem), rewards)
-        return self._with_summary(found)
+        return self._decoded(problem, self.potentials(problem), self.decoder_for(problem))
 
     def decoder_for(self, problem: LabelingProblem) -> Decoder:
         """The decoder that labels a problem: the chosen one, or what ``auto`` is there."""

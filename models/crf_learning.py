@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import times_rows
 from pgm_places.errors import InputError
-from pgm_places.models.amn_learning import SEARCH_TOLERANCE
+from pgm_places.graph.known_labels import keep_known
+from pgm_places.models.amn_learning import SEARCH_TOLERANCE, LearningOptions
 from pgm_places.models.completion import (
     LossOf,
     alone_completion,
@@ -21,9 +22,8 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.evidence import keeping
-from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
-from pgm_places.solvers.margin_solution import Cut, MaxMarginSolution, OnStep
+from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
+from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
 from pgm_places.solvers.table_field import TableField
 from pgm_places.solvers.table_margin import (
     TableMarginProblem,
@@ -34,7 +34,6 @@ from pgm_places.solvers.table_margin import (
 
 __all__ = [
     "FieldLearner",
-    "LearningOptions",
     "LearningTask",
     "choose_by_hiding",
     "choose_link_scale",
@@ -116,22 +115,11 @@ class LearningTask:
         return replace(self, field=smaller, labels=labels, loss=loss, weight=weight, told=told)
 
 
-@dataclass(frozen=True)
-class LearningOptions:
-    """The options of learning that do not depend on the data; see the field's docstring."""
-
-    learner: FieldLearner
-    tolerance: float
-    max_steps: int
-    time_limit_s: float | None
-    certified_tolerance: float | None
-
-
-def resolved(learner: str, field: TableField) -> FieldLearner:
+def resolved(learner: str, field: TableField) -> str:
     """The learner that ``auto`` stands for: the likelihood where it can be computed exactly."""
     if learner == "auto":
         return "likelihood" if field.is_forest else "max-margin"
-    return learner  # type: ignore[return-value]
+    return learner
 
 
 def learn(
@@ -141,7 +129,7 @@ def learn(
     *,
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
-) -> MaxMarginSolution | LikelihoodSolution:
+) -> LearnedWeights:
     """The weights that the chosen learner finds, beginning at given ones where there are any."""
     if options.learner != "max-margin":
         return maximize_likelihood(
@@ -180,7 +168,7 @@ def _widest_margin(
     cuts: Sequence[Cut] = (),
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
-) -> MaxMarginSolution:
+) -> LearnedWeights:
     problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty, task.told)
     exact = task.field.is_forest
     verified = not exact and options.certified_tolerance is not None
@@ -217,7 +205,7 @@ def _weighed(task: LearningTask) -> TableField:
 
 def _completed(
     task: LearningTask, penalty: float, options: LearningOptions, on_iteration: OnStep | None
-) -> MaxMarginSolution:
+) -> LearnedWeights:
     """Max margin with the unknown labels completed, from two starts.
 
     Single nodes by themselves say nothing of the links, which suits tables of any kind; smoothed,
@@ -232,7 +220,7 @@ def _completed(
 
     def solve(
         problem: TableMarginProblem, cuts: Sequence[Cut], how: LearningOptions = quick
-    ) -> MaxMarginSolution:
+    ) -> LearnedWeights:
         now = replace(task, labels=problem.labels, loss=problem.loss)
         return _widest_margin(now, problem.penalty, how, cuts=cuts, on_iteration=on_iteration)
 
@@ -257,17 +245,16 @@ def choose_by_hiding(
 
     ``parts`` (N,) says which labels are hidden together, -1 where there is none.
     """
-    quick = replace(options, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         less = replace(task, labels=labels)
-        solutions = [learn(less, penalty, quick) for penalty in penalties]
+        solutions = [learn(less, penalty, options.quick) for penalty in penalties]
         return [_labels_at(less, solution.weights) for solution in solutions]
 
     return best_of_hidden(task.labels, parts, penalties, labels_with)
 
 
-def needs_damping(task: LearningTask, learner: FieldLearner) -> bool:
+def needs_damping(task: LearningTask, learner: str) -> bool:
     """Whether learned links may be too strong for a decoder, see :func:`choose_link_scale`."""
     if learner == "pseudo-likelihood":
         return not task.field.is_forest or bool((task.labels < 0).any())
@@ -328,7 +315,7 @@ def damped(
 def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.int64]:
     field = task.field
     unary, tables = field.whole_potentials(weights)
-    labels = best_labels(field, keeping(unary, task.told), tables, DECODING_PASSES)
+    labels = best_labels(field, keep_known(unary, task.told), tables, DECODING_PASSES)
     return labels[: field.n_nodes]
 
 
@@ -343,9 +330,11 @@ def choose_penalty(
     Every part (N,) of the nodes is held out in turn; the field learns on the rest and labels the
     part alone. Among equals the smaller C wins.
     """
-    quick = replace(options, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
     return _best_held_out(
-        task, parts, penalties, lambda rest: [learn(rest, C, quick).weights for C in penalties]
+        task,
+        parts,
+        penalties,
+        lambda rest: [learn(rest, C, options.quick).weights for C in penalties],
     )
 
 

@@ -252,7 +252,7 @@ def _check_bound(
 
 def _repaired(graph: LabelGraph, potentials: Potentials, answer: DecodingAnswer) -> DecodingAnswer:
     """The answer with labels that break no rule, where the search finds such."""
-    from pgm_places.solvers.feasibility import allowed_labels
+    from pgm_places.solvers.local_search import allowed_labels
 
     labels = allowed_labels(_model(graph, potentials), answer.labels)
     if labels is None:
@@ -274,7 +274,7 @@ def _certificate(
     )
     return found.bound, {
         "best_score": found.score,
-        "iterations": found.n_iterations,
+        "iterations": len(found.history),
         "seconds": time.perf_counter() - started,
     }
 

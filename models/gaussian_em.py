@@ -17,10 +17,9 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.chain_statistics import normalised
-from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_marginals
-from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import pairwise_model
 

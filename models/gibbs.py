@@ -11,7 +11,7 @@ from pgm_places._core import gibbs_sweep
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
-from pgm_places.solvers.feasibility import allowed_labels
+from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
 __all__ = ["GibbsSamples", "gibbs_samples", "r_hat"]

@@ -16,7 +16,8 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
+from pgm_places.inference.node_weights import weights_of
+from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_statistics import (
     counted_tables,
     learned_tables,

@@ -22,9 +22,8 @@ LEARNING_STATUSES = (
     "oracle_limit",
     "local_optimum",
 )
-"""Words of :class:`~pgm_places.solvers.margin_solution.MaxMarginSolution` and of
-:class:`~pgm_places.solvers.likelihood.LikelihoodSolution`; records hold their places here, so new
-ones come last."""
+"""Words of :class:`~pgm_places.solvers.margin_solution.LearnedWeights`; records hold their places
+here, so new ones come last."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class LearningRecord:
     Parameters
     ----------
     status : str
-        One of :data:`LEARNING_STATUSES`, as :class:`MaxMarginSolution` explains them.
+        One of :data:`LEARNING_STATUSES`, as :class:`LearnedWeights` explains them.
     penalty : float
         C, given or chosen.
     objective : float

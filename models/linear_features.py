@@ -1,6 +1,6 @@
 """Features of nodes and edges, prepared for models that are linear in their weights."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "parse_edge_features",
     "parse_node_features",
     "resolved_edges",
+    "with_auto",
 ]
 
 NODE_FEATURES = ("auto", "logz", "z", "raw")
@@ -79,7 +80,8 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
         A part needs the problem's unary or node features, and there are none.
     """
     columns = []
-    for part in _resolved(problem, parts):
+    there = {"logz": problem.unary is not None, "raw": problem.node_features is not None}
+    for part in with_auto(parts, there):
         if part == "raw":
             if problem.node_features is None:
                 raise InputError(
@@ -97,13 +99,12 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
     return beside
 
 
-def _resolved(problem: LabelingProblem, parts: Sequence[str]) -> list[str]:
-    """The parts with ``auto`` replaced by what the problem has."""
-    if "auto" not in parts:
-        return list(parts)
-    there = [] if problem.unary is None else ["logz"]
-    there += [] if problem.node_features is None else ["raw"]
-    return list(dict.fromkeys([*(part for part in parts if part != "auto"), *there]))
+def with_auto(names: Sequence[str], there: Mapping[str, bool]) -> list[str]:
+    """The names with ``auto`` replaced by those that are there."""
+    if "auto" not in names:
+        return list(names)
+    found = [name for name, is_there in there.items() if is_there]
+    return list(dict.fromkeys([*(name for name in names if name != "auto"), *found]))
 
 
 def _probabilities(
@@ -183,12 +184,12 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
 
 def resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]:
     """The names with ``auto`` replaced by what the problem has."""
-    if "auto" not in names:
-        return list(names)
-    there = ["constant"]
-    there += [] if problem.node_features is None else ["raw-difference"]
-    there += [] if problem.edge_features is None else ["given"]
-    return list(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
+    there = {
+        "constant": True,
+        "raw-difference": problem.node_features is not None,
+        "given": problem.edge_features is not None,
+    }
+    return with_auto(names, there)
 
 
 def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:

@@ -12,8 +12,15 @@ from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
-from pgm_places.models.cliques import check_clique_weights, clique_sizes, learned_rewards
+from pgm_places.models.cliques import (
+    check_clique_weights,
+    clique_sizes,
+    decode_cliques_as,
+    learned_rewards,
+)
+from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.labelled_examples import ClassWeight, node_losses
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
@@ -144,8 +151,7 @@ class LinearModel:
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
         """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
-        options: Any = self
-        return tuple(resolved_edges(problem, options.edge_features))
+        return tuple(resolved_edges(problem, self.edge_features))
 
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
         """(C, K) what a clique in which all nodes agree on a label earns for each of them.
@@ -226,8 +232,12 @@ class LinearModel:
                 f"{problem.n_labels}"
             )
 
-    def _with_summary(self, found: Labeling) -> Labeling:
-        """The labelling with how learning went in ``info["learning"]``."""
+    def _decoded(
+        self, problem: LabelingProblem, potentials: Potentials, inference: Decoder
+    ) -> Labeling:
+        """What a decoder finds, with how learning went in ``info["learning"]``."""
+        rewards = self.clique_rewards(problem)
+        found = decode_cliques_as(self, problem, potentials, inference, rewards)
         return replace(found, info={**found.info, "learning": self.summary})
 
     def _check_learned(self) -> None:

@@ -11,10 +11,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.decoding import decode
-from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_samples
-from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.pairwise import pairwise_model
 
 

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import ConfigError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
-from pgm_places.inference.problem import LabelingProblem, weights_of
+from pgm_places.inference.node_weights import weights_of
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_statistics import normalised
 from pgm_places.models.evidence_weight import possible, weights_at
 from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.known_labels import known_beside
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
-from pgm_places.solvers.evidence import told_beside
 
 __all__ = ["not_telling", "of_those_asked", "told_in_parts", "told_of", "with_told"]
 
@@ -134,7 +134,7 @@ def _check_agrees(problem: LabelingProblem, truth: NDArray[np.int64], number: in
 
 def told_of(problems: Sequence[LabelingProblem]) -> NDArray[np.int64] | None:
     """(N,) what several problems tell of their nodes side by side; None if nothing."""
-    return told_beside([(problem.known, problem.graph.n_nodes) for problem in problems])
+    return known_beside([(problem.known, problem.graph.n_nodes) for problem in problems])
 
 
 def of_those_asked(

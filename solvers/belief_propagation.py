@@ -17,9 +17,10 @@ from pgm_places._core import (
     spanning_order,
 )
 from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.solvers.forest_order import is_forest, rooted_forest
-from pgm_places.solvers.mean_field import check_schedule, normalised
+from pgm_places.solvers.adjacency import is_forest, rooted_forest
+from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.schedule import check_schedule, until_at_rest
 from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
 
 __all__ = ["BeliefPropagation", "belief_propagation", "pair_beliefs"]
@@ -59,12 +60,10 @@ class BeliefPropagation:
     beliefs : (N, K) float
         For ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
         max-marginals; rows sum to one.
-    n_iterations : int
-        Sweeps over all nodes.
     converged : bool
         Whether the last sweep changed no message by more than the tolerance; loopy messages need
         not converge.
-    history : (n_iterations,) float
+    history : (T,) float
         Largest change of a log-message in each sweep.
     exact : bool
         Whether there are no cycles and no sets: beliefs are then the model's own, and the labels
@@ -77,7 +76,6 @@ class BeliefPropagation:
     labels: NDArray[np.int64]
     score: float
     beliefs: NDArray[np.float64]
-    n_iterations: int
     converged: bool
     history: NDArray[np.float64]
     exact: bool
@@ -146,7 +144,7 @@ def belief_propagation(
         raise InputError(f"kind must be 'sum-product' or 'max-product', got {kind!r}")
     if sets is not None and kind == "max-product":
         raise InputError("sets are for kind 'sum-product'; decode_with_cliques takes either")
-    check_schedule(damping, tolerance, max_iterations)
+    check_schedule(max_iterations, tolerance, damping)
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     rule = Rule(kind == "max-product", float(damping))
@@ -159,21 +157,15 @@ def belief_propagation(
         model, sweep = _with_sets(model, sets, rule, message)
     if exact:
         sweep, still, max_iterations = _forest_sweeper(model, rule.maximise, message), -1.0, 2
-    history: list[float] = []
-    while len(history) < max_iterations:
-        change = sweep(len(history) % 2 == 0)
-        history.append(change)
-        if on_iteration is not None:
-            on_iteration(len(history), change)
-        if change <= still:
-            break
+    history = until_at_rest(
+        lambda number: sweep(number % 2 == 0), still, max_iterations, on_iteration
+    )
     beliefs = beliefs_from_messages(model, message)
     labels = _decoded(model, message, np.inf if rule.maximise else TIE * unit)
     return BeliefPropagation(
         labels=frozen(labels),
         score=total_score(model, labels),
         beliefs=frozen(beliefs),
-        n_iterations=len(history),
         converged=exact or history[-1] <= still,
         history=frozen(np.array(history)),
         exact=exact,

@@ -11,19 +11,14 @@ Its dual has one multiplier per cut, z >= 0 with sum(z) <= C, and gives the weig
 Any feasible z gives a rigorous lower bound, which is why z is repaired before it is used.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers.margin_solution import Cut
 
-__all__ = ["MASTERS", "CutMaster", "MasterPoint"]
-
-MASTERS = ("active-set", "osqp")
+__all__ = ["CutMaster", "MasterPoint"]
 
 RIDGE = 1e-12
 """Relative size of the ridge that keeps the active set's systems solvable with repeated cuts;
@@ -51,26 +46,20 @@ class MasterPoint:
 class CutMaster:
     """Cuts and their multipliers, solved again after every new cut from where they were.
 
+    A primal active-set method on the dual: exact, in some ten pivots a cut.
+
     Parameters
     ----------
     n_weights, n_free : int
         Length of the weight vector and how many of its first entries may be negative.
     penalty : float
         C.
-    method : {"active-set", "osqp"}
-        A primal active-set method on the dual (exact, some ten pivots a cut), or OSQP on the
-        primal with its multipliers repaired.
     """
 
-    def __init__(
-        self, n_weights: int, n_free: int, penalty: float, *, method: str = "active-set"
-    ) -> None:
-        if method not in MASTERS:
-            raise InputError(f"the master must be one of {', '.join(MASTERS)}, got {method!r}")
+    def __init__(self, n_weights: int, n_free: int, penalty: float) -> None:
         self._n_free = n_free
         self._n_bounded = n_weights - n_free
         self._penalty = penalty
-        self._method = method
         # the first row is the empty cut H >= 0; it takes up the rest of sum(z) = C
         self._gradients = np.zeros((1, n_weights))
         self._offsets = np.zeros(1)
@@ -110,10 +99,7 @@ class CutMaster:
 
     def solve(self) -> MasterPoint:
         """The minimiser under the cuts held; cuts idle for long are dropped afterwards."""
-        if self._method == "osqp":
-            self._solve_osqp()
-        else:
-            self._solve_active_set()
+        self._solve_active_set()
         point = self._point()
         self._drop_idle()
         return point
@@ -137,8 +123,6 @@ class CutMaster:
             self._gram = self._gram[np.ix_(keep, keep)]
             self._multipliers, self._idle = self._multipliers[keep], self._idle[keep]
 
-    # ------------------------------------------------------------------ active set
-
     def _solve_active_set(self) -> None:
         """Minimise 1/2 v H v - c v over v = (z, multipliers of w_e >= 0), v >= 0, sum(z) = C."""
         n_cuts = len(self._offsets)
@@ -153,54 +137,6 @@ class CutMaster:
         start = np.concatenate([self._multipliers * unit, self._bound_multipliers])
         found = _simplex_qp(hessian, linear, in_sum, self._penalty * unit, start)
         self._multipliers, self._bound_multipliers = found[:n_cuts] / unit, found[n_cuts:]
-
-    # ------------------------------------------------------------------ OSQP
-
-    def _solve_osqp(self) -> None:
-        import osqp
-
-        n_cuts, n_weights = self._gradients.shape
-        # in units of the weights and heights that occur: OSQP's tolerances are absolute
-        height = np.abs(self._offsets).max() or 1.0
-        weight = height / (np.sqrt(self._gram.diagonal().max()) or height)
-        worth = height / weight**2
-        quadratic = sp.csc_matrix(np.diag(np.append(np.ones(n_weights), 0.0)))
-        linear = np.append(np.zeros(n_weights), self._penalty * worth)
-        rows = np.hstack([self._gradients * (weight / height), np.ones((n_cuts, 1))])
-        bounded = np.eye(self._n_bounded, n_weights + 1, k=self._n_free)
-        matrix = sp.csc_matrix(np.vstack([rows, bounded]))
-        lower = np.concatenate([self._offsets / height, np.zeros(self._n_bounded)])
-        solver = osqp.OSQP()
-        solver.setup(
-            quadratic,
-            linear,
-            matrix,
-            lower,
-            np.full(len(lower), np.inf),
-            verbose=False,
-            eps_abs=1e-8,  # OSQP before 1.0 does not look at the gap, and ends earlier for it
-            eps_rel=1e-8,
-            max_iter=20_000,
-            # OSQP before 1.0 adapts its step by the clock unless told otherwise, so that even the
-            # number of its iterations changes from run to run; this is what later versions do
-            adaptive_rho_interval=50,
-        )
-        weights = self._multipliers @ self._gradients
-        slack = max(float((self._offsets - self._gradients @ weights).max()), 0.0)
-        duals = np.concatenate([self._multipliers * worth, self._bound_multipliers / weight])
-        solver.warm_start(x=np.append(weights / weight, slack / height), y=-duals)
-        with warnings.catch_warnings():
-            # OSQP announces another default of an argument that its older versions do not have
-            warnings.simplefilter("ignore", PendingDeprecationWarning)
-            result = solver.solve()
-        if result.info.status not in ("solved", "solved inaccurate", "maximum iterations reached"):
-            raise SolverError(
-                f"OSQP could not solve the cutting plane's master: {result.info.status}"
-            )
-        found = np.maximum(-np.asarray(result.y), 0.0)
-        if found[:n_cuts].sum() > 0:
-            self._multipliers = found[:n_cuts] / worth
-            self._bound_multipliers = found[n_cuts:] * weight
 
 
 def _simplex_qp(

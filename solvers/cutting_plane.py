@@ -16,23 +16,26 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.solvers.certificate import Certificate
 from pgm_places.solvers.cut_master import CutMaster
 from pgm_places.solvers.margin_solution import (
     Cut,
+    LearnedWeights,
     LearningStep,
-    MaxMarginSolution,
     OnStep,
     reached,
     relative_gap,
 )
 from pgm_places.solvers.max_margin import MarginProblem, Oracle, objective
+from pgm_places.solvers.max_oracle import Certificate
 
 __all__ = ["cutting_plane"]
 
 
 Verifier = Callable[[Any, NDArray[np.float64]], Certificate]
 """A slower look at some weights: a rigorous objective, and the best labelling found on the way."""
+
+STEP = 0.4
+"""Where the next cut is taken: 0 at the best weights so far, 1 at the master's minimiser."""
 
 SAME_HEIGHT = 1e-12
 """A cut is new when it rises above the known ones by more than this share of a hinge's height."""
@@ -51,10 +54,8 @@ def cutting_plane(
     verifier: Verifier | None = None,
     verified_tolerance: float = 5e-3,
     exact: bool = False,
-    step: float = 0.4,
-    master: str = "active-set",
     on_iteration: OnStep | None = None,
-) -> MaxMarginSolution:
+) -> LearnedWeights:
     """The weights that minimise the max-margin objective, to a relative gap of ``tolerance``.
 
     Parameters
@@ -77,7 +78,7 @@ def cutting_plane(
     thorough : callable, optional
         A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
     verifier : callable, optional
-        Asked when the oracle's gap has closed, :func:`pgm_places.solvers.certificate.\
+        Asked when the oracle's gap has closed, :func:`pgm_places.solvers.max_oracle.\
 certify_weights` for one. Learning goes on with the labelling it found until the gap between its
         rigorous objective and the lower bound is at most ``verified_tolerance``, or it finds
         nothing new either.
@@ -86,17 +87,12 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     exact : bool
         Whether the oracle misses nothing, as a graph cut with two labels: then the objective that
         it finds is rigorous.
-    step : float
-        Where the next cut is taken: 1 at the master's minimiser, less between it and the best
-        weights so far.
-    master : {"active-set", "osqp"}
-        How the small QP is solved, see :class:`pgm_places.solvers.cut_master.CutMaster`.
     on_iteration : callable, optional
         Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
 
     Returns
     -------
-    MaxMarginSolution
+    LearnedWeights
         Once the gap has closed ``status`` says what of that is proved: ``optimal``,
         ``within_tolerance`` or ``oracle_limit``. Before that ``stalled``, ``iteration_limit``,
         ``time_limit`` or ``stopped``.
@@ -112,10 +108,8 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     >>> found.status, round(found.objective, 3)
     ('optimal', 0.917)
     """
-    if not 0 < step <= 1:
-        raise InputError(f"step must be in (0, 1], got {step}")
     begun = time.perf_counter()
-    search = _Search(problem, oracle, thorough, verifier, step, master)
+    search = _Search(problem, oracle, thorough, verifier)
     for cut in cuts:
         search.master.add(cut)
     if start is not None:
@@ -146,7 +140,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     if status == "closed":
         allowed = tolerance if verifier is None else max(tolerance, verified_tolerance)
         status = reached(search.certified, search.lower_bound, allowed)
-    return MaxMarginSolution(
+    return LearnedWeights(
         search.weights,
         found,
         search.lower_bound,
@@ -167,12 +161,10 @@ class _Search:
         oracle: Oracle,
         thorough: Oracle | None,
         verifier: Verifier | None,
-        step: float,
-        master: str,
     ) -> None:
-        self.problem, self.verifier, self.step = problem, verifier, step
+        self.problem, self.verifier = problem, verifier
         self.oracle, self.thorough = oracle, thorough
-        self.master = CutMaster(problem.n_weights, problem.n_free, problem.penalty, method=master)
+        self.master = CutMaster(problem.n_weights, problem.n_free, problem.penalty)
         self.typical_height = float(problem.loss.mean())  # the most that it is at weights of 0
         self.weights = np.zeros(problem.n_weights)
         self.objective = np.inf
@@ -199,7 +191,7 @@ class _Search:
         at_master = self.at_master
         weights = point.weights
         if not at_master:
-            weights = weights + (1.0 - self.step) * (self.weights - weights)
+            weights = weights + (1.0 - STEP) * (self.weights - weights)
         labels = self.oracle(*self.problem.augmented_potentials(weights))
         found = self._add(self.problem.cut_of(labels), weights)
         value = objective(self.problem, weights, self.master.height(weights))

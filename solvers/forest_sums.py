@@ -5,7 +5,6 @@ a node; where edges share a table, its expected counts are a product of two matr
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,34 +27,9 @@ LEAST_AGREEMENT = -1.0
 """Below, what the other labels say together loses digits as a difference."""
 
 
-class ForestSums(Protocol):
-    """The exact distribution over labellings."""
-
-    @property
-    def log_partition(self) -> NDArray[np.float64]:
-        """(N,) shares of log Z, without the model's offset; those of a tree sum to its own."""
-        ...
-
-    @property
-    def beliefs(self) -> NDArray[np.float64]:
-        """(N, K) probability of each label; rows sum to one."""
-        ...
-
-    def pair_beliefs(self) -> NDArray[np.float64]:
-        """(E, K, K) probability of each pair of labels at an edge's first and second node."""
-        ...
-
-    def pair_counts(self, node_weight: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """(1 or E, K, K) their sums over the edges of each table.
-
-        An edge counts by the weight (N,) that both its ends have.
-        """
-        ...
-
-
 def forest_sums(
     model: PairwiseModel, order: NDArray[np.uint32], parent: NDArray[np.uint32]
-) -> ForestSums:
+) -> "ForestSums":
     """The sums over the labellings of a model without cycles.
 
     Parameters
@@ -90,7 +64,7 @@ def forest_sums(
 
 def sums_by_logarithms(
     model: PairwiseModel, order: NDArray[np.uint32], parent: NDArray[np.uint32]
-) -> ForestSums:
+) -> "ForestSums":
     """:func:`forest_sums` for potentials of any range: K^2 exponentials a message."""
     message, shares = sums_to_roots(model, order, parent)
     pass_back(False, model.terms, model.around.arcs, order, parent, message)
@@ -115,7 +89,9 @@ class _Scaled:
 
     model: PairwiseModel
     log_partition: NDArray[np.float64]
+    """(N,) shares of log Z, without the model's offset; those of a tree sum to its own."""
     beliefs: NDArray[np.float64]
+    """(N, K) probability of each label; rows sum to one."""
     gain: NDArray[np.float64]
     inner: NDArray[np.float64]
     outer: NDArray[np.float64]
@@ -123,6 +99,7 @@ class _Scaled:
     arc: NDArray[np.uint32]
 
     def pair_beliefs(self) -> NDArray[np.float64]:
+        """(E, K, K) probability of each pair of labels at an edge's first and second node."""
         joint = np.empty((len(self.arc), self.model.n_labels, self.model.n_labels))
         for backwards in (0, 1):  # whether the child is an edge's second node
             chosen = np.flatnonzero(self.arc & 1 == backwards)
@@ -137,6 +114,10 @@ class _Scaled:
         return self.gain[arc if len(self.gain) > 2 else arc & 1]
 
     def pair_counts(self, node_weight: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """(1 or E, K, K) the beliefs of pairs summed over the edges of each table.
+
+        An edge counts by the weight (N,) that both its ends have.
+        """
         if len(self.model.tables) != 1:
             return _weighed(self.model, self.pair_beliefs(), node_weight)
         counts = np.zeros_like(self.gain)
@@ -172,6 +153,10 @@ class _Logarithmic:
     def pair_counts(self, node_weight: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         counts = _weighed(self.model, self.pair_beliefs(), node_weight)
         return counts.sum(axis=0, keepdims=True) if len(self.model.tables) == 1 else counts
+
+
+ForestSums = _Scaled | _Logarithmic
+"""The exact distribution over labellings."""
 
 
 def _weighed(

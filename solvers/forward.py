@@ -14,8 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, number_array
 from pgm_places._core import filter_chain, smooth_chain, subtract_best, trace_back, viterbi_chain
 from pgm_places.errors import InputError
-from pgm_places.solvers.chain_logs import beliefs_in_logs, exceeds_floats
-from pgm_places.solvers.chain_tables import SUM_TOLERANCE, Chain, check_chain, check_tables
+from pgm_places.solvers.chains import (
+    SUM_TOLERANCE,
+    Chain,
+    beliefs_in_logs,
+    check_chain,
+    check_tables,
+    exceeds_floats,
+)
 
 STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between check and kernel
 
@@ -165,30 +171,6 @@ def viterbi(
     trace_back(origin, last, labels)
     total = shift + float(score[last]) if n_steps else 0.0
     return ChainPath(labels, total, np.flatnonzero(impossible))
-
-
-def filter_step(
-    belief: ArrayLike, transition: ArrayLike, log_likelihood: ArrayLike
-) -> tuple[NDArray[np.float64], bool]:
-    """The belief (K,) one step on, and whether the observation was possible at all.
-
-    Parameters
-    ----------
-    belief : (K,) float
-        Belief at the step before.
-    transition : (K, K) float
-        Probability of each label (column) after each (row).
-    log_likelihood : (K,) float
-        ``log P(z | l)`` of the new observation.
-
-    Examples
-    --------
-    >>> belief, possible = filter_step([0.8, 0.2], [[0.9, 0.1], [0.1, 0.9]], np.log([0.5, 0.5]))
-    >>> belief.round(3).tolist(), possible
-    ([0.74, 0.26], True)
-    """
-    n_labels = len(np.asarray(log_likelihood, np.float64))
-    return ForwardFilter(np.full(n_labels, 1.0 / n_labels), transition).step(log_likelihood, belief)
 
 
 class ForwardFilter:

@@ -13,7 +13,8 @@ from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.solvers.kept_field import current_field
-from pgm_places.solvers.mean_field import check_schedule, normalised
+from pgm_places.solvers.mean_field import normalised
+from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
 _NODES_PER_TASK = 32_768
 """Below this, starting a thread costs more than it saves."""
@@ -31,7 +32,7 @@ class GridMeanField:
         Probability of each label; rows sum to one.
     converged : bool
         Whether the last pass changed no belief by more than the tolerance.
-    history : (n_iterations,) float
+    history : (T,) float
         Largest change of a belief in each pass.
     """
 
@@ -93,7 +94,7 @@ def grid_mean_field(
     >>> grid_mean_field(unary, cells, np.eye(2)).labels.tolist()
     [0, 0, 0]
     """
-    check_schedule(damping, tolerance, max_iterations)
+    check_schedule(max_iterations, tolerance, damping)
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
     nodes = np.ascontiguousarray(finite_array("unary", unary, ("N", "K"), allow_minus_inf=True))
@@ -131,16 +132,13 @@ def grid_mean_field(
         change = update_rows(nodes, table, cells, start, *rows, reach, damping, beliefs)
         largest[task] = max(largest[task], change)
 
-    history = []
-    while len(history) < max_iterations:
+    def whole(_: int) -> float:
         largest[:] = 0.0
         for parity in (0, 1):
             run_tasks(partial(update, parity), len(tasks), n_threads=threads)
-        history.append(float(largest.max(initial=0.0)))
-        if on_iteration is not None:
-            on_iteration(len(history), history[-1])
-        if history[-1] <= tolerance:
-            break
+        return float(largest.max(initial=0.0))
+
+    history = until_at_rest(whole, tolerance, max_iterations, on_iteration)
     return _found(beliefs, history, tolerance)
 
 

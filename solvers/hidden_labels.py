@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.margin_solution import REACHED, Cut, MaxMarginSolution
+from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights
 
 __all__ = ["HiddenLabels", "concave_convex"]
 
@@ -32,7 +32,7 @@ ROUNDING = 1e-9
 AT_REST = 1e-3
 """A round that lowers the objective by a smaller share of it is the last one."""
 
-Solve = Callable[[Any, Sequence[Cut]], MaxMarginSolution]
+Solve = Callable[[Any, Sequence[Cut]], LearnedWeights]
 Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]
 
 
@@ -42,7 +42,7 @@ class HiddenLabels:
 
     Parameters
     ----------
-    solution : MaxMarginSolution
+    solution : LearnedWeights
         Of the last completion; its status is ``local_optimum`` once the procedure is at rest, and
         its lower bound 0: another completion may be better.
     labels : (N,) int
@@ -51,7 +51,7 @@ class HiddenLabels:
         f after each round; no entry is larger than the one before it.
     """
 
-    solution: MaxMarginSolution
+    solution: LearnedWeights
     labels: NDArray[np.int64]
     objectives: tuple[float, ...]
 
@@ -93,7 +93,7 @@ def concave_convex(
     """
     objectives: list[float] = []
     cuts: tuple[Cut, ...] = ()
-    best: MaxMarginSolution | None = None
+    best: LearnedWeights | None = None
     ended = "iteration_limit"
     for _ in range(max_rounds):
         solution, completed = _solved(problem, solve, complete, cuts)
@@ -118,7 +118,7 @@ def concave_convex(
 
 def _solved(
     problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
-) -> tuple[MaxMarginSolution, NDArray[np.int64]]:
+) -> tuple[LearnedWeights, NDArray[np.int64]]:
     """The solution for one completion, and the best completion by its weights.
 
     That completion is one of the labellings that the hinge is the maximum over. Where it rises

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places._core import update_rows
 from pgm_places.kernels.threads import run_tasks
+from pgm_places.solvers.schedule import until_at_rest
 
 MAX_BYTES = 1 << 28
 """Passes of larger fields (some 1,100,000 cells of three labels and 20 passes) are not kept."""
@@ -76,11 +77,11 @@ class KeptField:
         for row in np.flatnonzero(dirty).tolist():
             nodes = slice(start[row], start[row + 1])
             self._passes[0][nodes] = begun(unary[nodes])
-        history: list[float] = []
         self.n_updated = 0
         differs = dirty.copy()  # the rows whose beliefs are not those that were kept
-        while len(history) < max_iterations:
-            number = len(history) + 1
+
+        def update(done: int) -> float:
+            number = done + 1
             if number == len(self._passes):  # nobody has come so far
                 self._passes.append(np.empty_like(self._passes[0]))
                 self._changes.append(np.zeros(n_rows))
@@ -93,11 +94,9 @@ class KeptField:
                 rows = rows[rows % 2 == parity]
                 differs[rows] = self._updated(rule, number, rows, n_threads)
                 self.n_updated += len(rows)
-            history.append(float(self._changes[number - 1].max(initial=0.0)))
-            if on_iteration is not None:
-                on_iteration(number, history[-1])
-            if history[-1] <= tolerance:
-                break
+            return float(self._changes[done].max(initial=0.0))
+
+        history = until_at_rest(update, tolerance, max_iterations, on_iteration)
         del self._passes[len(history) + 1 :], self._changes[len(history) :]
         self._rule = rule
         return self._passes[-1].copy(), history

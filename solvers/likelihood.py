@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.evidence import keeping
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.expected_features import (
     exact_sums,
     expected_labels,
@@ -43,12 +43,17 @@ from pgm_places.solvers.expected_features import (
     require_equal_ends,
     soft_labels,
 )
-from pgm_places.solvers.margin_solution import LearningStep, OnStep, reached, relative_gap
+from pgm_places.solvers.margin_solution import (
+    LearnedWeights,
+    LearningStep,
+    OnStep,
+    reached,
+    relative_gap,
+)
 from pgm_places.solvers.table_field import TableField
 
 __all__ = [
     "Likelihood",
-    "LikelihoodSolution",
     "maximize_likelihood",
     "negative_log_likelihood",
 ]
@@ -64,38 +69,6 @@ HIDDEN_MOVED = 1e-3
 
 MEMORY = 20
 """Pairs of steps and gradients that L-BFGS keeps."""
-
-
-@dataclass(frozen=True, eq=False)
-class LikelihoodSolution:
-    """Learned weights and how good they are known to be.
-
-    Parameters
-    ----------
-    weights : (n_weights,) float
-    objective : float
-        f(weights).
-    lower_bound : float
-        No weights reach less: f is strongly convex, so that f(w) exceeds its minimum by at most
-        half the squared length of its gradient. With unknown labels f is not convex, and this is 0.
-    status : str
-        ``optimal``, ``within_tolerance``, ``local_optimum`` (with unknown labels: the gradient has
-        vanished to the tolerance), ``iteration_limit``, ``time_limit``, ``stopped`` or ``stalled``.
-    iterations : int
-    history : tuple of LearningStep
-    """
-
-    weights: NDArray[np.float64]
-    objective: float
-    lower_bound: float
-    status: str
-    iterations: int
-    history: tuple[LearningStep, ...]
-
-    @property
-    def gap(self) -> float:
-        """(objective - lower bound) / objective, 0 where both are 0."""
-        return relative_gap(self.objective, self.lower_bound)
 
 
 def negative_log_likelihood(
@@ -149,8 +122,11 @@ def maximize_likelihood(
     max_iterations: int = 500,
     time_limit_s: float | None = None,
     on_iteration: OnStep | None = None,
-) -> LikelihoodSolution:
+) -> LearnedWeights:
     """The weights of least f, by L-BFGS.
+
+    The lower bound is that of a strongly convex function: f(w) exceeds its minimum by at most half
+    the squared length of its gradient. With unknown labels f is not convex, and the bound is 0.
 
     Parameters
     ----------
@@ -246,13 +222,13 @@ class _Loss:
             asked = labels if self.told is None else np.where(self.told >= 0, -1, labels)
             return pseudo_sums(field, asked, potentials, soft, node_weight)
         marginals = exact_sums if self.kind == "exact" else piecewise_sums
-        given = potentials._replace(unary=keeping(potentials.unary, self.told))
+        given = potentials._replace(unary=keep_known(potentials.unary, self.told))
         free = marginals(field, given, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])
         if self.truth_features is not None:
             score = float(weights @ self.truth_features)
             return value - score, gradient - self.truth_features
-        only = potentials._replace(unary=keeping(potentials.unary, labels))
+        only = potentials._replace(unary=keep_known(potentials.unary, labels))
         known = marginals(field, only, node_weight)
         return value - known.log_partition, gradient - field.expected_features(*known[1:])
 
@@ -330,15 +306,16 @@ class _Descent:
         self.expected = found
         return known is None or bool(np.abs(found - known).max() > HIDDEN_MOVED)
 
-    def solution(self) -> LikelihoodSolution:
+    def solution(self) -> LearnedWeights:
         status = self.ended or "local_optimum"
         if self.ended is None and self.is_convex:
             status = reached(self.value, self.lower_bound, self.tolerance)
-        return LikelihoodSolution(
+        return LearnedWeights(
             self.weights,
             self.value,
             self.lower_bound,
             status,
             len(self.history),
             tuple(self.history),
+            certified=self.value,
         )

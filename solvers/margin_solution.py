@@ -1,4 +1,4 @@
-"""How learning by max margin goes, and what it finds: cuts, steps, the solution with its bounds."""
+"""How learning goes, and what it finds: cuts, steps, the weights with their bounds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ OnStep = Callable[[LearningStep], bool | None]
 
 
 @dataclass(frozen=True, eq=False)
-class MaxMarginSolution:
+class LearnedWeights:
     """Learned weights and how good they are known to be.
 
     Parameters
@@ -77,8 +77,8 @@ class MaxMarginSolution:
     status : str
         What was reached, as far as it is proved: a word of :data:`REACHED`, or why learning ended
         before: ``iteration_limit``, ``time_limit``, ``stopped`` (``on_iteration`` said so),
-        ``stalled`` (the oracle finds nothing better, and the gap is open) or ``inaccurate`` (the
-        QP's solver ended with an open gap).
+        ``stalled`` (the oracle finds nothing better, and the gap is open), ``inaccurate`` (the QP's
+        solver ended with an open gap) or ``local_optimum`` (some labels are unknown).
     iterations : int
     history : tuple of LearningStep
     cuts : tuple of Cut

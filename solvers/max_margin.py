@@ -34,7 +34,7 @@ from pgm_places._checks import (
 )
 from pgm_places._core import add_feature_difference, multiply_rows
 from pgm_places.errors import InputError
-from pgm_places.solvers.evidence import keeping, told_beside
+from pgm_places.graph.known_labels import keep_known, known_beside
 from pgm_places.solvers.margin_solution import Cut
 from pgm_places.solvers.set_terms import SetTerms
 
@@ -48,42 +48,34 @@ class MarginProblem(Protocol):
     @property
     def n_nodes(self) -> int:
         """N."""
-        ...
 
     @property
     def n_weights(self) -> int:
         """Length of the flat weight vector."""
-        ...
 
     @property
     def n_free(self) -> int:
         """How many weights, the first ones, may be negative."""
-        ...
 
     @property
     def penalty(self) -> float:
         """C."""
-        ...
 
     @property
     def loss(self) -> NDArray[np.float64]:
         """(N,) what a wrong label costs at each node."""
-        ...
 
     @property
     def truth_features(self) -> NDArray[np.float64]:
         """(n_weights,) the joint features of the true labelling."""
-        ...
 
     def augmented_potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The potentials of score plus loss, as an :data:`Oracle` takes them."""
-        ...
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,19 +144,14 @@ class MaxMarginProblem:
         return self.node_features.shape[0]
 
     @property
-    def n_node_weights(self) -> int:
-        """D K: where the edge weights begin in the flat weight vector."""
-        return self.node_features.shape[1] * self.n_labels
-
-    @property
     def n_free(self) -> int:
-        """How many weights, the first ones, may be negative: those of the nodes."""
-        return self.n_node_weights
+        """D K: where the edge weights begin in the flat vector, which may not be negative."""
+        return self.node_features.shape[1] * self.n_labels
 
     @property
     def n_pair_weights(self) -> int:
         """(D + F) K: where the clique weights begin in the flat weight vector."""
-        return self.n_node_weights + self.edge_features.shape[1] * self.n_labels
+        return self.n_free + self.edge_features.shape[1] * self.n_labels
 
     @property
     def n_weights(self) -> int:
@@ -194,7 +181,7 @@ class MaxMarginProblem:
         unary, agreement = potentials_of(self, weights)
         unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return keeping(unary, self.told), agreement
+        return keep_known(unary, self.told), agreement
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
@@ -238,27 +225,10 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
 
     The maximum over labellings splits over blocks, so the hinge is the sum of the maps' own,
     weighted by their numbers of nodes.
-
-    Raises
-    ------
-    InputError
-        No problem, or problems that differ in features, labels or penalty.
     """
-    if not problems:
-        raise InputError("learning needs at least one training map, got none")
     first = problems[0]
     if len(problems) == 1:
         return first
-    for problem in problems[1:]:
-        same = (
-            problem.node_features.shape[1] == first.node_features.shape[1]
-            and problem.edge_features.shape[1] == first.edge_features.shape[1]
-            and problem.n_labels == first.n_labels
-            and problem.penalty == first.penalty
-            and problem.n_weights == first.n_weights
-        )
-        if not same:
-            raise InputError("training maps must have the same features, labels and penalty")
     starts = np.cumsum([0, *(problem.n_nodes for problem in problems[:-1])])
     edges = [problem.edges + start for problem, start in zip(problems, starts, strict=True)]
     return MaxMarginProblem(
@@ -270,7 +240,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         np.concatenate([problem.loss for problem in problems]),
         first.penalty,
         SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
-        told_beside([(problem.told, problem.n_nodes) for problem in problems]),
+        known_beside([(problem.told, problem.n_nodes) for problem in problems]),
     )
 
 
@@ -278,7 +248,7 @@ def split_weights(
     problem: MaxMarginProblem, weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Node weights (D, K) and edge weights (F, K) of a flat weight vector; views."""
-    start, end = problem.n_node_weights, problem.n_pair_weights
+    start, end = problem.n_free, problem.n_pair_weights
     shape = (-1, problem.n_labels)
     return weights[:start].reshape(shape), weights[start:end].reshape(shape)
 
@@ -375,6 +345,6 @@ def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64
         [(problem.node_features.T @ m).ravel(), (problem.edge_features.T @ edge_marginals).ravel()]
     )
     weights = scale * (problem.truth_features - expected)
-    start = problem.n_node_weights
+    start = problem.n_free
     weights[start:] = np.maximum(weights[start:], 0.0)
     return loss - 0.5 * float(weights @ weights)

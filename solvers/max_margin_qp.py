@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import is_sparse
 from pgm_places.errors import InputError, SolverError
-from pgm_places.solvers.margin_solution import PROVED, LearningStep, MaxMarginSolution, reached
+from pgm_places.solvers.margin_solution import PROVED, LearnedWeights, LearningStep, reached
 from pgm_places.solvers.max_margin import MaxMarginProblem, hinge, objective, relaxed_lower_bound
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def max_margin_qp(
     solver: str = "clarabel",
     tolerance: float = 1e-6,
     time_limit_s: float | None = None,
-) -> MaxMarginSolution:
+) -> LearnedWeights:
     """The weights that minimise the relaxed objective, with a rigorous value and lower bound.
 
     In the half-size form, with S = x_e w_e and the edge dual of the first end S/2 + b::
@@ -141,7 +141,7 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
     flow = at_nodes @ edge_weights + (tails - heads) @ split
     node_rows = node_duals @ np.ones((1, k)) - flow >= problem.node_features @ node_weights + loss
     truth = problem.truth_features
-    first = problem.n_node_weights
+    first = problem.n_free
     score = cp.sum(cp.multiply(node_weights, truth[:first].reshape(-1, k)))
     score += cp.sum(cp.multiply(edge_weights, truth[first:].reshape(-1, k)))
     size = 0.5 * (cp.sum_squares(node_weights) + cp.sum_squares(edge_weights))
@@ -212,7 +212,7 @@ def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
 
 def _solution(
     problem: MaxMarginProblem, program: _Program, tolerance: float, start: float, unit: float
-) -> MaxMarginSolution:
+) -> LearnedWeights:
     edge_weights = np.maximum(program.edge_weights.value, 0.0)
     weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
     upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
@@ -223,6 +223,6 @@ def _solution(
     if status == "oracle_limit":  # there is none here
         status = "inaccurate"
     step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
-    return MaxMarginSolution(
+    return LearnedWeights(
         weights, max(upper, lower), lower, status, iterations, (step,), certified=max(upper, lower)
     )

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places._core import mean_field_pass
-from pgm_places.errors import InputError
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
-from pgm_places.solvers.set_beliefs import SetTables, set_unit, set_updates
+from pgm_places._core import mean_field_pass, set_mean_field_pass
+from pgm_places.solvers.pairwise import pairwise_model, total_score
+from pgm_places.solvers.schedule import check_schedule, until_at_rest
+from pgm_places.solvers.set_beliefs import SetTables, set_slots, set_unit
 
 __all__ = ["MeanField", "mean_field"]
 
@@ -27,18 +27,15 @@ class MeanField:
         The labels' log-potential, without what sets earn.
     beliefs : (N, K) float
         Probability of each label; rows sum to one.
-    n_iterations : int
-        Passes over all nodes.
     converged : bool
         Whether the last pass changed no belief by more than the tolerance.
-    history : (n_iterations,) float
+    history : (T,) float
         Largest change of a belief in each pass.
     """
 
     labels: NDArray[np.int64]
     score: float
     beliefs: NDArray[np.float64]
-    n_iterations: int
     converged: bool
     history: NDArray[np.float64]
 
@@ -95,43 +92,21 @@ def mean_field(
     >>> found.labels.tolist(), found.beliefs.sum(axis=1).tolist()
     ([0, 1], [1.0, 1.0])
     """
-    check_schedule(damping, tolerance, max_iterations)
+    check_schedule(max_iterations, tolerance, damping)
     model = pairwise_model(unary, edges, agreement, pairwise)
     beliefs = normalised(model.unary)
-    history: list[float] = []
     still = tolerance * min(set_unit(model, sets), 1.0)
-    update = _updates(model) if sets is None else set_updates(model, sets)
-    while len(history) < max_iterations:
-        history.append(update(damping, beliefs))
-        if on_iteration is not None:
-            on_iteration(len(history), history[-1])
-        if history[-1] <= still:
-            break
+    kernel = mean_field_pass if sets is None else set_mean_field_pass
+    arguments = damping, model.terms, model.around.arcs, *set_slots(model, sets), beliefs
+    history = until_at_rest(lambda _: kernel(*arguments), still, max_iterations, on_iteration)
     labels = beliefs.argmax(axis=1)
     return MeanField(
         labels=frozen(labels),
         score=total_score(model, labels),
         beliefs=frozen(beliefs),
-        n_iterations=len(history),
         converged=history[-1] <= still,
         history=frozen(np.array(history)),
     )
-
-
-def _updates(model: PairwiseModel) -> Callable[[float, NDArray[np.float64]], float]:
-    return lambda damping, beliefs: mean_field_pass(
-        damping, model.terms, model.around.arcs, beliefs
-    )
-
-
-def check_schedule(damping: float, tolerance: float, max_iterations: int) -> None:
-    """Raise InputError unless these describe an iteration that can go on and end."""
-    if max_iterations < 1:
-        raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
-    if not tolerance >= 0:
-        raise InputError(f"tolerance must be at least 0, got {tolerance}")
-    if not 0 <= damping < 1:
-        raise InputError(f"damping must be at least 0 and less than 1, got {damping}")
 
 
 def normalised(log_beliefs: NDArray[np.float64]) -> NDArray[np.float64]:

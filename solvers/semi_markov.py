@@ -26,7 +26,7 @@ from pgm_places._core import (
     weigh_states,
 )
 from pgm_places.errors import InputError
-from pgm_places.solvers.chain_tables import check_start, require_distributions
+from pgm_places.solvers.chains import check_start, require_distributions
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 

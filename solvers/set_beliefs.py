@@ -6,15 +6,14 @@ would, which is another distribution. Beliefs therefore take the sets themselves
 how many of their nodes have each label.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
-from pgm_places._core import pass_from_sets, set_mean_field_pass
+from pgm_places._core import pass_from_sets
 from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.set_terms import SetNodes
@@ -91,19 +90,14 @@ class SetMessages:
         return float(pass_from_sets(self._tables, heard, self._field, self._message))
 
 
-def set_updates(
-    model: PairwiseModel, tables: SetTables
-) -> Callable[[float, NDArray[np.float64]], float]:
-    """The pass of mean field over a model with sets: of a damping and beliefs (N, K) to update."""
+def set_slots(model: PairwiseModel, tables: SetTables | None) -> tuple[Any, ...]:
+    """What mean field takes of sets: the tables, and where the members of each node are; or ()."""
+    if tables is None:
+        return ()
     set_of = np.repeat(np.arange(len(tables.start) - 1), np.diff(tables.start))
     slots = np.argsort(tables.member, kind="stable")
     slot_start = np.searchsorted(tables.member[slots], np.arange(model.n_nodes + 1))
-
-    def update(damping: float, beliefs: NDArray[np.float64]) -> float:
-        arguments = (tables, set_of, slot_start, slots, beliefs)
-        return float(set_mean_field_pass(damping, model.terms, model.around.arcs, *arguments))
-
-    return update
+    return tables, set_of, slot_start, slots
 
 
 def set_unit(model: PairwiseModel, tables: SetTables | None) -> float:

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import feature_rows, finite_array, frozen, is_sparse, stacked_rows
 from pgm_places.errors import InputError
-from pgm_places.solvers.adjacency import Adjacency, adjacency
-from pgm_places.solvers.forest_order import is_forest, rooted_forest
+from pgm_places.solvers.adjacency import Adjacency, adjacency, is_forest, rooted_forest
 from pgm_places.solvers.set_terms import SetTerms
 
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.adjacency import Adjacency
-from pgm_places.solvers.certificate import Augmented, Certificate, certify
-from pgm_places.solvers.evidence import keeping
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.margin_solution import Cut
 from pgm_places.solvers.max_margin import Oracle
+from pgm_places.solvers.max_oracle import Augmented, Certificate, certify
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws
@@ -93,7 +93,7 @@ class TableMarginProblem:
         unary, tables = self.field.whole_potentials(weights)
         unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return FieldTables(keeping(unary, self.told), tables)
+        return FieldTables(keep_known(unary, self.told), tables)
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
@@ -154,7 +154,7 @@ def certify_tables(
 ) -> Certificate:
     """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
 
-    As :func:`~pgm_places.solvers.certificate.certify_weights`, for tables.
+    As :func:`~pgm_places.solvers.max_oracle.certify_weights`, for tables.
     """
     field = problem.field
     unary, tables = problem.augmented_potentials(weights)

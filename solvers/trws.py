@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places._core import decode_nodes, pass_over_nodes, share_of_nodes
-from pgm_places.errors import InfeasibleError, InputError
+from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
+from pgm_places.solvers.schedule import check_schedule
 
 _DECODE_EVERY = 5
 """Passes between two labellings: one costs a quarter of an iteration."""
@@ -31,12 +32,10 @@ class DualDecoding:
         Its log-potential.
     bound : float
         No labelling scores more.
-    n_iterations : int
-        Passes up and down.
     converged : bool
         Whether the gap closed to the tolerance or the bound came to rest.
-    history : (n_iterations, 2) float
-        After each iteration the best score so far and the bound.
+    history : (T, 2) float
+        After each pass up and down the best score so far and the bound.
     duals : (2 E, K) float or None
         What gives the bound (:func:`pgm_places.solvers.duals.dual_bound`), where it was asked for.
     """
@@ -44,7 +43,6 @@ class DualDecoding:
     labels: NDArray[np.int64]
     score: float
     bound: float
-    n_iterations: int
     converged: bool
     history: NDArray[np.float64]
     duals: NDArray[np.float64] | None = None
@@ -113,10 +111,7 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     >>> found.labels.tolist(), found.score, found.bound
     ([0, 0], 1.5, 1.5)
     """
-    if max_iterations < 1:
-        raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
-    if not tolerance >= 0:
-        raise InputError(f"tolerance must be at least 0, got {tolerance}")
+    check_schedule(max_iterations, tolerance)
     model = pairwise_model(unary, edges, agreement, pairwise)
     best = None if initial is None else checked_labels(model, initial)
     floor = -np.inf if best is None else total_score(model, best)
@@ -135,7 +130,6 @@ reduce_model`), which changes neither the best score nor the bound's validity.
         labels=frozen(labels.astype(np.int64)),
         score=score,
         bound=max(passing.bound, score),
-        n_iterations=len(history),
         converged=passing.converged,
         history=frozen(history),
         duals=None if kept is None else frozen(kept),

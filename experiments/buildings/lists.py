@@ -382,5 +382,5 @@ def _scores_of_map(
         log_z = aligned_log_proba(lists[name], some, len(NAMES) + recipe.halls, n_threads)
         found[name] = log_z.astype(np.float32)
     found["place"] = spaces.places.segments.raster()[sample.lattice].astype(np.int32)
-    found["at gate"] = spaces.at_gates(GridLayout(sample.lattice.shape, cells.astype(np.int32)))
+    found["at gate"] = spaces.at_gates(GridLayout.of_mask(sample.lattice))
     return found

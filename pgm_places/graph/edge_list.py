@@ -45,26 +45,11 @@ def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
 
 def require_canonical(edges: NDArray[np.int64]) -> None:
     """Raise InputError unless (E, 2) pairs are ``i < j``, sorted, and each comes once."""
-    if not len(edges):
-        return
-    loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
-    if len(loops):
-        raise InputError(
-            f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself; leave such edges out"
-        )
-    turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
-    if len(turned):
-        i, j = edges[turned[0]]
-        raise InputError(
-            f"edge {int(turned[0])} is ({i}, {j}) but i < j is required; use from_edges"
-        )
-    key = edges[:, 0] * (edges.max() + 1) + edges[:, 1]
-    step = np.diff(key)
-    if (step == 0).any():
-        i, j = edges[int(np.flatnonzero(step == 0)[0])]
-        raise InputError(f"edge ({i}, {j}) appears twice; each pair of nodes may be joined once")
-    if (step < 0).any():
-        raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
+    first, second = edges.T
+    key = first * (edges.max(initial=0) + 1) + second
+    if (first >= second).any() or (np.diff(key) <= 0).any():
+        EdgeOrder.of(edges)  # says which edge is a loop, or comes twice
+        raise InputError("edges must be (i, j) with i < j, sorted; use LabelGraph.from_edges")
 
 
 def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> EdgeOrder:

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array, sealed
+from pgm_places._checks import integer_array, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.mask_cells import MaskCells
@@ -31,85 +31,47 @@ class CellMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GridLayout:
-    """The cells of a raster that are nodes, in node order.
+    """The cells of a raster that are nodes, in row-major order.
 
-    A layout made by :meth:`of_mask` holds the mask and no list of cells: it takes eight times as
-    much, and huge maps have no room for it. ``cells_rc`` is listed when it is first asked for; the
-    walls of one made by :meth:`of_map` are found each time.
+    A layout holds a mask and no list of cells: it takes eight times as much, and huge maps have no
+    room for it. ``cells_rc`` is listed when it is first asked for.
 
     Parameters
     ----------
-    shape : (int, int)
-        Rows and columns of the raster. Row 0 is the row of the smallest y (the bottom of a map).
-    cells_rc : (N, 2) int32
-        Row and column of each node; row-major order.
-    walls : (H, W) bool or None
-        Cells known to be occupied: fixed evidence for methods that use it.
+    cells : MaskCells
+        The cells. Row 0 is the row of the smallest y (the bottom of a map).
     source : CellMap or None
-        The map that the cells are of, which gives them positions.
+        The map that the cells are of, which gives them positions and walls.
     """
 
-    shape: tuple[int, int]
-    cells_rc: NDArray[np.int32]
-    walls: NDArray[np.bool_] | None = field(default_factory=lambda: None, repr=False)
+    cells: MaskCells
     source: CellMap | None = field(default=None, repr=False)
 
-    def __post_init__(self) -> None:
-        cells = frozen(np.asarray(self.cells_rc, np.int32))
-        object.__setattr__(self, "cells_rc", cells)
-        mask = np.zeros(self.shape, np.bool_)
-        mask[cells[:, 0], cells[:, 1]] = True
-        self._take(mask)
-        places = cells @ np.array([self.shape[1], 1], np.int64)
-        if (places[1:] <= places[:-1]).any():
-            raise InputError("cells_rc must be in row-major order, each cell once")
-
-    def _take(self, mask: NDArray[np.bool_]) -> None:
-        object.__setattr__(self, "_cells", MaskCells.of(mask))
-        if self.walls is not None:
-            if self.walls.shape != self.shape:
-                raise InputError(
-                    f"walls must have the raster's shape {self.shape}, got {self.walls.shape}"
-                )
-            object.__setattr__(self, "walls", frozen(self.walls))
+    @classmethod
+    def of_mask(cls, mask: NDArray[np.bool_], source: CellMap | None = None) -> Self:
+        """The layout whose nodes are the cells of a mask (H, W)."""
+        return cls(MaskCells.of(mask), source)
 
     @classmethod
-    def of_mask(
-        cls,
-        mask: NDArray[np.bool_],
-        walls: NDArray[np.bool_] | None = None,
-        source: CellMap | None = None,
-    ) -> Self:
-        """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
-        layout = object.__new__(cls)
-        shape = (mask.shape[0], mask.shape[1])
-        for name, value in (("shape", shape), ("walls", walls), ("source", source)):
-            object.__setattr__(layout, name, value)
-        layout._take(mask)
-        return layout
-
-    @classmethod
-    def of_map(cls, source: CellMap, mask: NDArray[np.bool_] | None = None) -> Self:
-        """The layout of a map's free cells, or of those of them in a mask (H, W)."""
-        layout = cls.of_mask(source.free if mask is None else mask, None, source)
-        object.__delattr__(layout, "walls")
-        return layout
-
-    def __getattr__(self, name: str) -> Any:
-        """What a layout was made without: its walls, or ``cells_rc``, kept from then on."""
-        if name == "walls" and self.__dict__.get("source") is not None:
-            return self.__dict__["source"].occupied
-        if name != "cells_rc" or "_cells" not in self.__dict__:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        cells = sealed(self.cells[:])
-        object.__setattr__(self, "cells_rc", cells)
-        return cells
+    def of_map(cls, source: CellMap) -> Self:
+        """The layout of a map's free cells."""
+        return cls.of_mask(source.free, source)
 
     @property
-    def cells(self) -> MaskCells:
-        """The same cells, of which only those that are asked for are listed."""
-        cells_of_mask: MaskCells = self.__dict__["_cells"]
-        return cells_of_mask
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the raster."""
+        height, width = self.cells.mask.shape
+        return height, width
+
+    @cached_property
+    def cells_rc(self) -> NDArray[np.int32]:
+        """(N, 2) row and column of each node."""
+        return sealed(self.cells[:])
+
+    @property
+    def walls(self) -> NDArray[np.bool_] | None:
+        """(H, W) cells known to be occupied, evidence for some methods; None without a map."""
+        return None if self.source is None else self.source.occupied
 
     @property
     def n_nodes(self) -> int:
@@ -119,7 +81,7 @@ class GridLayout:
     def part(self, keep: NDArray[np.bool_]) -> "GridLayout":
         """The layout of the nodes where the mask (N,) is true."""
         mask = self.to_raster(np.asarray(keep, np.bool_), fill=False)
-        return GridLayout.of_mask(mask, self.walls, self.source)
+        return GridLayout.of_mask(mask, self.source)
 
     @cached_property
     def positions_m(self) -> NDArray[np.float64] | None:
@@ -240,7 +202,7 @@ def grid_layout(grid: CellMap | ArrayLike, mask: ArrayLike | None) -> GridLayout
         if chosen.shape != free.shape:
             raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
         free = free & chosen
-    return GridLayout.of_mask(free) if source is None else GridLayout.of_map(source, free)
+    return GridLayout.of_mask(free, source)
 
 
 def lattice_mask(nodes: tuple[int, ...] | ArrayLike) -> NDArray[np.bool_]:

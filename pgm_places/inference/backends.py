@@ -126,7 +126,6 @@ class Backend(Protocol):
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """A label for every node of the problem."""
-        ...
 
 
 @runtime_checkable
@@ -141,7 +140,6 @@ class Learnable(Protocol):
         ``labelings[m]`` is (N,) for problem ``m``: the true label index per node, -1 where it is
         not known.
         """
-        ...
 
 
 def learned(**keywords: Any) -> Any:

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pgm_places._checks import integer_array
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 
@@ -21,40 +20,6 @@ RARE = 0.02
 
 SURE = np.log(100.0)
 """A node whose best label is a hundred times as probable as the second hardly needs others."""
-
-
-class Problem(Protocol):
-    """What is looked at: a :class:`~pgm_places.inference.problem.LabelingProblem`."""
-
-    @property
-    def graph(self) -> LabelGraph:
-        """N nodes."""
-        ...
-
-    @property
-    def label_names(self) -> Sequence[str]:
-        """K names."""
-        ...
-
-    @property
-    def n_labels(self) -> int:
-        """K."""
-        ...
-
-    @property
-    def unary(self) -> NDArray[np.float64] | None:
-        """(N, K), where there is one."""
-        ...
-
-    @property
-    def known(self) -> NDArray[np.int64] | None:
-        """(N,) known labels, -1 for none, where there are any."""
-        ...
-
-    @property
-    def cliques(self) -> Cliques | None:
-        """C sets of nodes, where there are any."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -126,70 +91,60 @@ class ProblemDescription:
         return "\n".join([*lines, *(f"! {warning}" for warning in self.warnings)])
 
 
-def describe(problem: Problem, labels: ArrayLike | None = None) -> ProblemDescription:
-    """The problem in numbers; see :meth:`LabelingProblem.describe`."""
-    graph, n = problem.graph, problem.graph.n_nodes
-    truth = np.full(n, -1) if problem.known is None else problem.known
-    if labels is not None:
-        truth = integer_array("labels", labels, (n,), low=-1, high=problem.n_labels)
+def describe(
+    graph: LabelGraph,
+    label_names: Sequence[str],
+    truth: NDArray[np.int64],
+    unary: NDArray[np.float64] | None,
+    cliques: Cliques | None,
+) -> ProblemDescription:
+    """A problem and labels (N,), -1 where unknown, in numbers; see `LabelingProblem.describe`."""
+    n, n_labels = graph.n_nodes, len(label_names)
     given = truth >= 0
-    counts = np.bincount(truth[given], minlength=problem.n_labels)
-    balance = dict(zip(problem.label_names, (counts / max(given.sum(), 1)).tolist(), strict=True))
+    counts = np.bincount(truth[given], minlength=n_labels) / max(given.sum(), 1)
+    balance = dict(zip(label_names, counts.tolist(), strict=True)) if given.any() else {}
     mean_degree = 2 * graph.n_edges / max(n, 1)
-    margin = _median_margin(problem)
-    collapse = None if margin is None or not mean_degree else margin / mean_degree
-    warnings = [
-        *_about_labels(problem, truth, balance if given.any() else {}),
-        *_about_unary(problem, margin),
-    ]
+    margin = _median_margin(unary)
     return ProblemDescription(
         n_nodes=n,
         n_edges=graph.n_edges,
-        n_labels=problem.n_labels,
+        n_labels=n_labels,
         mean_degree=mean_degree,
         n_isolated=int((graph.degree == 0).sum()),
         labelled=float(given.mean()) if n else 0.0,
-        balance=balance if given.any() else {},
+        balance=balance,
         median_margin=margin,
-        collapse_weight=collapse,
-        warnings=tuple(warnings),
-        **_about_cliques(problem, truth),
+        collapse_weight=None if margin is None or not mean_degree else margin / mean_degree,
+        warnings=(*_about_labels(graph, truth, balance), *_about_unary(margin)),
+        **({} if cliques is None else _about_cliques(cliques, truth, n_labels)),
     )
 
 
-def _about_cliques(problem: Problem, truth: NDArray[np.int64]) -> dict[str, Any]:
+def _about_cliques(cliques: Cliques, truth: NDArray[np.int64], n_labels: int) -> dict[str, Any]:
     """The fields of a description that tell of sets of nodes."""
-    sets = problem.cliques
-    if sets is None:
-        return {}
-    nodes, of_set = sets.links[truth[sets.members] >= 0].T
-    counts = np.zeros((len(sets.sizes), problem.n_labels))
+    nodes, of_set = cliques.links[truth[cliques.members] >= 0].T
+    counts = np.zeros((len(cliques.sizes), n_labels))
     np.add.at(counts, (of_set, truth[nodes]), 1.0)
     counts = counts[counts.any(axis=1)]
     purity = counts.max(axis=1) / counts.sum(axis=1)
     return {
-        "n_cliques": len(sets.sizes),
-        "in_cliques": len(np.unique(sets.members)) / max(problem.graph.n_nodes, 1),
+        "n_cliques": len(cliques.sizes),
+        "in_cliques": len(np.unique(cliques.members)) / max(len(truth), 1),
         "clique_purity": float(purity.mean()) if len(purity) else None,
     }
 
 
-def _margins(problem: Problem) -> NDArray[np.float64] | None:
-    """(M,) best less second unary, where more than one label is allowed."""
-    if problem.unary is None or problem.n_labels < 2:
+def _median_margin(unary: NDArray[np.float64] | None) -> float | None:
+    """The best unary less the second in the median of the nodes that more than one label is for."""
+    if unary is None or unary.shape[1] < 2:
         return None
-    best = np.sort(problem.unary, axis=1)[:, -2:]
+    best = np.sort(unary, axis=1)[:, -2:]
     asked = best[:, 0] > -np.inf
-    return best[asked, 1] - best[asked, 0] if asked.any() else None
-
-
-def _median_margin(problem: Problem) -> float | None:
-    margins = _margins(problem)
-    return None if margins is None else float(np.median(margins))
+    return float(np.median(best[asked, 1] - best[asked, 0])) if asked.any() else None
 
 
 def _about_labels(
-    problem: Problem, truth: NDArray[np.int64], balance: dict[str, float]
+    graph: LabelGraph, truth: NDArray[np.int64], balance: dict[str, float]
 ) -> list[str]:
     lines = []
     missing = [name for name, share in balance.items() if share == 0]
@@ -201,7 +156,7 @@ def _about_labels(
             f"{_listed(rare)}: under {100 * RARE:.0f} % of the labels; judge by balanced accuracy, "
             "and let class_weight count rare labels more"
         )
-    ends = (truth >= 0)[problem.graph.edges]
+    ends = (truth >= 0)[graph.edges]
     if 0 < 2 * int(ends.all(axis=1).sum()) < FEW_INSIDE * int(ends.sum()) or (
         ends.any() and not ends.all(axis=1).any()
     ):
@@ -213,9 +168,8 @@ def _about_labels(
     return lines
 
 
-def _about_unary(problem: Problem, median: float | None) -> list[str]:
-    margins = _margins(problem)
-    if margins is None or median is None:
+def _about_unary(median: float | None) -> list[str]:
+    if median is None:
         return []
     if median == 0:
         return ["unary does not tell labels apart at most nodes: neighbours decide alone"]

@@ -153,7 +153,12 @@ class FactorGraph:
                 _add_pair(pairs, scope, table)
             elif scope:
                 allowed = np.argwhere(table > -np.inf)
-                _require_few(number, len(allowed), scope)
+                if len(allowed) > MOST_STATES:
+                    raise InputError(
+                        f"factor {number} of {len(scope)} nodes allows {len(allowed)} labellings, "
+                        f"more than the {MOST_STATES} for which it can become a node; use 'exact' "
+                        "or 'toulbar2'"
+                    )
                 for place, node in enumerate(scope):
                     fits = allowed[:, place] == np.arange(self.n_labels[node])[:, np.newaxis]
                     _add_pair(pairs, (node, len(nodes)), np.where(fits, 0.0, -np.inf))
@@ -171,14 +176,6 @@ def _factor(
         raise InputError(f"the scope of factor {number} is {nodes}, but {why}")
     shape = tuple(int(sizes[node]) for node in nodes)
     return nodes, finite_array(f"table {number}", table, shape, allow_minus_inf=True)
-
-
-def _require_few(number: int, n_states: int, scope: Sequence[int]) -> None:
-    if n_states > MOST_STATES:
-        raise InputError(
-            f"factor {number} of {len(scope)} nodes allows {n_states} labellings, more than the "
-            f"{MOST_STATES} for which it can become a node; use 'exact' or 'toulbar2'"
-        )
 
 
 def _add_pair(pairs: dict[tuple[int, int], Array], scope: Sequence[int], table: Array) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.inference.potentials import keep_known
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.inference.problem import LabelingProblem
 
 
@@ -173,7 +173,7 @@ def _preferred(problem: LabelingProblem, nodes: NDArray[np.int64]) -> NDArray[np
     known = None if problem.known is None else problem.known[nodes]
     unary = None if problem.unary is None else problem.unary[nodes]
     scores = np.zeros((len(nodes), problem.n_labels)) if unary is None else unary
-    return scores if known is None else keep_known(scores, known)
+    return keep_known(scores, known)
 
 
 def _with_rows(array: NDArray[Any], nodes: NDArray[np.int64], rows: NDArray[Any]) -> NDArray[Any]:

@@ -7,20 +7,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.inference.problem import LabelingProblem, listed_problems
 
 
-def node_weights(
-    sample_weight: Sequence[ArrayLike] | NDArray[np.float64] | None, sizes: Sequence[int]
+def weights_of(
+    sample_weight: Sequence[ArrayLike] | None, problems: Sequence[LabelingProblem]
 ) -> list[NDArray[np.float64]]:
-    """For each problem the weight of every node.
+    """For each problem the weight (N,) of every node.
 
     Parameters
     ----------
     sample_weight : sequence of float or (N,) float, or None
         One entry a problem: a weight for all of its nodes, or one for each node; at least 0. None
         for 1 everywhere.
-    sizes : sequence of int
-        The problems' numbers of nodes.
+    problems : sequence of LabelingProblem
 
     Raises
     ------
@@ -30,9 +30,13 @@ def node_weights(
 
     Examples
     --------
-    >>> [part.tolist() for part in node_weights([2.0, [1.0, 0.0, 3.0]], [2, 3])]
-    [[2.0, 2.0], [1.0, 0.0, 3.0]]
+    >>> from pgm_places import LabelGraph
+    >>> graph = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    >>> problem = LabelingProblem(graph, ("a", "b"), known=[0, 1, -1])
+    >>> [part.tolist() for part in weights_of([2.0, [1.0, 0.0, 3.0]], [problem, problem])]
+    [[2.0, 2.0, 2.0], [1.0, 0.0, 3.0]]
     """
+    sizes = [problem.graph.n_nodes for problem in listed_problems(problems)]
     if sample_weight is None:
         return [np.ones(size) for size in sizes]
     if len(sample_weight) != len(sizes):
@@ -40,14 +44,13 @@ def node_weights(
             f"sample_weight must have one entry per problem ({len(sizes)}), got "
             f"{len(sample_weight)}; an entry is a number or one weight per node"
         )
-    found = []
+    parts = []
     for number, (given, size) in enumerate(zip(sample_weight, sizes, strict=True)):
         name = f"sample_weight[{number}]"
-        shape = () if np.ndim(given) == 0 else (size,)
-        weights = np.broadcast_to(finite_array(name, given, shape), (size,))
-        if weights.size and weights.min() < 0:
+        weights = finite_array(name, given, () if np.ndim(given) == 0 else (size,))
+        if weights.min(initial=0.0) < 0:
             raise InputError(f"{name} must be at least 0, got {weights.min():g}")
-        found.append(weights)
-    if not any(part.any() for part in found):
+        parts.append(np.broadcast_to(weights, (size,)))
+    if not any(part.any() for part in parts):
         raise InputError("sample_weight is 0 at every node; nothing is left to learn from")
-    return found
+    return parts

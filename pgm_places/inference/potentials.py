@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array, number_array
 from pgm_places.errors import InputError
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 
 
@@ -153,17 +154,6 @@ class Potentials:
             diagonal = np.arange(self.n_labels)
             tables[:, diagonal, diagonal] = self.agreement
         return tables
-
-
-def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N, K) scores with -inf for the other labels of nodes of known label (N,), -1 for none."""
-    nodes = np.flatnonzero(known >= 0)
-    if not len(nodes):
-        return scores
-    kept = np.array(scores)
-    kept[nodes] = -np.inf
-    kept[nodes, known[nodes]] = scores[nodes, known[nodes]]
-    return kept
 
 
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:

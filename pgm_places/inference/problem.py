@@ -17,10 +17,9 @@ from pgm_places._checks import (
 )
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.description import ProblemDescription, describe
-from pgm_places.inference.node_weights import node_weights
-from pgm_places.inference.potentials import keep_known
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +227,10 @@ class LabelingProblem:
         unary: best label over second 0.50 (median)
         Potts weights from about 0.38 spread labels
         """
-        return describe(self, labels)
+        truth = np.full(self.graph.n_nodes, -1) if self.known is None else self.known
+        if labels is not None:
+            truth = integer_array("labels", labels, truth.shape, low=-1, high=self.n_labels)
+        return describe(self.graph, self.label_names, truth, self.unary, self.cliques)
 
     def with_unary(self, unary: NDArray[np.float64]) -> Self:
         """The problem with other scores (N, K); labels that were forbidden (-inf) stay so."""
@@ -244,7 +246,7 @@ class LabelingProblem:
         """
         if scores is not self.unary and self._forbids_some:
             scores = np.where(self.unary == -np.inf, -np.inf, scores)
-        return scores if self.known is None else keep_known(scores, self.known)
+        return keep_known(scores, self.known)
 
     @property
     def evidence(self) -> NDArray[np.bool_]:
@@ -337,13 +339,6 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     for number, problem in enumerate(listed):
         require_type(f"problems[{number}]", problem, LabelingProblem)
     return listed
-
-
-def weights_of(
-    sample_weight: Sequence[ArrayLike] | None, problems: Sequence[LabelingProblem]
-) -> list[NDArray[np.float64]]:
-    """For each problem the weight (N,) of every node; see :func:`node_weights`."""
-    return node_weights(sample_weight, [p.graph.n_nodes for p in listed_problems(problems)])
 
 
 def labelled_problems(

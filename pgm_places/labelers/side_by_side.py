@@ -13,8 +13,7 @@ from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.method import infer
-from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest_order import is_forest
+from pgm_places.solvers.adjacency import adjacency, is_forest
 
 __all__ = ["beside", "label_all", "parts_of"]
 

@@ -11,7 +11,8 @@ from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.problem import LabelingProblem, listed_problems, weights_of
+from pgm_places.inference.node_weights import weights_of
+from pgm_places.inference.problem import LabelingProblem, listed_problems
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.label_names import named, numbered
 from pgm_places.labelers.labeler import Labeler

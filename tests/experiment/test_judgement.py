@@ -20,7 +20,7 @@ NAMES = ("corridor", "room")
 def floor(building: str, truth: NDArray[np.int64]) -> TestMap:
     """A free map of blocks of 2 m, a cell each."""
     grid = OccupancyGrid(np.zeros(truth.shape, np.int8), 2.0)
-    layout = GridLayout(grid.shape, np.argwhere(grid.free).astype(np.int32))
+    layout = GridLayout.of_map(grid)
     window = np.ones(grid.shape, np.bool_)
     return TestMap(building, grid, truth.astype(np.int16), layout, window, building)
 

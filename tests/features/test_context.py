@@ -25,7 +25,7 @@ def means_by_hand(layout: GridLayout, values: np.ndarray, radius: int) -> np.nda
     seed=st.integers(0, 99),
 )
 def test_means_over_the_free_cells_of_a_window(free: np.ndarray, radius: int, seed: int) -> None:
-    layout = GridLayout((free.shape[0], free.shape[1]), np.argwhere(free).astype(np.int32))
+    layout = GridLayout.of_mask(free)
     values = np.random.default_rng(seed).random((int(free.sum()), 2))
     found = window_means(layout, values, [0.1 * radius, 10.0], 0.1)
     np.testing.assert_allclose(found[:, :2], means_by_hand(layout, values, radius), atol=1e-6)
@@ -42,7 +42,7 @@ def test_a_window_wider_than_any_map_holds_every_cell(half_width_m: float) -> No
 
 
 def test_wrong_rows_are_refused() -> None:
-    layout = GridLayout((1, 2), np.array([[0, 0], [0, 1]], np.int32))
+    layout = GridLayout.of_mask(np.ones((1, 2), np.bool_))
     with pytest.raises(InputError, match=r"values must have shape \(2, K\), got \(3, 1\)"):
         window_means(layout, np.zeros((3, 1)), [1.0], 0.1)
 

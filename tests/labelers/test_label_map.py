@@ -147,7 +147,7 @@ def test_parts_vote_and_their_probabilities_are_averaged() -> None:
     fine = refine(grid, 0.05)
     cells = LabelGraph.from_grid(fine).layout
     assert isinstance(cells, GridLayout)
-    layout = GridLayout.of_mask(grid.free, grid.occupied, grid)
+    layout = GridLayout.of_map(grid)
     labels = np.array([1, 1, 2, 2, 1, 0, 2, 0])  # two rows of four cells
     beliefs = np.eye(3)[labels]
     beliefs[0] = [0.5, 0.5, 0.0]

@@ -8,8 +8,8 @@ from pgm_places import LabelGraph
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.best_labelings import best_labelings
-from pgm_places.solvers.feasibility import allowed_labels
-from pgm_places.solvers.max_marginals import max_marginals
+from pgm_places.solvers.forest import max_marginals
+from pgm_places.solvers.local_search import allowed_labels
 from tests.reference.energy import Model, labelings
 from tests.reference.energy import score as score_by_hand
 from tests.strategies import ruled_models
@@ -111,7 +111,7 @@ def test_nothing_is_claimed_where_the_search_gives_up(monkeypatch: pytest.Monkey
     def give_up(*arguments: object) -> None:
         return allowed_labels(*arguments, max_failures=0)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr("pgm_places.solvers.feasibility.allowed_labels", give_up)
+    monkeypatch.setattr("pgm_places.solvers.local_search.allowed_labels", give_up)
     unlike = np.where(np.eye(3, dtype=np.bool_), -np.inf, 0.0)
     graph = LabelGraph.from_edges(4, [(i, j) for i in range(4) for j in range(i + 1, 4)])
     found = best_labelings(graph, Potentials(np.zeros((4, 3)), pairwise=unlike), 2, decoder="icm")

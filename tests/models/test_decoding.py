@@ -14,7 +14,7 @@ from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoding import decode
-from pgm_places.solvers.feasibility import allowed_labels
+from pgm_places.solvers.local_search import allowed_labels
 from tests.reference.energy import Model, best_score
 from tests.strategies import Kind, models, ruled_models
 
@@ -275,7 +275,7 @@ def test_a_search_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None
     def give_up(*arguments: object) -> None:
         return allowed_labels(*arguments, max_failures=0)  # type: ignore[arg-type, return-value]
 
-    monkeypatch.setattr("pgm_places.solvers.feasibility.allowed_labels", give_up)
+    monkeypatch.setattr("pgm_places.solvers.local_search.allowed_labels", give_up)
     found = decode(graph, Potentials(np.zeros((5, 3)), pairwise=unlike), "icm")
     assert (found.status, found.score) == (Status.INFEASIBLE, -np.inf)
 

@@ -25,7 +25,7 @@ def small_map(name: str = "floor", *, n_labels: int = 3) -> TestMap:
     truth = np.full(grid.shape, -1, np.int16)
     truth[1:-1, 1:-1] = np.arange(7) % n_labels
     truth[1, 1] = -1
-    layout = GridLayout(grid.shape, np.argwhere(grid.free).astype(np.int32))
+    layout = GridLayout.of_map(grid)
     return TestMap(name, grid, truth, layout, np.ones(grid.shape, np.bool_))
 
 

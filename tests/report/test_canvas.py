@@ -77,7 +77,7 @@ def test_differences_show_errors_and_leave_unknown_truth_out() -> None:
 
 def test_values_go_from_light_to_dark_in_place() -> None:
     grid, _ = grid_with_a_corner()
-    layout = GridLayout(grid.shape, np.argwhere(grid.free).astype(np.int32))
+    layout = GridLayout.of_map(grid)
     values = np.linspace(0, 1, len(layout.cells_rc))
     drawn = value_canvas(grid, values, layout, "probability", WHOLE)
     brightness = layout.from_raster(rgb_image(drawn)[::-1].astype(int).sum(axis=2))

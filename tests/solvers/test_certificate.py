@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin_qp import max_margin_qp
+from pgm_places.solvers.max_oracle import certify_weights
 from tests.reference import max_margin as reference
 from tests.solvers.max_margin_problems import grid_problem
 
@@ -13,7 +13,7 @@ def test_the_certificate_is_above_the_objective(n_labels: int, seed: int) -> Non
     problem = grid_problem(2, 3, n_labels, seed=seed, weighted=True)
     rng = np.random.default_rng(seed)
     weights = rng.normal(size=problem.n_weights)
-    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    weights[problem.n_free :] = np.abs(weights[problem.n_free :])
     exact = reference.objective(problem, weights)
     certificate = certify_weights(problem, weights)
     assert certificate.objective >= exact * (1 - 1e-12)

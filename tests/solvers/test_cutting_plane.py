@@ -1,6 +1,5 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import cvxpy as cp
 import numpy as np
@@ -8,20 +7,17 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.certificate import Certificate, certify_weights
 from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.margin_solution import Cut, LearningStep, MaxMarginSolution
+from pgm_places.solvers.margin_solution import Cut, LearnedWeights, LearningStep
 from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
-from pgm_places.solvers.max_oracle import graph_cut_oracle
+from pgm_places.solvers.max_oracle import Certificate, certify_weights, graph_cut_oracle
 from tests.reference import max_margin as reference
 from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered, tiny_problem
 
-MASTERS = ["active-set", "osqp"]
 
-
-def learn(problem: MaxMarginProblem, **options: object) -> MaxMarginSolution:
+def learn(problem: MaxMarginProblem, **options: object) -> LearnedWeights:
     oracle = graph_cut_oracle(problem.n_nodes, problem.edges)
     return cutting_plane(problem, oracle, **{"tolerance": 1e-4, **options})  # type: ignore[arg-type]
 
@@ -46,11 +42,10 @@ def master_optimum(cuts: Sequence[Cut], n_free: int, penalty: float) -> float:
     return float(program.value)
 
 
-@pytest.mark.parametrize("method", MASTERS)
 @pytest.mark.parametrize(("n_cuts", "n_weights", "n_free"), [(1, 3, 2), (8, 5, 3), (40, 6, 2)])
-def test_the_master_is_solved(method: str, n_cuts: int, n_weights: int, n_free: int) -> None:
+def test_the_master_is_solved(n_cuts: int, n_weights: int, n_free: int) -> None:
     cuts = random_cuts(n_cuts, n_cuts, n_weights)
-    master = CutMaster(n_weights, n_free, 3.0, method=method)
+    master = CutMaster(n_weights, n_free, 3.0)
     for cut in cuts:
         master.add(cut)
         point = master.solve()
@@ -92,21 +87,15 @@ def test_cuts_that_stay_idle_are_dropped() -> None:
     assert master.cuts[0].offset == 1.0
 
 
-def test_an_unknown_master_is_refused() -> None:
-    with pytest.raises(InputError, match="one of active-set, osqp, got 'simplex'"):
-        CutMaster(2, 1, 1.0, method="simplex")
-
-
 # ---------------------------------------------------------------- against enumeration and the QP
 
 
-@pytest.mark.parametrize("master", MASTERS)
 @pytest.mark.parametrize(("n_labels", "width"), [(2, 4), (3, 3)])
-def test_with_an_exact_oracle_it_finds_the_optimum(master: str, n_labels: int, width: int) -> None:
+def test_with_an_exact_oracle_it_finds_the_optimum(n_labels: int, width: int) -> None:
     problem = grid_problem(2, width, n_labels, seed=3, weighted=True)
     exact, weights = reference.optimum(problem)
     oracle = reference.exact_oracle(problem)
-    found = cutting_plane(problem, oracle, tolerance=1e-6, master=master, exact=True)
+    found = cutting_plane(problem, oracle, tolerance=1e-6, exact=True)
     assert found.status == "optimal"
     assert found.certified == found.objective
     assert found.lower_bound <= exact * (1 + 1e-7)
@@ -115,11 +104,10 @@ def test_with_an_exact_oracle_it_finds_the_optimum(master: str, n_labels: int, w
     np.testing.assert_allclose(found.weights, weights, rtol=0, atol=2e-2)
 
 
-@pytest.mark.parametrize("step", [1.0, 0.5, 0.2])
-def test_with_two_labels_it_reaches_the_qp(step: float) -> None:
+def test_with_two_labels_it_reaches_the_qp() -> None:
     problem = grid_problem(9, 9, 2, seed=1, weighted=True)
     exact = max_margin_qp(problem, tolerance=1e-8)
-    found = learn(problem, step=step, exact=True)
+    found = learn(problem, exact=True)
     assert found.status in ("optimal", "within_tolerance")
     assert found.lower_bound <= exact.objective * (1 + 1e-7)
     assert exact.lower_bound * (1 - 1e-7) <= found.objective <= exact.objective * (1 + 1e-4)
@@ -180,9 +168,8 @@ def in_other_units(problem: MaxMarginProblem, feature: float, loss: float) -> Ma
     )
 
 
-LEARNERS: dict[str, Callable[[MaxMarginProblem], MaxMarginSolution]] = {
-    "active-set": partial(learn, master="active-set"),
-    "osqp": partial(learn, master="osqp"),
+LEARNERS: dict[str, Callable[[MaxMarginProblem], LearnedWeights]] = {
+    "cutting-plane": learn,
     "qp": max_margin_qp,
 }
 
@@ -353,9 +340,3 @@ def test_verified_learning_closes_the_rigorous_gap() -> None:
     assert found.certified is not None
     assert found.lower_bound <= found.certified
     assert found.certified == pytest.approx(max_margin_qp(problem).objective, rel=0.02)
-
-
-@pytest.mark.parametrize("step", [0.0, 1.5])
-def test_a_step_outside_its_range_is_refused(step: float) -> None:
-    with pytest.raises(InputError, match="step must be in"):
-        learn(grid_problem(2, 2, 2), step=step)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.feasibility import allowed_labels
+from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, score
 from tests.strategies import ruled_models

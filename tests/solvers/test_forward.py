@@ -8,7 +8,6 @@ from pgm_places.errors import InputError
 from pgm_places.solvers import forward
 from pgm_places.solvers.forward import (
     ForwardFilter,
-    filter_step,
     filtered_beliefs,
     smoothed_beliefs,
     viterbi,
@@ -170,9 +169,9 @@ def test_single_steps_are_the_filter() -> None:
     initial, transition, likelihood, _ = a_chain(3, 40, 4, 1, zeros=0.0)
     observed = logs(likelihood)
     whole = filtered_beliefs(initial, transition, observed).beliefs
-    belief = whole[0]
+    chain, belief = ForwardFilter(initial, transition[0]), whole[0]
     for t in range(1, 40):
-        belief, possible = filter_step(belief, transition[0], observed[t])
+        belief, possible = chain.step(observed[t], belief)
         assert possible
         np.testing.assert_allclose(belief, whole[t], rtol=1e-9)
 
@@ -203,7 +202,7 @@ def test_an_impossible_observation_is_reported_and_left_out() -> None:
     assert path.impossible.tolist() == [2]
     assert path.labels.tolist() == [0, 0, 0, 0]
     np.testing.assert_allclose(path.log_probability, np.log(0.5 * 0.5 * 0.9), rtol=1e-12)
-    belief, possible = filter_step([1.0, 0.0], fixed, logs(np.array([0.0, 1.0])))
+    belief, possible = ForwardFilter([0.5, 0.5], fixed).step(observed[2], [1.0, 0.0])
     assert not possible
     assert belief.tolist() == [1.0, 0.0]
 

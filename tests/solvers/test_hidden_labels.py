@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.inference.potentials import keep_known
+from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.hidden_labels import HiddenLabels, concave_convex
 from pgm_places.solvers.max_margin import MaxMarginProblem, potentials_of

@@ -44,7 +44,7 @@ def test_a_cut_is_below_the_hinge_and_touches_it_at_its_labelling() -> None:
     problem = grid_problem(2, 3, 2, weighted=True)
     rng = np.random.default_rng(2)
     weights = rng.normal(size=problem.n_weights)
-    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    weights[problem.n_free :] = np.abs(weights[problem.n_free :])
     exact = reference.objective(problem, weights)
     heights = []
     for labels in reference.all_labelings(6, 2):
@@ -113,7 +113,7 @@ def test_no_direction_leads_down_from_the_optimum() -> None:
     rng = np.random.default_rng(0)
     for _ in range(30):
         moved = found.weights + 0.05 * rng.normal(size=len(found.weights))
-        moved[problem.n_node_weights :] = np.maximum(moved[problem.n_node_weights :], 0)
+        moved[problem.n_free :] = np.maximum(moved[problem.n_free :], 0)
         assert reference.objective(problem, moved) >= least - 1e-6
 
 
@@ -124,7 +124,7 @@ def test_any_marginals_bound_any_weights(seed: int) -> None:
     rng = np.random.default_rng(seed)
     lower = relaxed_lower_bound(problem, rng.random((6, 3)) - 0.1)
     weights = rng.normal(size=problem.n_weights)
-    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    weights[problem.n_free :] = np.abs(weights[problem.n_free :])
     split = rng.normal(size=(len(problem.edges), 3))
     upper = relaxed_objective(problem, weights, split)
     exact = reference.objective(problem, weights)
@@ -238,5 +238,3 @@ def test_a_problem_checks_what_it_is_given() -> None:
         make(*parts, 0.0)
     with pytest.raises(InputError, match="edge_features must be at least 0"):
         make(parts[0], parts[1], -good.edge_features, *parts[3:], 1.0)
-    with pytest.raises(InputError, match="training maps must have the same features"):
-        joined([good, grid_problem(2, 3, 3)])

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest_order import is_forest
+from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.partition_bounds import bound_log_partition, edge_forests
 from tests.reference.energy import Model, labelings, score
 

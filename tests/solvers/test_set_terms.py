@@ -8,9 +8,8 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
-from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.margin_solution import MaxMarginSolution
+from pgm_places.solvers.margin_solution import LearnedWeights
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
     hinge,
@@ -21,7 +20,7 @@ from pgm_places.solvers.max_margin import (
     set_weights,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp
-from pgm_places.solvers.max_oracle import problem_oracle
+from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 from pgm_places.solvers.set_terms import SetTerms
 from tests.reference import max_margin as reference
 
@@ -55,7 +54,7 @@ def some_weights(problem: MaxMarginProblem, seed: int) -> np.ndarray:
     return weights
 
 
-def learned(problem: MaxMarginProblem, tolerance: float = 1e-6) -> MaxMarginSolution:
+def learned(problem: MaxMarginProblem, tolerance: float = 1e-6) -> LearnedWeights:
     return cutting_plane(
         problem,
         problem_oracle(problem),

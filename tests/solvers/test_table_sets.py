@@ -12,7 +12,7 @@ from pgm_places.graph.cliques import Cliques
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
-from pgm_places.solvers.margin_solution import MaxMarginSolution
+from pgm_places.solvers.margin_solution import LearnedWeights
 from pgm_places.solvers.set_terms import SetTerms
 from pgm_places.solvers.table_field import TableField, beside
 from pgm_places.solvers.table_margin import (
@@ -88,7 +88,7 @@ def objective(problem: TableMarginProblem, weights: NDArray[np.float64]) -> floa
     return 0.5 * float(weights @ weights) + problem.penalty * hinge
 
 
-def learned(problem: TableMarginProblem, tolerance: float = 1e-5) -> MaxMarginSolution:
+def learned(problem: TableMarginProblem, tolerance: float = 1e-5) -> LearnedWeights:
     return cutting_plane(
         problem,
         table_oracle(problem.field),

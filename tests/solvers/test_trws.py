@@ -112,13 +112,13 @@ def test_a_labelling_to_beat_is_returned_where_none_is_better() -> None:
 def test_each_iteration_is_reported_with_the_bound() -> None:
     seen: list[tuple[int, float]] = []
     found = trws(*grid_model(1, 3).arrays, on_iteration=lambda *step: seen.append(step))
-    assert [step for step, _ in seen] == list(range(1, found.n_iterations + 1))
+    assert [step for step, _ in seen] == list(range(1, len(found.history) + 1))
     assert [bound for _, bound in seen] == found.history[:, 1].tolist()
 
 
 def test_the_limit_is_reported() -> None:
     found = trws(*grid_model(1, 3).arrays, max_iterations=2)
-    assert (found.n_iterations, found.converged) == (2, False)
+    assert (len(found.history), found.converged) == (2, False)
 
 
 def test_graphs_without_a_labelling_are_refused() -> None:

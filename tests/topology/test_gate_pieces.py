@@ -301,7 +301,7 @@ def test_memory_stays_small_on_a_huge_map(
     monkeypatch.setattr(bands, "BAND_CELLS", 20_000)
     grid = grid_of(np.tile(ring_of_offices(), (12, 12)))
     labels = np.where(grid.free, np.int16(ROOM), np.int16(-1))
-    layout = GridLayout.of_mask(grid.free, source=grid)
+    layout = GridLayout.of_map(grid)
     beliefs = np.full((len(layout.cells_rc), 3), 1 / 3, np.float32)
     doorways = gates_of(grid) if with_gates else None
     tracemalloc.start()

@@ -36,7 +36,7 @@ def small_floor() -> tuple[MapSpaces, GridLayout]:
     grid = generate_building(size="small").grid
     gates = gate_candidates(Segmentation.of(grid))
     spaces = MapSpaces.of(gates, np.random.default_rng(0).random(len(gates)))
-    return spaces, GridLayout.of_mask(grid.free, grid.occupied, grid)
+    return spaces, GridLayout.of_map(grid)
 
 
 def slow_at_gates(spaces: MapSpaces, layout: GridLayout) -> np.ndarray:

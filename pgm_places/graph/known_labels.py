@@ -1,0 +1,38 @@
+"""Labels that are known: whatever is asked of a graph, these nodes keep theirs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["keep_known", "known_beside"]
+
+
+def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> NDArray[np.float64]:
+    """(M, K) scores with all but the known label of the first N nodes forbidden.
+
+    Parameters
+    ----------
+    scores : (M, K) float
+        Of a graph's N nodes, perhaps with further ones after them.
+    known : (N,) int or None
+        -1 where nothing is known; None for nowhere.
+    """
+    nodes = np.zeros(0, np.int64) if known is None else np.flatnonzero(known >= 0)
+    if known is None or not len(nodes):
+        return scores
+    kept = np.array(scores)
+    kept[nodes] = -np.inf
+    kept[nodes, known[nodes]] = scores[nodes, known[nodes]]
+    return kept
+
+
+def known_beside(
+    parts: Sequence[tuple[NDArray[np.int64] | None, int]],
+) -> NDArray[np.int64] | None:
+    """What is known of several graphs side by side, each with its number of nodes."""
+    if all(known is None for known, _ in parts):
+        return None
+    return np.concatenate(
+        [np.full(n_nodes, -1, np.int64) if known is None else known for known, n_nodes in parts]
+    )

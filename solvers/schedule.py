@@ -1,0 +1,34 @@
+"""Iterations: what may be asked of them, and passes until nothing moves."""
+
+from collections.abc import Callable
+
+from pgm_places.errors import InputError
+
+__all__ = ["check_schedule", "until_at_rest"]
+
+
+def check_schedule(max_iterations: int, tolerance: float = 0.0, damping: float = 0.0) -> None:
+    """Raise InputError unless these describe an iteration that can go on and end."""
+    if max_iterations < 1:
+        raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
+    if not tolerance >= 0:
+        raise InputError(f"tolerance must be at least 0, got {tolerance}")
+    if not 0 <= damping < 1:
+        raise InputError(f"damping must be at least 0 and less than 1, got {damping}")
+
+
+def until_at_rest(
+    update: Callable[[int], float],
+    still: float,
+    max_iterations: int,
+    on_iteration: Callable[[int, float], None] | None,
+) -> list[float]:
+    """What passes change most, until one changes no more than ``still``; passes count from 0."""
+    history: list[float] = []
+    while len(history) < max_iterations:
+        history.append(update(len(history)))
+        if on_iteration is not None:
+            on_iteration(len(history), history[-1])
+        if history[-1] <= still:
+            break
+    return history
