@@ -4,16 +4,16 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, require_type
+from pgm_places._checks import frozen
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
-from pgm_places.inference.potentials import Potentials, score
+from pgm_places.inference.potentials import Potentials, checked_potentials, score
 from pgm_places.models.decoders import Decoder, named_decoder
 from pgm_places.models.decoding import decode
 from pgm_places.solvers.adjacency import adjacency, is_forest
@@ -96,14 +96,10 @@ def best_labelings(
     >>> found.labels.tolist(), found.scores.tolist()
     ([[0, 0], [0, 1], [1, 1]], [1.5, 1.4, 0.9])
     """
-    require_type("graph", graph, LabelGraph)
-    require_type("potentials", potentials, Potentials)
+    potentials = checked_potentials(graph, potentials, known)
     named_decoder(decoder)
-    potentials.check_fits(graph)
     if n_best < 1:
         raise InputError(f"n_best must be at least 1, got {n_best}")
-    if known is not None:
-        potentials = potentials.with_known(known)
     search = _search(graph, potentials, decoder)
     found, exact = _enumerated(potentials.unary, search, n_best)
     labels = np.array(found, np.int64).reshape(len(found), graph.n_nodes)
@@ -125,18 +121,8 @@ class _Second(NamedTuple):
     """Whether no other one scores more."""
 
 
-class _Search(Protocol):
-    """Looks for labellings in a space: among those that unaries (N, K) allow."""
-
-    def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
-        """The best labelling that is found, and whether it is proved to be that."""
-
-    def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
-        """The best one but that."""
-
-
 def _enumerated(
-    unary: NDArray[np.float64], search: _Search, n_best: int
+    unary: NDArray[np.float64], search: "_Search", n_best: int
 ) -> tuple[list[NDArray[np.int64]], bool]:
     """Labellings of falling score, and whether each is proved to be the next."""
     best, exact = search.best(unary)
@@ -164,7 +150,7 @@ def _enumerated(
     return found, exact
 
 
-def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> _Search:
+def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> "_Search":
     """Exact where the graph allows it, else by decoding."""
     pairs = adjacency(graph.n_nodes, graph.edges), potentials.agreement, potentials.pairwise
     if is_forest(pairs[0]):
@@ -188,9 +174,11 @@ class _ByMarginals:
     marginals: Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
     def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
+        """The best labelling, and that it is proved to be that."""
         return self.labels(unary), True
 
     def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
+        """The best one but that."""
         others = np.array(self.marginals(unary))
         others[np.arange(len(best)), best] = -np.inf
         if not others.size:
@@ -232,3 +220,7 @@ class _ByDecoding:
         if found.score is None or found.score == -np.inf:
             return None, -np.inf, False
         return found.labels, found.score, found.status is Status.EXACT
+
+
+_Search = _ByMarginals | _ByDecoding
+"""Looks for labellings in a space: among those that unaries (N, K) allow."""

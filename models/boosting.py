@@ -44,12 +44,8 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     ----------
     classes_ : (2,) array
         The labels, ascending; the second is the positive one.
-    feature_, threshold_, polarity_, alpha_ : (T,) arrays
-        The stumps of eq. 1 and their weights, in the order of choice.
-    used_features_ : (n_used,) int64
-        The distinct columns that the stumps look at, ascending.
     strong_classifier_ : StrongClassifier
-        The same as one value that needs no scikit-learn.
+        The stumps of eq. 1 and their weights, in the order of choice; needs no scikit-learn.
 
     Notes
     -----
@@ -66,7 +62,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     >>> import numpy as np
     >>> X = np.array([[0.0], [1.0], [2.0], [3.0]], np.float32)
     >>> model = AdaBoostStumps(n_rounds=1).fit(X, ["door", "door", "room", "room"])
-    >>> model.threshold_, model.polarity_
+    >>> model.strong_classifier_.threshold, model.strong_classifier_.polarity
     (array([1.5]), array([-1], dtype=int8))
     >>> model.predict(np.array([[1.4], [1.6]], np.float32))
     array(['door', 'room'], dtype='<U4')
@@ -117,31 +113,6 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             on_round=self.on_round,
         )
         return self
-
-    @property
-    def feature_(self) -> NDArray[np.int64]:
-        """(T,) the column of each stump."""
-        return self._fitted().feature
-
-    @property
-    def threshold_(self) -> NDArray[np.float64]:
-        """(T,) the threshold of each stump."""
-        return self._fitted().threshold
-
-    @property
-    def polarity_(self) -> NDArray[np.int8]:
-        """(T,) +1 where small values are positive, -1 where large ones are."""
-        return self._fitted().polarity
-
-    @property
-    def alpha_(self) -> NDArray[np.float64]:
-        """(T,) the weight of each stump."""
-        return self._fitted().alpha
-
-    @property
-    def used_features_(self) -> NDArray[np.int64]:
-        """The distinct columns that the stumps look at, ascending."""
-        return self._fitted().used_features
 
     def decision_function(self, X: ArrayLike) -> NDArray[np.float64]:
         """(N,) F = sum of alpha_t h_t (step 4 of Fig. 2); positive means ``classes_[1]``."""

@@ -8,7 +8,7 @@ over all k, or nothing where that is negative: the more nodes differ the less, u
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoders import Decoder, named_decoder
-from pgm_places.models.decoding import DecodingOptions, decode_as, decode_by
+from pgm_places.models.decoding import decode, decode_by
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_terms import SetNodes, SetTerms
@@ -85,7 +85,6 @@ def decode_with_cliques(
     dissent: float = 0.5,
     certify: bool = False,
     max_iterations: int | None = None,
-    on_iteration: Callable[[int, float], None] | None = None,
 ) -> Labeling:
     """The labelling that a decoder finds where sets of nodes want one label, too.
 
@@ -103,7 +102,7 @@ def decode_with_cliques(
         What a set in which all nodes agree earns for each of them, or that by set and label.
     dissent : float
         The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
-    certify, max_iterations, on_iteration
+    certify, max_iterations
         As of :func:`pgm_places.models.decoding.decode`.
 
     Raises
@@ -136,7 +135,6 @@ def decode_with_cliques(
         extended,
         certify=certify,
         max_iterations=max_iterations,
-        on_iteration=on_iteration,
     )
     labels = found.labels[: graph.n_nodes]
     k = potentials.n_labels
@@ -180,33 +178,22 @@ def _beliefs(
     return DecodingAnswer(labels, converged(found.converged), beliefs=beliefs)
 
 
-class _Options(DecodingOptions, Protocol):
-    """What methods that decode with cliques let their users choose."""
-
-    @property
-    def clique_dissent(self) -> float: ...
-
-
 def decode_cliques_as(
-    method: _Options,
+    method: Any,
     problem: LabelingProblem,
     potentials: Potentials,
     inference: Decoder,
     weight: ArrayLike,
 ) -> Labeling:
-    """:func:`~pgm_places.models.decoding.decode_as`, with the problem's cliques if it has some."""
+    """What a decoder finds, with the problem's cliques if it has some, as a method's options say.
+
+    Those are ``certify``, ``max_iterations`` and ``clique_dissent``.
+    """
+    how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
     if problem.cliques is None:
-        return decode_as(method, problem, potentials, inference)
-    return decode_with_cliques(
-        problem.graph,
-        potentials,
-        problem.cliques,
-        inference,
-        weight=weight,
-        dissent=method.clique_dissent,
-        certify=method.certify,
-        max_iterations=method.max_iterations,
-    )
+        return decode(problem.graph, potentials, inference, **how)
+    how |= {"weight": weight, "dissent": method.clique_dissent}
+    return decode_with_cliques(problem.graph, potentials, problem.cliques, inference, **how)
 
 
 def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -3,24 +3,23 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, require_type
+from pgm_places._checks import integer_array
 from pgm_places.errors import InputError, SolverError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.potentials import Potentials, score
-from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoders import Decoder, named_decoder
+from pgm_places.inference.potentials import Potentials, checked_potentials, score
+from pgm_places.models.decoders import named_decoder
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 
 if TYPE_CHECKING:
     from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["decode", "decode_as", "decode_by"]
+__all__ = ["decode", "decode_by"]
 
 ROUNDING = 1e-12
 """A gap below this share of the score and of the problem's size is rounding: it is closed."""
@@ -108,11 +107,7 @@ def decode(
     ([0, 0], 1.5, <Status.EXACT: 'exact'>)
     """
     decoder = named_decoder(method)
-    require_type("graph", graph, LabelGraph)
-    require_type("potentials", potentials, Potentials)
-    potentials.check_fits(graph)
-    if known is not None:
-        potentials = potentials.with_known(known)
+    potentials = checked_potentials(graph, potentials, known)
     return decode_by(
         decoder.run,
         method,
@@ -133,7 +128,7 @@ def decode_by(
     *,
     certify: bool,
     max_iterations: int | None,
-    on_iteration: Callable[[int, float], None] | None,
+    on_iteration: Callable[[int, float], None] | None = None,
     inside: bool = False,
 ) -> Labeling:
     """What a function finds that is called ``name``; all else as of :func:`decode`."""
@@ -145,12 +140,12 @@ def decode_by(
         if on_iteration is not None:
             on_iteration(iteration, value)
 
-    limit = {} if max_iterations is None else {"limit": max_iterations}
-    answer = decoder(DecodingTask(graph, potentials, record, **limit, inside=inside))
+    task = DecodingTask(graph, potentials, record, max_iterations, inside)
+    answer = decoder(task)
     _check_form(name, answer, potentials)
     total = score(graph, potentials, answer.labels)
     if total == -np.inf:
-        answer = _repaired(graph, potentials, answer)
+        answer = _repaired(task, answer)
         total = score(graph, potentials, answer.labels)
     info: dict[str, Any] = {"decoder": name, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
@@ -159,13 +154,13 @@ def decode_by(
         info.update(_inside(name, answer))
     bound = answer.bound
     if certify and bound is None:
-        bound, info["certificate"] = _certificate(graph, potentials, answer.labels)
+        bound, info["certificate"] = _certificate(task, answer.labels, total)
     if bound is not None:
-        _check_bound(name, graph, potentials, answer.status, total, bound)
+        _check_bound(name, task, answer.status, total, bound)
         bound = max(bound, total)
     return Labeling(
         labels=answer.labels,
-        status=_final_status(graph, potentials, answer.status, total, bound),
+        status=_final_status(task, answer.status, total, bound),
         beliefs=answer.beliefs,
         score=total,
         bound=bound,
@@ -173,33 +168,10 @@ def decode_by(
     )
 
 
-class DecodingOptions(Protocol):
-    """What methods with a decoder let their users choose."""
-
-    @property
-    def certify(self) -> bool: ...
-    @property
-    def max_iterations(self) -> int | None: ...
-
-
-def decode_as(
-    method: DecodingOptions, problem: LabelingProblem, potentials: Potentials, inference: Decoder
-) -> Labeling:
-    """What a decoder finds for a problem's graph, as the options of a method want it."""
-    return decode(
-        problem.graph,
-        potentials,
-        inference,
-        certify=method.certify,
-        max_iterations=method.max_iterations,
-    )
-
-
-def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
+def _model(task: DecodingTask) -> "PairwiseModel":
     from pgm_places.solvers.pairwise import pairwise_model
 
-    arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
-    return pairwise_model(*arrays)
+    return pairwise_model(*task.arrays)
 
 
 def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
@@ -229,15 +201,14 @@ def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> No
         )
 
 
-def _check_bound(
-    name: str, graph: LabelGraph, potentials: Potentials, status: Status, total: float, bound: float
-) -> None:
+def _check_bound(name: str, task: DecodingTask, status: Status, total: float, bound: float) -> None:
     """Raise SolverError where a bound is below the score, or leaves a gap that EXACT denies."""
     if bound >= total and status is not Status.EXACT:
         return
-    terms = (potentials.unary, potentials.pairwise, potentials.agreement)
+    known = task.potentials
+    terms = (known.unary, known.pairwise, known.agreement)
     sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms if term is not None]
-    slack = FALSE * (abs(total) + max(sizes) + _model(graph, potentials).size)
+    slack = FALSE * (abs(total) + max(sizes) + _model(task).size)
     if bound < total - slack:
         raise SolverError(
             f"decoder {name!r} says that no labelling scores more than {bound:.12g}, but its own "
@@ -250,27 +221,26 @@ def _check_bound(
         )
 
 
-def _repaired(graph: LabelGraph, potentials: Potentials, answer: DecodingAnswer) -> DecodingAnswer:
+def _repaired(task: DecodingTask, answer: DecodingAnswer) -> DecodingAnswer:
     """The answer with labels that break no rule, where the search finds such."""
     from pgm_places.solvers.local_search import allowed_labels
 
-    labels = allowed_labels(_model(graph, potentials), answer.labels)
+    labels = allowed_labels(_model(task), answer.labels)
     if labels is None:
         return replace(answer, status=Status.INFEASIBLE)
     return replace(answer, labels=labels, status=Status.REPAIRED)
 
 
 def _certificate(
-    graph: LabelGraph, potentials: Potentials, labels: NDArray[np.int64]
+    task: DecodingTask, labels: NDArray[np.int64], total: float
 ) -> tuple[float, dict[str, Any]]:
     """An upper bound of every score, and what finding it took."""
     from pgm_places.solvers.trws import trws
 
     started = time.perf_counter()
-    arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
-    start = None if score(graph, potentials, labels) == -np.inf else labels
+    start = None if total == -np.inf else labels
     found = trws(
-        *arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
+        *task.arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
     )
     return found.bound, {
         "best_score": found.score,
@@ -279,13 +249,11 @@ def _certificate(
     }
 
 
-def _final_status(
-    graph: LabelGraph, potentials: Potentials, status: Status, total: float, bound: float | None
-) -> Status:
+def _final_status(task: DecodingTask, status: Status, total: float, bound: float | None) -> Status:
     """EXACT where nothing but rounding lies between score and bound, else the method's word."""
     if bound is None or total == -np.inf or status is Status.EXACT:
         return status
     gap = bound - total
-    if gap > 0 and gap > ROUNDING * (abs(total) + _model(graph, potentials).size):
+    if gap > 0 and gap > ROUNDING * (abs(total) + _model(task).size):
         return status
     return Status.EXACT

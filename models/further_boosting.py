@@ -1,6 +1,6 @@
 """Boosting goes on: a trained list learns from other examples without forgetting what it knows."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,8 +11,7 @@ from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
-from pgm_places.models.boosting_rounds import boost
-from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.gentle_boosting import boosted
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.options import Seed
@@ -117,16 +116,14 @@ def boosted_further(
     classifiers = []
     for k, classifier in enumerate(fitted.classifiers):
         slope, offset = fitted.calibration[k]
-        positive, negative = order[k : k + 1], order[k + 1 :]
-        sides = [np.isin(examples.labels, side).any() for side in (positive, negative)]
-        if not all(sides) or not slope > 0:
+        sides = order[k : k + 1], order[k + 1 :]
+        if not all(np.isin(examples.labels, side).any() for side in sides) or not slope > 0:
             classifiers.append(classifier)
             continue
         margin = (slope * scores[k] + offset) / 2
-        more = _rounds(
-            classifier, prepared, positive, negative, examples, margin, rounds, n_threads
-        )
-        classifiers.append(_joined(classifier, more, 2.0 / float(slope)))
+        options = {"margin": margin, "n_threads": n_threads}
+        more = _rounds(classifier, prepared, sides, examples, rounds, **options)
+        classifiers.append(classifier.then(more, 2.0 / float(slope)))
     return replace(fitted, classifiers=tuple(classifiers))
 
 
@@ -182,11 +179,10 @@ def with_first_class(
     if not (label > fitted.classes).all():
         raise InputError(f"a new class must come after {fitted.classes[-1]}, got {label}")
     prepared = prepare(examples.X, examples.labels, n_threads=n_threads)
-    others = list(range(number))
-    model = fitted.classifiers[0]
-    first = _rounds(model, prepared, [number], others, examples, None, rounds, n_threads)
-    if isinstance(first, BoostedTrees) and isinstance(model, BoostedTrees):
-        first = first.deepened(model.depth) if model.depth > first.depth else first
+    sides, model = ([number], list(range(number))), fitted.classifiers[0]
+    first = _rounds(model, prepared, sides, examples, rounds, n_threads=n_threads)
+    if isinstance(model, BoostedTrees) and model.depth > first.depth:
+        first = first.deepened(model.depth)
     new = examples.labels == number
     odds = float(examples.weights[new].sum() / examples.weights[~new].sum())
     return replace(
@@ -201,32 +197,12 @@ def with_first_class(
 def _rounds(
     like: StrongClassifier | BoostedTrees,
     prepared: SortedFeatures,
-    positive: list[int],
-    negative: list[int],
+    sides: tuple[list[int], list[int]],
     examples: Examples,
-    margin: NDArray[np.float64] | None,
     rounds: FurtherRounds,
-    n_threads: int | None,
-) -> StrongClassifier | BoostedTrees:
-    more: dict[str, Any] = {
-        "n_rounds": rounds.n_rounds,
-        "shrinkage": rounds.shrinkage,
-        "sample_weight": examples.weights,
-        "margin": margin,
-        "n_threads": n_threads,
-    }
-    if isinstance(like, StrongClassifier):
-        return boost(prepared, positive, negative, **more)
-    more |= {"feature_share": rounds.feature_share, "seed": rounds.seed}
-    more |= {"max_depth": min(rounds.max_depth, like.depth)}
-    return boost_trees(prepared, positive, negative, **more)
-
-
-def _joined(
-    first: StrongClassifier | BoostedTrees, more: StrongClassifier | BoostedTrees, scale: float
-) -> StrongClassifier | BoostedTrees:
-    if isinstance(first, BoostedTrees):
-        assert isinstance(more, BoostedTrees)
-        return first.then(more, scale)
-    assert isinstance(more, StrongClassifier)
-    return first.then(more, scale)
+    **more: Any,
+) -> Any:
+    """Rounds that tell positive classes from negative ones, of trees if those before are."""
+    depth = 1 if isinstance(like, StrongClassifier) else min(rounds.max_depth, like.depth)
+    options = asdict(rounds) | {"max_depth": depth, "sample_weight": examples.weights} | more
+    return boosted(prepared, *sides, **options)

@@ -1,14 +1,16 @@
 """The rounds of gentle AdaBoost with regression trees (Friedman, Hastie and Tibshirani 2000)."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import gentle_masses, raise_weights
 from pgm_places.models.boosted_trees import BoostedTrees, stacked
-from pgm_places.models.boosting_rounds import initial_weights
+from pgm_places.models.boosting_rounds import boost, initial_weights
 from pgm_places.models.sorted_features import SortedFeatures
+from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.models.tree_search import GrownTree, TreeSearch
 
 # The sum of all weights as a whole number; it and its negative fit into 32 bits.
@@ -93,3 +95,20 @@ def boost_trees(
         raise_weights(search.leaf, segments, factor, weights)
     features, cuts = [tree.feature for tree in trees], [tree.cut for tree in trees]
     return stacked(features, cuts, votes, max_depth)
+
+
+def boosted(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    max_depth: int,
+    feature_share: float,
+    seed: int,
+    **rounds: Any,
+) -> StrongClassifier | BoostedTrees:
+    """The rounds of stumps for a depth of 1, else those of trees; both take the other options."""
+    if max_depth == 1:
+        return boost(prepared, positive, negative, **rounds)
+    trees = {"max_depth": max_depth, "feature_share": feature_share, "seed": seed}
+    return boost_trees(prepared, positive, negative, **trees, **rounds)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, require_type
+from pgm_places._checks import frozen
 from pgm_places._core import gibbs_sweep
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -103,16 +103,12 @@ def gibbs_samples(
     >>> drawn.labels.shape, drawn.r_hat < 1.02, drawn.frequencies(2)[0].round(1).tolist()
     ((4, 500, 3), True, [0.9, 0.1])
     """
-    require_type("graph", graph, LabelGraph)
-    require_type("potentials", potentials, Potentials)
-    potentials.check_fits(graph)
+    potentials = checked_potentials(graph, potentials, known)
     least = {"n_samples": 4, "n_chains": 2, "n_burn_in": 0, "thin": 1}
     given = {"n_samples": n_samples, "n_chains": n_chains, "n_burn_in": n_burn_in, "thin": thin}
     for name, value in given.items():
         if value < least[name]:
             raise InputError(f"{name} must be at least {least[name]}, got {value}")
-    if known is not None:
-        potentials = potentials.with_known(known)
     arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
     model = pairwise_model(*arrays)
     labels = np.empty((n_chains, n_samples, graph.n_nodes), np.int64)

@@ -1,7 +1,7 @@
 """Training a decision list: binary problems shared between orders, and the choice of order."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import permutations
 from typing import Any
 
@@ -13,8 +13,7 @@ from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
 from pgm_places.models.boosted_trees import BoostedTrees
-from pgm_places.models.boosting_rounds import boost
-from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.gentle_boosting import boosted
 from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
@@ -131,13 +130,13 @@ class ListTraining:
         key = (k, frozenset(later), without)
         if key not in self._trained:
             used = [f for f in range(int(self.folds.number.max()) + 1) if f != without]
-            self._trained[key] = _boosted(
-                self.options,
+            self._trained[key] = boosted(
                 self._prepared,
                 [f * self.n_classes + k for f in used],
                 [f * self.n_classes + other for f in used for other in sorted(key[1])],
-                self.weights,
-                self.n_threads,
+                sample_weight=self.weights,
+                n_threads=self.n_threads,
+                **{item.name: getattr(self.options, item.name) for item in fields(BoostingOptions)},
             )
         return self._trained[key]
 
@@ -234,29 +233,6 @@ class ListTraining:
             positive.append(labels[remaining] == k)
             weights.append(self.weights[inside][remaining])
         return np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
-
-
-def _boosted(
-    options: BoostingOptions,
-    prepared: SortedFeatures,
-    positive: list[int],
-    negative: list[int],
-    weights: NDArray[np.float64],
-    n_threads: int | None,
-) -> StrongClassifier | BoostedTrees:
-    """The strong classifier that tells the positive parts from the negative ones."""
-    more: dict[str, Any] = {
-        "n_rounds": options.n_rounds,
-        "tolerance": options.tolerance,
-        "shrinkage": options.shrinkage,
-        "sample_weight": weights,
-        "n_threads": n_threads,
-    }
-    if options.max_depth == 1:
-        return boost(prepared, positive, negative, **more)
-    more |= {"max_depth": options.max_depth, "feature_share": options.feature_share}
-    more |= {"seed": options.seed}
-    return boost_trees(prepared, positive, negative, **more)
 
 
 def prior_calibration(

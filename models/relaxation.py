@@ -136,13 +136,7 @@ class Relaxation:
 
     # ------------------------------------------------------------------ inference
 
-    def infer(
-        self,
-        problem: LabelingProblem,
-        *,
-        truth: ArrayLike | None = None,
-        on_iteration: OnIteration | None = None,
-    ) -> Labeling:
+    def infer(self, problem: LabelingProblem, *, truth: ArrayLike | None = None) -> Labeling:
         """The label of the largest belief at every node, with the beliefs.
 
         ``info["history"]`` holds, per iteration, the largest ``change`` of a belief, the
@@ -155,8 +149,6 @@ class Relaxation:
         truth : (N,) int, optional
             True label per node, -1 where unknown: adds ``accuracy`` to the history, and
             ``recording_seconds``, which ``seconds`` leaves out.
-        on_iteration : callable, optional
-            See :data:`pgm_places.solvers.relaxation.OnIteration`.
 
         Raises
         ------
@@ -175,7 +167,7 @@ class Relaxation:
                 f"the problem has {problem.n_labels}"
             )
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
-        relaxed = self._relax(problem.graph, unary, _both(recorder, on_iteration))
+        relaxed = self._relax(problem.graph, unary, recorder)
         history = {
             "change": relaxed.max_change,
             "mean_change": relaxed.mean_change,
@@ -287,15 +279,3 @@ class _AccuracyRecorder:
         right = beliefs()[self.known].argmax(axis=1) == self.true
         self.accuracy.append(float(right.mean()) if len(right) else np.nan)
         self.seconds += time.perf_counter() - begin
-
-
-def _both(first: OnIteration | None, second: OnIteration | None) -> OnIteration | None:
-    """What calls both, of which either may be missing."""
-    if first is None or second is None:
-        return first or second
-
-    def call(iteration: int, change: float, beliefs: Callable[[], Any]) -> None:
-        first(iteration, change, beliefs)
-        second(iteration, change, beliefs)
-
-    return call

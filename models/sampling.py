@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, require_type
+from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.decoding import decode
 from pgm_places.solvers.adjacency import adjacency, is_forest
@@ -82,27 +82,16 @@ def sample(
     >>> drawn.exact, drawn.frequencies(2).round(1).tolist()
     (True, [[0.9, 0.1], [0.7, 0.3]])
     """
-    require_type("graph", graph, LabelGraph)
-    require_type("potentials", potentials, Potentials)
-    potentials.check_fits(graph)
+    potentials = checked_potentials(graph, potentials, known)
     if n_samples < 1:
         raise InputError(f"n_samples must be at least 1, got {n_samples}")
-    if known is not None:
-        potentials = potentials.with_known(known)
     around = adjacency(graph.n_nodes, graph.edges)
+    arrays = potentials.unary, around, potentials.agreement, potentials.pairwise
     if is_forest(around):
-        labels = forest_samples(
-            potentials.unary,
-            around,
-            potentials.agreement,
-            potentials.pairwise,
-            n_samples=n_samples,
-            seed=seed,
-        )
+        labels = forest_samples(*arrays, n_samples=n_samples, seed=seed)
         return Samples(frozen(labels), exact=True)
     rng = np.random.default_rng(seed)
-    pairs = potentials.agreement, potentials.pairwise
-    tree = BucketTree.of(pairwise_model(potentials.unary, around, *pairs))
+    tree = BucketTree.of(pairwise_model(*arrays))
     if tree is not None:
         return Samples(frozen(tree.samples(potentials.unary, n_samples, rng)), exact=True)
     rows = []

@@ -4,8 +4,6 @@ from collections.abc import Callable
 
 from pgm_places.errors import InputError
 
-__all__ = ["check_schedule", "until_at_rest"]
-
 
 def check_schedule(max_iterations: int, tolerance: float = 0.0, damping: float = 0.0) -> None:
     """Raise InputError unless these describe an iteration that can go on and end."""

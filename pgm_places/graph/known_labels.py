@@ -5,8 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["keep_known", "known_beside"]
-
 
 def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> NDArray[np.float64]:
     """(M, K) scores with all but the known label of the first N nodes forbidden.

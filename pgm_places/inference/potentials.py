@@ -9,7 +9,14 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array, number_array
+from pgm_places._checks import (
+    ROWS_AT_ONCE,
+    finite_array,
+    frozen,
+    integer_array,
+    number_array,
+    require_type,
+)
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
@@ -154,6 +161,16 @@ class Potentials:
             diagonal = np.arange(self.n_labels)
             tables[:, diagonal, diagonal] = self.agreement
         return tables
+
+
+def checked_potentials(
+    graph: LabelGraph, potentials: Potentials, known: ArrayLike | None = None
+) -> Potentials:
+    """The potentials, with what is known; refused unless they are such, and of that graph."""
+    require_type("graph", graph, LabelGraph)
+    require_type("potentials", potentials, Potentials)
+    potentials.check_fits(graph)
+    return potentials if known is None else potentials.with_known(known)
 
 
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:

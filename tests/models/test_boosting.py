@@ -25,9 +25,9 @@ def test_keeps_the_contract_of_scikit_learn(estimator: Any, check: Any) -> None:
 def stumps_of(model: AdaBoostStumps) -> list[tuple[int, float, int]]:
     return list(
         zip(
-            model.feature_.tolist(),
-            model.threshold_.tolist(),
-            model.polarity_.tolist(),
+            model.strong_classifier_.feature.tolist(),
+            model.strong_classifier_.threshold.tolist(),
+            model.strong_classifier_.polarity.tolist(),
             strict=True,
         )
     )
@@ -35,7 +35,9 @@ def stumps_of(model: AdaBoostStumps) -> list[tuple[int, float, int]]:
 
 def assert_same_stumps(model: AdaBoostStumps, wanted: list[reference.Stump]) -> None:
     assert stumps_of(model) == [stump[:3] for stump in wanted]
-    np.testing.assert_allclose(model.alpha_, [stump[3] for stump in wanted], rtol=1e-9, atol=0)
+    np.testing.assert_allclose(
+        model.strong_classifier_.alpha, [stump[3] for stump in wanted], rtol=1e-9, atol=0
+    )
 
 
 @st.composite
@@ -132,7 +134,9 @@ def test_normalising_in_every_round_changes_no_stump(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(stump_search, "_LEAST_MASS", 2**58)
     often = AdaBoostStumps(n_rounds=60).fit(X, y)
     assert stumps_of(seldom) == stumps_of(often)
-    np.testing.assert_allclose(seldom.alpha_, often.alpha_, rtol=1e-9, atol=0)
+    np.testing.assert_allclose(
+        seldom.strong_classifier_.alpha, often.strong_classifier_.alpha, rtol=1e-9, atol=0
+    )
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:
@@ -140,7 +144,9 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     models = [AdaBoostStumps(n_rounds=20, n_threads=count).fit(X, y) for count in (1, 2, 5)]
     for model in models[1:]:
         assert stumps_of(model) == stumps_of(models[0])
-        np.testing.assert_array_equal(model.alpha_, models[0].alpha_)
+        np.testing.assert_array_equal(
+            model.strong_classifier_.alpha, models[0].strong_classifier_.alpha
+        )
         np.testing.assert_array_equal(model.decision_function(X), models[0].decision_function(X))
 
 
@@ -159,14 +165,16 @@ def test_a_weight_equals_copies_and_zero_weight_equals_absence() -> None:
     weighted = AdaBoostStumps(n_rounds=25).fit(X, y, sample_weight=weights)
     copied = AdaBoostStumps(n_rounds=25).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))
     assert stumps_of(weighted) == stumps_of(copied)
-    np.testing.assert_allclose(weighted.alpha_, copied.alpha_, rtol=1e-9, atol=0)
+    np.testing.assert_allclose(
+        weighted.strong_classifier_.alpha, copied.strong_classifier_.alpha, rtol=1e-9, atol=0
+    )
 
 
 def test_a_perfect_stump_ends_boosting_with_a_finite_alpha() -> None:
     model = AdaBoostStumps().fit([[0.0], [1.0], [5.0], [6.0]], [0, 0, 1, 1])
     assert stumps_of(model) == [(0, 3.0, -1)]
     np.testing.assert_allclose(
-        model.alpha_, 0.5 * np.log((1 + MAX_EDGE) / (1 - MAX_EDGE)), rtol=1e-9
+        model.strong_classifier_.alpha, 0.5 * np.log((1 + MAX_EDGE) / (1 - MAX_EDGE)), rtol=1e-9
     )
     assert model.predict_proba([[9.0]])[0, 1] > 1 - 1e-9
 
@@ -174,7 +182,10 @@ def test_a_perfect_stump_ends_boosting_with_a_finite_alpha() -> None:
 @pytest.mark.parametrize("X", [np.ones((4, 2)), np.array([[0.0], [1.0], [0.0], [1.0]])])
 def test_without_information_there_is_no_stump(X: NDArray[np.float64]) -> None:
     model = AdaBoostStumps().fit(X, [0, 0, 1, 1])
-    assert len(model.feature_) == 0 and len(model.used_features_) == 0
+    assert (
+        len(model.strong_classifier_.feature) == 0
+        and len(model.strong_classifier_.used_features) == 0
+    )
     np.testing.assert_array_equal(model.decision_function(X), np.zeros(4))
     np.testing.assert_array_equal(model.predict(X), np.zeros(4))
     np.testing.assert_array_equal(model.predict_proba(X), np.full((4, 2), 0.5))
@@ -186,7 +197,7 @@ def test_boosting_stops_below_the_tolerance() -> None:
     AdaBoostStumps(n_rounds=60, on_round=lambda t, r: edges.append(r)).fit(X, y)
     tolerance = float(np.median(edges))
     model = AdaBoostStumps(n_rounds=60, tolerance=tolerance).fit(X, y)
-    assert len(model.feature_) == int(np.argmax(np.array(edges) < tolerance))
+    assert len(model.strong_classifier_.feature) == int(np.argmax(np.array(edges) < tolerance))
 
 
 def test_prediction_agrees_with_training_on_every_example() -> None:
@@ -198,10 +209,14 @@ def test_prediction_agrees_with_training_on_every_example() -> None:
     for t, (column, threshold, polarity) in enumerate(stumps_of(model)):
         output = polarity * np.where(X[:, column] < threshold, 1.0, -1.0)
         assert (weights * y * output).sum() == pytest.approx(edges[t], rel=1e-9, abs=1e-12)
-        weights = weights * np.exp(-model.alpha_[t] * y * output)
+        weights = weights * np.exp(-model.strong_classifier_.alpha[t] * y * output)
         weights /= weights.sum()
     wanted = reference.score(
-        [(*stump, a) for stump, a in zip(stumps_of(model), model.alpha_, strict=True)], X
+        [
+            (*stump, a)
+            for stump, a in zip(stumps_of(model), model.strong_classifier_.alpha, strict=True)
+        ],
+        X,
     )
     np.testing.assert_allclose(model.decision_function(X), wanted, rtol=0, atol=1e-12)
 
@@ -212,14 +227,14 @@ def test_thresholds_separate_neighbouring_float32_values() -> None:
     X = np.array([[low], [low], [high], [high]])
     for labels in ([0, 0, 1, 1], [1, 1, 0, 0]):
         model = AdaBoostStumps().fit(X, labels)
-        assert float(low) < model.threshold_[0] < float(high)
+        assert float(low) < model.strong_classifier_.threshold[0] < float(high)
         np.testing.assert_array_equal(model.predict(X), labels)
 
 
 def test_values_that_differ_below_float32_are_equal() -> None:
     X = np.array([[1.0], [1.0 + 1e-12], [2.0], [2.0 + 1e-12]])
     model = AdaBoostStumps().fit(X, [0, 1, 0, 1])
-    assert len(model.feature_) == 0
+    assert len(model.strong_classifier_.feature) == 0
 
 
 @pytest.mark.parametrize("polarity", [1, -1])
@@ -238,7 +253,9 @@ def test_monotone_transformations_leave_predictions_as_they_are() -> None:
     bent = bent.astype(np.float32)
     assert all(len(np.unique(bent[:, j])) == len(np.unique(X[:, j])) for j in range(X.shape[1]))
     moved = AdaBoostStumps(n_rounds=30).fit(bent, y)
-    np.testing.assert_array_equal(moved.feature_, plain.feature_)
+    np.testing.assert_array_equal(
+        moved.strong_classifier_.feature, plain.strong_classifier_.feature
+    )
     np.testing.assert_array_equal(moved.decision_function(bent), plain.decision_function(X))
 
 

@@ -43,7 +43,7 @@ def grown(X: Array, y: Array, weight: Array) -> tuple[Array, ...]:
 
 def fitted(X: Array, y: Array, weight: Array) -> tuple[Array, ...]:
     model = AdaBoostStumps(n_rounds=5).fit(X, y, sample_weight=weight)
-    return model.alpha_, model.decision_function(X)
+    return model.strong_classifier_.alpha, model.decision_function(X)
 
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {

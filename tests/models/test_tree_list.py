@@ -137,7 +137,7 @@ def test_a_damaged_stored_list_is_refused(name: str, change: Any, text: str) -> 
 
 def test_a_restricted_list_reads_the_kept_columns() -> None:
     model, X, _ = fitted(n_rounds=3)
-    used = model.used_features_
+    used = model.strong_classifier_.used_features
     assert 0 < len(used) < X.shape[1]
     short = model.restricted(used[::-1])
     np.testing.assert_array_equal(short.log_proba(X[:, used[::-1]]), model.log_proba(X))
@@ -183,5 +183,5 @@ def test_shrinkage_shrinks_the_votes_of_stumps_too() -> None:
     shrunk = DecisionListClassifier(n_rounds=30, order=[True, False], shrinkage=0.25).fit(X, y == 2)
     found = shrunk.list_[0]
     assert not isinstance(found, BoostedTrees)
-    assert found.alpha[0] == 0.25 * once.alpha_[0]
-    assert found.feature[0] == once.feature_[0]
+    assert found.alpha[0] == 0.25 * once.strong_classifier_.alpha[0]
+    assert found.feature[0] == once.strong_classifier_.feature[0]
