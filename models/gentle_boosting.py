@@ -110,5 +110,5 @@ def boosted(
     """The rounds of stumps for a depth of 1, else those of trees; both take the other options."""
     if max_depth == 1:
         return boost(prepared, positive, negative, **rounds)
-    trees = {"max_depth": max_depth, "feature_share": feature_share, "seed": seed}
-    return boost_trees(prepared, positive, negative, **trees, **rounds)
+    rounds |= {"max_depth": max_depth, "feature_share": feature_share, "seed": seed}
+    return boost_trees(prepared, positive, negative, **rounds)

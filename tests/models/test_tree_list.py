@@ -137,7 +137,7 @@ def test_a_damaged_stored_list_is_refused(name: str, change: Any, text: str) -> 
 
 def test_a_restricted_list_reads_the_kept_columns() -> None:
     model, X, _ = fitted(n_rounds=3)
-    used = model.strong_classifier_.used_features
+    used = model.used_features_
     assert 0 < len(used) < X.shape[1]
     short = model.restricted(used[::-1])
     np.testing.assert_array_equal(short.log_proba(X[:, used[::-1]]), model.log_proba(X))
