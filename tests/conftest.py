@@ -1,6 +1,7 @@
 """Settings that hold for the whole suite."""
 
 import gc
+import os
 import random
 import signal
 from collections import defaultdict
@@ -9,6 +10,12 @@ import pytest
 from hypothesis import settings
 
 from tests import real_data
+
+# BLAS of each process would keep a thread for each core waiting in loops, so that the processes of
+# the suite take each other's time: products of small matrices cost up to eight times as much. It
+# reads this when NumPy is imported, which nothing above does. Our own kernels keep their threads.
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 # Machines are shared, so no example can be timed; the same examples in every run.
 settings.register_profile("pgm_places", deadline=None, derandomize=True)

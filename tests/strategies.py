@@ -1,5 +1,6 @@
 """Hypothesis strategies: arrays, small graphs and the potentials on them."""
 
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ reals = st.floats(-3, 3, allow_nan=False, width=32)
 """Values without structure."""
 
 
+@cache
 def varied_arrays(
     dtype: type[np.generic], shape: Any, *, elements: st.SearchStrategy[Any] | None = None
 ) -> st.SearchStrategy[NDArray[Any]]:
@@ -30,6 +32,7 @@ def varied_arrays(
     )
 
 
+@cache
 @st.composite
 def edge_lists(draw: st.DrawFn, n_nodes: int, *, forest: bool = False) -> NDArray[np.int64]:
     """(E, 2) pairs i < j, sorted, each once; without cycles where asked."""
