@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from pgm_places.topology.regions import Region
 
 if TYPE_CHECKING:
     import networkx as nx
+
+
+_ROWS_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
@@ -157,15 +160,23 @@ class TopologicalMap:
         return [self._by_id[other] for other in self._neighbour_ids[self.place(key).id]]
 
     @cached_property
-    def _windows(self) -> Any:
-        from scipy.ndimage import find_objects
-
-        return find_objects(self.region)
+    def _windows(self) -> NDArray[np.int64]:
+        """(R + 1, 2, 2) first and last row, and column, of each number; without importing SciPy."""
+        n = int(self.region.max(initial=0)) + 1
+        first, last = np.full((n, 2), max(self.grid.shape)), np.full((n, 2), -1)
+        for top in range(0, len(self.region), _ROWS_AT_ONCE):  # no list of a huge map's cells
+            band = self.region[top : top + _ROWS_AT_ONCE]
+            cells = np.argwhere(band > 0)
+            number = band[tuple(cells.T)]
+            cells[:, 0] += top
+            np.minimum.at(first, number, cells)
+            np.maximum.at(last, number, cells)
+        return np.stack([first, last], axis=2)
 
     def window(self, key: int | str) -> tuple[slice, slice]:
         """The rows and columns spanned by a region."""
-        rows, columns = self._windows[self.place(key).id - 1]
-        return rows, columns
+        rows, columns = self._windows[self.place(key).id].tolist()
+        return slice(rows[0], rows[1] + 1), slice(columns[0], columns[1] + 1)
 
     def cells(self, key: int | str) -> NDArray[np.int64]:
         """(n, 2) row and column of the cells of a region: of a doorway, those that lead through."""
