@@ -1,6 +1,6 @@
 """Boosting goes on: a trained list learns from other examples without forgetting what it knows."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -204,5 +204,6 @@ def _rounds(
 ) -> Any:
     """Rounds that tell positive classes from negative ones, of trees if those before are."""
     depth = 1 if isinstance(like, StrongClassifier) else min(rounds.max_depth, like.depth)
-    options = asdict(rounds) | {"max_depth": depth, "sample_weight": examples.weights} | more
+    options = {field.name: getattr(rounds, field.name) for field in fields(FurtherRounds)}
+    options |= {"max_depth": depth, "sample_weight": examples.weights} | more
     return boosted(prepared, *sides, **options)
