@@ -130,7 +130,7 @@ def test_a_gate_parts_places_of_any_label(label: int) -> None:
     seed=st.integers(0, 99),
     groups=st.integers(1, 3),
 )
-def test_valuesgrow_ring_by_ring_within_their_group(
+def test_values_grow_ring_by_ring_within_their_group(
     values: np.ndarray, seed: int, groups: int
 ) -> None:
     rng = np.random.default_rng(seed)
