@@ -84,8 +84,8 @@ def worker_and_own_process(number: int) -> tuple[int, int]:
 def test_a_task_that_hangs_is_killed_and_no_worker_with_it(address: str) -> None:
     workers = patient(address)
     before = set(distributed.Client(address, set_as_default=False).run(os.getpid).values())
-    found = dict(workers.run(worker_and_own_process, range(4), limit_s=1.0))
-    assert found[1] is found[3] is OVERDUE
+    found = dict(workers.run(worker_and_own_process, range(3), limit_s=1.0))
+    assert found[1] is OVERDUE
     parents = {found[number][0] for number in (0, 2)}
     assert parents <= before  # labelled beside a worker, which is as it was
     assert set(distributed.Client(address, set_as_default=False).run(os.getpid).values()) == before

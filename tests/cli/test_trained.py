@@ -51,7 +51,7 @@ def test_tracks_any_laser_without_training_or_map(
 ) -> None:
     building = generate_building(109, size="small", resolution_m=0.05)
     geometry = ScanGeometry.ahead(n_beams, np.deg2rad(view_degrees), range_max_m=reach_m)
-    path = SimulatedRobot(geometry, radius_m=0.2).explore(building.grid, max_length_m=40.0)
+    path = SimulatedRobot(geometry, radius_m=0.2).explore(building.grid, max_length_m=20.0)
     path = path.labelled_by(LabelledMap(building.grid, building.labels), building.label_names)
     labeler = trained_tracker().with_options(method__mode="smooth")
     assert path.labels is not None
