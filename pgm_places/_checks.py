@@ -33,13 +33,21 @@ def _shape_text(shape: tuple[int | str | None, ...]) -> str:
     return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
 
 
-def _check_shape(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> None:
-    fits = len(got) == len(shape) and all(
+def _fits(got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> bool:
+    return len(got) == len(shape) and all(
         not isinstance(want, int) or want == size for want, size in zip(shape, got, strict=True)
     )
-    if not fits:
+
+
+def _check_shape(
+    name: str,
+    got: tuple[int, ...],
+    shape: tuple[int | str | None, ...],
+    error: type[InputError] = InputError,
+) -> None:
+    if not _fits(got, shape):
         hint = _shape_hint(name, got, shape)
-        raise InputError(f"{name} must have shape {_shape_text(shape)}, got {got}{hint}")
+        raise error(f"{name} must have shape {_shape_text(shape)}, got {got}{hint}")
 
 
 def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> str:
@@ -48,11 +56,7 @@ def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, 
         return ""
     if len(got) == 1 and got[0] == shape[0] != shape[1]:
         return f"; a single column is {name}[:, np.newaxis]"
-    turned = len(got) == 2 and all(
-        not isinstance(want, int) or want == size
-        for want, size in zip(shape, got[::-1], strict=True)
-    )
-    return f"; transpose it: {name}.T" if turned else ""
+    return f"; transpose it: {name}.T" if _fits(got[::-1], shape) else ""
 
 
 def require_type(name: str, value: object, kind: type, hint: str = "") -> None:
@@ -222,11 +226,7 @@ def label_raster(
     array = np.asarray(values)
     if not np.issubdtype(array.dtype, np.integer):
         raise LabelError(f"{name} must hold integers, got dtype {array.dtype}")
-    if len(array.shape) != len(shape) or any(
-        isinstance(want, int) and want != size
-        for want, size in zip(shape, array.shape, strict=True)
-    ):
-        raise LabelError(f"{name} must have shape {_shape_text(shape)}, got {array.shape}")
+    _check_shape(name, array.shape, shape, LabelError)
     high = np.iinfo(np.int16).max if n_labels is None else n_labels - 1
     if array.size and (array.min() < -1 or array.max() > high):
         raise LabelError(

@@ -98,13 +98,9 @@ def plain_values(item: Any) -> Any:
     return [plain_values(value) for value in item] if isinstance(item, list | tuple) else item
 
 
+@functools.cache
 def option_hints(cls: Any) -> dict[str, Any]:
     """What each option takes, as its field is annotated; ``Any`` where that cannot be resolved."""
-    return _hints(cls)
-
-
-@functools.cache
-def _hints(cls: Any) -> dict[str, Any]:
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
     except NameError:  # names that another package imports for type checkers only
@@ -141,11 +137,12 @@ def check_options(item: Any) -> None:
     ConfigError
         One line: the option, what it takes, what came.
     """
+    hints = option_hints(type(item))
     for field in option_fields(type(item)):
         value = getattr(item, field.name)
         if type(value) is type(field.default) and value == field.default:
             continue  # needs no check, and spares the import of pydantic
-        object.__setattr__(item, field.name, _checked(type(item), field.name, value))
+        object.__setattr__(item, field.name, check_option(field.name, hints[field.name], value))
 
 
 def taken_from(cls: type[T], item: Any) -> T:
@@ -188,7 +185,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
             raise ConfigError(f"{_at(path, item.name)!r} is missing")
     built = {key: _nested(hints[key], value, _at(path, key)) for key, value in values.items()}
     try:
-        return cls(**{key: _checked(cls, key, value) for key, value in built.items()})
+        return cls(**{key: check_option(key, hints[key], value) for key, value in built.items()})
     except OptionError as error:
         raise OptionError(_at(path, error.option), error.problem) from None
     except InputError as error:
@@ -196,10 +193,6 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
 
 
 # ---------------------------------------------------------------------- the verdict: pydantic's
-
-
-def _checked(cls: Any, name: str, value: Any) -> Any:
-    return check_option(name, option_hints(cls)[name], value)
 
 
 def check_option(name: str, hint: Any, value: Any) -> Any:

@@ -113,6 +113,11 @@ class OccupancyGrid:
         """(H, W) mask of the unknown cells."""
         return sealed(self.cells == UNKNOWN)
 
+    @property
+    def corners_m(self) -> NDArray[np.float64]:
+        """(4, 2) map-frame positions of the corners of the map."""
+        return self.cell_centres_m(np.indices((2, 2)).reshape(2, 4).T * self.shape - 0.5)
+
     def cell_centres_m(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) map-frame positions of the centres of cells given as (row, column)."""
         cells = np.asarray(cells_rc, np.float64).reshape(-1, 2)

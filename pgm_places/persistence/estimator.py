@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.persistence.model_folder import Arrays, below, put_below
 
 ESTIMATORS: Mapping[str, str] = {
     "DecisionListClassifier": "pgm_places.models.decision_list",
@@ -30,7 +30,6 @@ ESTIMATORS: Mapping[str, str] = {
 }
 """What can be stored: class to module."""
 
-Arrays = dict[str, NDArray[Any]]
 Record = dict[str, Any]
 
 _PLAIN = (bool, int, float, str, type(None))
@@ -62,7 +61,7 @@ def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
     record: Record = {"class": name, "params": params}
     if isinstance(estimator, DecisionListClassifier):
         meta, parts = estimator.to_arrays()
-        arrays.update({f"{prefix}/{key}": array for key, array in parts.items()})
+        put_below(arrays, prefix, parts)
         return {**record, "list": meta}
     return {**record, **_dump_state(arrays, prefix, estimator)}
 
@@ -82,18 +81,15 @@ def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> An
         ]
         return _class("Pipeline")(steps)
     estimator = unfitted_estimator(record)
-    own = {
-        key.removeprefix(f"{prefix}/"): array
-        for key, array in arrays.items()
-        if key.startswith(f"{prefix}/")
-    }
+    own = below(arrays, prefix)
     if isinstance(estimator, DecisionListClassifier):
         fitted = DecisionListClassifier.from_arrays(record["list"], own)
         return fitted.set_params(**record["params"])
-    for key in record["arrays"]:
-        _set_state(estimator, key, own[key])
-    for key, value in record["numbers"].items():
-        _set_state(estimator, key, value)
+    learned = {**{key: own[key] for key in record["arrays"]}, **record["numbers"]}
+    for key, value in learned.items():
+        if not key.endswith("_") or key.startswith("_"):
+            raise ModelFileError(f"{type(estimator).__name__} learns no {key!r}")
+        setattr(estimator, key, np.asarray(value) if isinstance(value, list) else value)
     return estimator
 
 
@@ -159,9 +155,3 @@ def _dump_state(arrays: Arrays, prefix: str, estimator: Any) -> Record:
     if not names:
         raise OutputError(f"{type(estimator).__name__} cannot be saved before it is fitted")
     return {"arrays": names, "numbers": numbers}
-
-
-def _set_state(estimator: Any, key: str, value: Any) -> None:
-    if not key.endswith("_") or key.startswith("_"):
-        raise ModelFileError(f"{type(estimator).__name__} learns no {key!r}")
-    setattr(estimator, key, np.asarray(value) if isinstance(value, list) else value)

@@ -8,9 +8,7 @@ from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.method import unfitted
 from pgm_places.persistence import place_labeler, trajectory_labeler
 from pgm_places.persistence.backend import dump_backend, load_backend
-from pgm_places.persistence.model_folder import Arrays
-
-KIND = "joint-labeler"
+from pgm_places.persistence.model_folder import Arrays, below, put_below
 
 CODECS = {"places": place_labeler, "steps": trajectory_labeler}
 
@@ -26,7 +24,7 @@ def dump(labeler: JointLabeler) -> tuple[dict[str, Any], Arrays]:
     }
     for name, codec in CODECS.items():
         manifest[name], inner = codec.dump(getattr(labeler, f"{name}_"))
-        arrays |= {f"{name}/{key}": array for key, array in inner.items()}
+        put_below(arrays, name, inner)
     return manifest, arrays
 
 
@@ -35,7 +33,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
     names = tuple(str(name) for name in manifest["label_names"])
     method = load_backend(arrays, "method", manifest["method"])
     parts = {
-        name: codec.load(manifest[name], _inner(arrays, name)) for name, codec in CODECS.items()
+        name: codec.load(manifest[name], below(arrays, name)) for name, codec in CODECS.items()
     }
     for name, part in parts.items():
         if part.label_names_ != names:
@@ -52,10 +50,3 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
         link_weight_=weight,
         label_names_=names,
     )
-
-
-def _inner(arrays: Arrays, name: str) -> Arrays:
-    prefix = f"{name}/"
-    return {
-        key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)
-    }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.raster_image import open_image
+from pgm_places.io.places.label_probabilities import probability_file
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.topology.topological_map import TopologicalMap
@@ -55,7 +56,7 @@ def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> Labelle
             f"{place} has the labels {', '.join(places.label_names)}, but the model has "
             f"{', '.join(label_names)}; label the map with labels of the same names"
         )
-    files = [place / f"probability_{name}.png" for name in label_names]
+    files = [place / probability_file(name) for name in label_names]
     if all(file.is_file() for file in files):
         table = np.stack([_probabilities(file, places.grid.shape) for file in files], axis=2)
         return LabelledMapFolder(MapPrior(places.grid, table), places)

@@ -28,6 +28,17 @@ MAX_MANIFEST, MAX_ARRAYS = 16 << 20, 2 << 30
 Arrays = dict[str, NDArray[Any]]
 
 
+def below(arrays: Mapping[str, NDArray[Any]], prefix: str) -> Arrays:
+    """The arrays ``prefix/NAME`` by their names."""
+    start = f"{prefix}/"
+    return {key.removeprefix(start): a for key, a in arrays.items() if key.startswith(start)}
+
+
+def put_below(arrays: Arrays, prefix: str, parts: Mapping[str, NDArray[Any]]) -> None:
+    """Add arrays by the names ``prefix/NAME``."""
+    arrays.update({f"{prefix}/{key}": array for key, array in parts.items()})
+
+
 def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -> Path:
     """The folder, written as a whole or not at all; a model that stood there is replaced.
 

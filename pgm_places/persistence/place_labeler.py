@@ -32,8 +32,6 @@ from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 
-KIND = "place-labeler"
-
 OPTIONS = (
     "learn_on",
     "n_folds",
@@ -62,7 +60,9 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         "classifier": dump_list(arrays, "classifier", unary.classifier),
         "context_classifier": None if second is None else dump_list(arrays, "context", second),
         "methods": [
-            _dump_method(arrays, name, method) for name, method in labeler.methods_.items()
+            {"name": name, "unary": method.unary}
+            | dump_backend(arrays, f"method/{name}", method.backend)
+            for name, method in labeler.methods_.items()
         ],
         "movement": None if movement is None else dump_backend(arrays, "movement", movement),
     }
@@ -85,7 +85,11 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     resolution_m = check_option("resolution_m", float, manifest["resolution_m"])
     check_resolution(resolution_m)
     unary = _unary_model(manifest, arrays)
-    methods = {item["name"]: _load_method(arrays, item) for item in manifest["methods"]}
+    methods = {
+        name: PlaceMethod(load_backend(arrays, f"method/{name}", item), item["unary"])
+        for item in manifest["methods"]
+        for name in [item["name"]]
+    }
     record = manifest.get("movement")  # absent from models saved by earlier versions
     names = tuple(str(name) for name in manifest["label_names"])
     labeler = PlaceLabeler(
@@ -186,15 +190,3 @@ def _load_space(
         doorway,
         corridor,
     )
-
-
-def _dump_method(arrays: Arrays, name: str, method: PlaceMethod) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unary": method.unary,
-        **dump_backend(arrays, f"method/{name}", method.backend),
-    }
-
-
-def _load_method(arrays: Arrays, item: Mapping[str, Any]) -> PlaceMethod:
-    return PlaceMethod(load_backend(arrays, f"method/{item['name']}", item), item["unary"])

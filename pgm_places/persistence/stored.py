@@ -18,15 +18,6 @@ from pgm_places.topology.rules import TopologyOptions, stored_options
 
 __all__ = ["KINDS", "Stored", "load", "read", "save"]
 
-KINDS = (
-    "place-labeler",
-    "trajectory-labeler",
-    "joint-labeler",
-    "structured-labeler",
-    "backend",
-)
-"""What a manifest says a folder holds."""
-
 USES = {
     "place-labeler": "pgm-places label",
     "trajectory-labeler": "pgm-places track",
@@ -35,6 +26,9 @@ USES = {
     "backend": "pgm_places.load(folder) in Python",
 }
 """What to use each kind with, for those who try it elsewhere."""
+
+KINDS = tuple(USES)
+"""What a manifest says a folder holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +98,7 @@ def save(
     0.5
     """
     kind = _kind_of(item)
-    for options in (_rules, _entered):
-        options(dict(record or {}))
+    _options_of(dict(record or {}))
     names: tuple[Sequence[str], ...] = ()
     if isinstance(item, Labeler):
         item.check_fitted()
@@ -149,27 +142,17 @@ def read(folder: Path | str, *kinds: str) -> Stored:
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})
-        rules, entered = _rules(record), _entered(record)
-        return Stored(kind, _codec(kind).load(manifest, arrays), names, record, rules, entered)
+        item, options = _codec(kind).load(manifest, arrays), _options_of(record)
+        return Stored(kind, item, names, record, *options)
 
 
-def _table_of(record: Any, name: str) -> tuple[Mapping[str, Any], str]:
-    """A table of a record's configuration, empty without any, and where it is."""
-    config = _table("record", record).get("config", {})
-    where = f"record.config.{name}"
-    return _table(where, _table("record.config", config).get(name, {})), where
-
-
-def _rules(record: Any) -> TopologyOptions:
-    """The options of topological maps in a record, which is checked; the defaults without any."""
-    table, where = _table_of(record, "topology")
-    return stored_options(table, path=where)
-
-
-def _entered(record: Any) -> EnteredOptions:
-    """What a record counts as entered, checked; the defaults without any."""
-    table, where = _table_of(record, "entered")
-    return from_mapping(EnteredOptions, table, path=where)
+def _options_of(record: Any) -> tuple[TopologyOptions, EnteredOptions]:
+    """How places are found and what counts as entered, checked; the defaults without a record."""
+    config = _table("record.config", _table("record", record).get("config", {}))
+    paths = {name: f"record.config.{name}" for name in ("topology", "entered")}
+    tables = {name: _table(path, config.get(name, {})) for name, path in paths.items()}
+    rules = stored_options(tables["topology"], path=paths["topology"])
+    return rules, from_mapping(EnteredOptions, tables["entered"], path=paths["entered"])
 
 
 def _table(where: str, value: Any) -> Mapping[str, Any]:

@@ -8,8 +8,6 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 
-KIND = "structured-labeler"
-
 OPTIONS = ("learn_on", "n_folds", "min_probability", "metric")
 
 

@@ -22,8 +22,6 @@ from pgm_places.persistence.unary import (
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 from pgm_places.unary.surroundings import N_SURROUNDINGS
 
-KIND = "trajectory-labeler"
-
 OPTIONS = ("n_folds", "n_runs", "seed", "loop_m")
 """Plain options; those that only learning reads are kept so that a loaded labeler can be fitted
 again."""

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import ModelFileError
 from pgm_places.features.laser import feature_set_hash
@@ -13,7 +12,7 @@ from pgm_places.features.own import FEATURES
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.options import option_values
-from pgm_places.persistence.model_folder import Arrays, load_folder
+from pgm_places.persistence.model_folder import Arrays, below, load_folder, put_below
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary.floor_model import FloorModel
 
@@ -34,7 +33,7 @@ def dump_shared_floor(arrays: Arrays, floor: FloorModel) -> dict[str, Any]:
     """The same, but those of the shipped model are only named: they would be half of the folder."""
     shipped = [network.packed() for network in _shipped_networks()]
     mine = [network.packed() for network in floor.networks]
-    if len(mine) == len(shipped) and all(map(_equal, mine, shipped)):
+    if len(mine) == len(shipped) and all(map(np.array_equal, mine, shipped)):
         return {"networks_of": _SHIPPED.name, **_options(floor)}
     return dump_floor(arrays, floor)
 
@@ -77,10 +76,6 @@ def _networks(arrays: Arrays, n: int) -> tuple[FloorNetwork, ...]:
 def _shipped_networks() -> tuple[FloorNetwork, ...]:
     manifest, arrays = load_folder(_SHIPPED)
     return _networks(arrays, manifest["floor"]["n_networks"])
-
-
-def _equal(a: NDArray[Any], b: NDArray[Any]) -> bool:
-    return bool(np.array_equal(a, b))
 
 
 def check_feature_set(manifest: Mapping[str, Any]) -> None:
@@ -141,7 +136,7 @@ def load_features(manifest: Mapping[str, Any]) -> tuple[Any, ...]:
 def dump_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
     """The list as plain data; its arrays go into ``arrays`` under the prefix."""
     meta, parts = classifier.to_arrays()
-    arrays.update({f"{prefix}/{name}": array for name, array in parts.items()})
+    put_below(arrays, prefix, parts)
     return dict(meta)
 
 
@@ -149,12 +144,7 @@ def load_list(
     arrays: Arrays, prefix: str, meta: dict[str, Any], n_columns: int, n_labels: int
 ) -> BoostedList:
     """The list that :func:`dump_list` described, if it has these columns and labels."""
-    parts = {
-        name.removeprefix(f"{prefix}/"): array
-        for name, array in arrays.items()
-        if name.startswith(f"{prefix}/")
-    }
-    classifier = BoostedList.from_arrays(meta, parts)
+    classifier = BoostedList.from_arrays(meta, below(arrays, prefix))
     if classifier.n_features != n_columns:
         raise ModelFileError(
             f"{prefix} expects {classifier.n_features} features, the model has {n_columns}"

@@ -1,9 +1,10 @@
 """Writing a trajectory as a ROS bag."""
 
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,16 +66,11 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
             _write_ros1(temporary, trajectory)
     elif path.suffix == ".mcap":
         with atomic_file(path) as temporary, TemporaryDirectory(dir=temporary.parent) as folder:
-            parts = Path(folder) / path.stem
-            _write_ros2(parts, trajectory, "MCAP")
-            next(parts.glob("*.mcap")).rename(temporary)
+            _write_ros2(Path(folder), path.stem, trajectory, "MCAP")
+            (Path(folder) / f"{path.stem}.mcap").rename(temporary)
     elif not path.suffix:
         with atomic_folder(path, replaces=_is_ros2_bag) as folder:
-            parts = folder / path.name  # files in a bag are called as its folder
-            _write_ros2(parts, trajectory, "SQLITE3")
-            for file in parts.iterdir():
-                file.rename(folder / file.name)
-            parts.rmdir()
+            _write_ros2(folder, path.name, trajectory, "SQLITE3")
     else:
         raise InputError(
             "a bag is written as NAME.bag (ROS 1), NAME.mcap, or NAME without an ending (the "
@@ -103,13 +99,26 @@ def _write_ros1(path: Path, trajectory: Trajectory) -> None:
             writer.write(topics[topic], stamp_ns, raw)
 
 
-def _write_ros2(folder: Path, trajectory: Trajectory, storage: str) -> None:
+@contextlib.contextmanager
+def ros2_writer(folder: Path, name: str, storage: Literal["MCAP", "SQLITE3"]) -> Iterator[Any]:
+    """A ``rosbags.rosbag2.Writer`` of a bag of that name, whose files are in the folder then."""
     from rosbags.rosbag2 import StoragePlugin, Writer
+
+    inner = folder / name  # files in a bag are called as its folder
+    with Writer(inner, version=_ROS2_VERSION, storage_plugin=StoragePlugin[storage]) as writer:
+        yield writer
+    for file in inner.iterdir():
+        file.rename(folder / file.name)
+    inner.rmdir()
+
+
+def _write_ros2(
+    folder: Path, name: str, trajectory: Trajectory, storage: Literal["MCAP", "SQLITE3"]
+) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    plugin = StoragePlugin[storage]
-    with Writer(folder, version=_ROS2_VERSION, storage_plugin=plugin) as writer:
+    with ros2_writer(folder, name, storage) as writer:
         topics = {
             topic: writer.add_connection(topic, kind, typestore=store)
             for topic, kind in _TOPICS.items()

@@ -323,7 +323,10 @@ def read_carmen(
     if lines.damage:
         warnings.append(f"{lines.damage}; everything before it was read ({scans.n_scans} scans)")
     if reader.n_damaged:
-        warnings.append(f"{_damaged_lines(reader.n_damaged)} could not be read and were skipped")
+        lines_are = "line" if reader.n_damaged == 1 else "lines"
+        warnings.append(
+            f"{reader.n_damaged} damaged {lines_are} could not be read and were skipped"
+        )
     name = path.name.removesuffix(".gz").removesuffix(".log")
     if scans.n_scans:
         trajectory, left_out = scans.trajectory(name)
@@ -340,10 +343,6 @@ def read_carmen(
         )
     warnings += order_warnings(trajectory)
     return LoadedLog(trajectory, path, tuple(warnings), reader.counts)
-
-
-def _damaged_lines(n: int) -> str:
-    return "1 damaged line" if n == 1 else f"{n} damaged lines"
 
 
 def _with_real_odometry(trajectory: Trajectory) -> Trajectory:

@@ -112,12 +112,7 @@ def follow_lines(
         yield bytes(part)
 
 
-def follow_files(
-    path: Path,
-    *,
-    poll_s: float = 0.2,
-    is_over: Callable[[], bool] = lambda: False,
-) -> Iterator[Iterator[bytes]]:
+def follow_files(path: Path, *, poll_s: float = 0.2) -> Iterator[Iterator[bytes]]:
     """The lines of a growing file, and those of every file that takes its place under its name.
 
     A log may be truncated and restarted, or moved away and replaced (as logrotate does). The rest
@@ -127,7 +122,7 @@ def follow_files(
     ----------
     path : Path
         An existing file.
-    poll_s, is_over
+    poll_s
         As of :func:`follow_lines`.
 
     Raises
@@ -137,17 +132,13 @@ def follow_files(
     """
     while True:
         with open_input(path, LogError, "a log") as stream:
-            yield _until_replaced(path, stream, poll_s, is_over)
-        if is_over():
-            return
+            yield _until_replaced(path, stream, poll_s)
 
 
-def _until_replaced(
-    path: Path, stream: BinaryIO, poll_s: float, is_over: Callable[[], bool]
-) -> Iterator[bytes]:
+def _until_replaced(path: Path, stream: BinaryIO, poll_s: float) -> Iterator[bytes]:
     """The lines of one file; a last line that was never finished is dropped."""
     ends = partial(_is_replaced, path, stream)
-    for line in follow_lines(stream, poll_s=poll_s, is_over=lambda: is_over() or ends()):
+    for line in follow_lines(stream, poll_s=poll_s, is_over=ends):
         if line.endswith(b"\n") or not ends():
             yield line
 

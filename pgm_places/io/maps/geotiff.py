@@ -57,12 +57,7 @@ def write_geotiff(
     highest = max((region.id for region in topology.regions), default=0)
     if highest > 65535:
         raise InputError(f"a GeoTIFF of regions holds ids up to 65535, got {highest}")
-    values = topology.region
-    if what == "labels":
-        table = np.zeros(highest + 1, np.int32)
-        for region in topology.regions:
-            table[region.id] = 1 + topology.label_names.index(region.label)
-        values = table[values]
+    values = topology.region if what == "regions" else topology.labels + 1
     tags = ImageFileDirectory_v2()
     for tag, kind, content in (
         (_TRANSFORMATION, _DOUBLE, tuple(pixel_to_map(topology.grid).ravel().tolist())),

@@ -85,8 +85,6 @@ class MapFile:
         Free, occupied and unknown cells; row 0 is the bottom of the image.
     yaml_path, image_path : Path
         What was opened.
-    image_shape : (int, int)
-        Rows and columns of the image, equal to the grid's.
     fractions : Fractions
         Shares of free, occupied and unknown cells.
     warnings : tuple of str
@@ -104,7 +102,6 @@ class MapFile:
     grid: OccupancyGrid
     yaml_path: Path
     image_path: Path
-    image_shape: tuple[int, int]
     fractions: Fractions
     warnings: tuple[str, ...]
     occupancy: NDArray[np.int8]
@@ -171,7 +168,6 @@ def load_map(
         raise file.fail(str(error)) from None
     image_path = _image_path(file)
     with open_image(image_path, MapError, max_pixels=max_pixels, lossy=True) as image:
-        shape = image.shape
         pixels = MapPixels.read(image, rules, unknown_value)
     warnings += pixels.suspicions(yaml_path)
     grid = OccupancyGrid(pixels.cells, resolution_m, (x, y), yaw)
@@ -182,7 +178,6 @@ def load_map(
         grid,
         yaml_path,
         image_path,
-        shape,
         pixels.fractions,
         tuple(warnings),
         occupancy,
@@ -262,23 +257,26 @@ def save_map(
     if image_format not in ("png", "pgm"):
         raise MapError(f"image_format must be 'png' or 'pgm', got {image_format!r}")
     image_path = target.with_name(f"{target.name}.{image_format}")
-    yaml_path = target.with_name(f"{target.name}.yaml")
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.cells == FREE] = FREE_GREY
     grey[grid.cells == OCCUPIED] = OCCUPIED_GREY
     write_bytes(image_path, _encoded(grey[::-1], image_format))
+    return write_description(image_path, grid, "trinary")
+
+
+def write_description(image_path: Path, grid: OccupancyGrid, mode: Mode) -> Path:
+    """Write the YAML file of a map's image beside it; the path."""
     x, y = grid.origin_xy_m
-    write_text(
-        yaml_path,
+    return write_text(
+        image_path.with_suffix(".yaml"),
         f"image: {_quoted(image_path.name)}\n"
-        "mode: trinary\n"
+        f"mode: {mode}\n"
         f"resolution: {grid.resolution_m!r}\n"
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
         "negate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
         f"free_thresh: {FREE_THRESH}\n",
     )
-    return yaml_path
 
 
 def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:

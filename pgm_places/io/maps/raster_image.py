@@ -1,5 +1,6 @@
 """Images of rasters: PNG, PGM/PPM, BMP, TIFF and JPEG read as strips of greys, and PNG written."""
 
+import importlib
 import io
 import struct
 import zlib
@@ -39,7 +40,14 @@ _READ_BYTES = 1 << 20
 # A JPEG takes at least a bit for each block of 8 x 8 pixels.
 _JPEG_PIXELS_A_BYTE = 8 * 64
 
-_PORTABLE = (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6")
+_DECODERS = {
+    "Png": (b"\x89PNG\r\n\x1a\n",),
+    "Ppm": (b"P1", b"P2", b"P3", b"P4", b"P5", b"P6"),
+    "Bmp": (b"BM",),
+    "Tiff": (b"II*\0", b"MM\0*"),
+    "Jpeg": (b"\xff\xd8\xff",),
+}
+"""What files of each of Pillow's formats begin with."""
 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
@@ -217,30 +225,15 @@ def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) 
     The plugin is called by its class: ``Image.open`` would take maps of more than 89 million pixels
     for an attack, by a limit that is global to the process.
     """
+    kind = next((kind for kind, starts in _DECODERS.items() if head.startswith(starts)), None)
+    if kind is None:
+        raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
     try:
-        if head.startswith(b"\x89PNG\r\n\x1a\n"):
-            from PIL.PngImagePlugin import PngImageFile
-
-            return PngImageFile(file)
-        if head[:2] in _PORTABLE:
-            from PIL.PpmImagePlugin import PpmImageFile
-
-            return PpmImageFile(file)
-        if head.startswith(b"BM"):
-            from PIL.BmpImagePlugin import BmpImageFile
-
-            return BmpImageFile(file)
-        if head[:4] in (b"II*\0", b"MM\0*"):
-            from PIL.TiffImagePlugin import TiffImageFile
-
-            return TiffImageFile(file)
-        if head.startswith(b"\xff\xd8\xff"):
-            from PIL.JpegImagePlugin import JpegImageFile
-
-            return JpegImageFile(file)
+        plugin = importlib.import_module(f"PIL.{kind}ImagePlugin")
+        picture: Image = getattr(plugin, f"{kind}ImageFile")(file)
+        return picture
     except _DAMAGED as problem:
         raise error(f"{path}: the image's header is damaged ({problem}); save it again") from None
-    raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
 
 
 def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> None:

@@ -21,7 +21,6 @@ def load_regions(
     grid: OccupancyGrid,
     *,
     classes: Mapping[str, str] | None = None,
-    property_name: str = "class",
     line_width_m: float | None = None,
 ) -> NDArray[np.int16]:
     """(H, W) label of each cell whose centre lies in a region; -1 where there is none.
@@ -42,8 +41,6 @@ def load_regions(
         From the file's classes to label names; the key ``*`` stands for all classes that are not
         keys. Other regions, and those whose class is mapped to an empty string, have no label and
         hide larger ones beneath them. Without a mapping the file's classes must be label names.
-    property_name : str
-        The property that holds the class.
     line_width_m : float, optional
         Reads lines, too, as wide as this: see :func:`~pgm_places.io.geojson.read_regions`.
 
@@ -54,7 +51,7 @@ def load_regions(
         does not lead to a label, or no region touches the map.
     """
     names = [str(name) for name in label_names]
-    regions = read_regions(path, property_name, line_width_m=line_width_m)
+    regions = read_regions(path, line_width_m=line_width_m)
     labels = [_label(path, region, names, classes) for region in regions]
     _log_ignored(path, regions, labels)
     raster = np.full(grid.shape, -1, np.int16)
@@ -175,13 +172,10 @@ def _nothing_hit(
             f"{path}: no region has a label; the file's classes are: {codes}. Translate them with "
             "'classes'"
         )
-    height, width = grid.shape
-    corners = [[-0.5, -0.5], [-0.5, width - 0.5], [height - 0.5, -0.5], [height - 0.5, width - 0.5]]
-    map_box = _box(grid.cell_centres_m(corners))
     points = np.vstack([ring for region in regions for rings in region.polygons for ring in rings])
     return (
         f"{path}: no region with a label covers a cell of the map: the regions lie in "
-        f"{_box(points)}, the map in {map_box}; both must be metres in the same frame"
+        f"{_box(points)}, the map in {_box(grid.corners_m)}; both must be metres in the same frame"
     )
 
 

@@ -112,9 +112,7 @@ def _cut_in_metres(
 
 def _extent(grid: OccupancyGrid) -> str:
     height, width = grid.shape
-    corners = np.array([[-0.5, -0.5], [-0.5, width - 0.5], [height - 0.5, -0.5]])
-    corners = np.vstack([corners, [[height - 0.5, width - 0.5]]])
-    (x0, y0), (x1, y1) = (pick(grid.cell_centres_m(corners), axis=0) for pick in (np.min, np.max))
+    (x0, y0), (x1, y1) = grid.corners_m.min(axis=0), grid.corners_m.max(axis=0)
     return (
         f"has {width} columns and {height} rows and reaches from {x0:g} to {x1:g} m in x and from "
         f"{y0:g} to {y1:g} m in y"

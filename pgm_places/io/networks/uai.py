@@ -248,16 +248,16 @@ class _Words:
         if len(words) < count:
             raise self.wrong(f"ends within {wanted}")
         self._at += count
-        return self._checked(words, wanted)
+        values = self._numbers(words, f"words in {wanted},")
+        if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
+            raise self.wrong(f"must hold numbers of at least 0 in {wanted}")
+        return values
 
     def rest(self) -> NDArray[np.float64]:
         words, self._at = self._words[self._at :], len(self._words)
         if not words:
             raise self.wrong("ends too early")
-        try:
-            return np.array(words, np.float64)
-        except ValueError:
-            raise self.wrong("holds words where numbers should be") from None
+        return self._numbers(words, "words")
 
     def rest_whole(self) -> list[int]:
         return [self.whole("a number") for _ in range(self._at, len(self._words))]
@@ -266,11 +266,8 @@ class _Words:
         if self._at < len(self._words):
             raise self.wrong(f"goes on after its last table, with {self._words[self._at][:20]!r}")
 
-    def _checked(self, words: list[str], wanted: str) -> NDArray[np.float64]:
+    def _numbers(self, words: list[str], what: str) -> NDArray[np.float64]:
         try:
-            values = np.array(words, np.float64)
+            return np.array(words, np.float64)
         except ValueError:
-            raise self.wrong(f"holds words in {wanted}, where numbers should be") from None
-        if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
-            raise self.wrong(f"must hold numbers of at least 0 in {wanted}")
-        return values
+            raise self.wrong(f"holds {what} where numbers should be") from None

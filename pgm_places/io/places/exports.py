@@ -9,7 +9,7 @@ from typing import TypeAlias
 from pgm_places.errors import InputError, nearest_name, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.geotiff import write_geotiff
-from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
+from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
@@ -66,16 +66,11 @@ def _quoted(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
 
 
-Values: TypeAlias = Mapping[str, float] | None
-
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
 ROUTE_FILE = "nav2_route.geojson"
 
 EXPORTS: dict[str, Writer] = {
-    "nav2-route": lambda folder, t: [
-        write_nav2_route(folder / ROUTE_FILE, t, route_graph(t)),
-    ],
     "regions": lambda folder, t: [write_region_features(folder / "regions.geojson", t)],
     "graphml": lambda folder, t: [write_graphml(folder / "places.graphml", t)],
     "node-link": lambda folder, t: [write_node_link(folder / "places.json", t)],
@@ -86,15 +81,7 @@ EXPORTS: dict[str, Writer] = {
     ],
     "mcap": lambda folder, t: write_place_bag(folder / "places", t),
 }
-"""Formats that need only the map."""
-
-MASKS: dict[str, FilterKind] = {
-    "zones": "zones",
-    "keepout": "keepout",
-    "speed-percent": "speed-percent",
-    "speed-m-s": "speed-m-s",
-    "binary": "binary",
-}
+"""Formats that need only the map; the masks are in ``filter_masks.TYPES``."""
 
 
 def export(
@@ -102,7 +89,7 @@ def export(
     to: str,
     folder: Path,
     *,
-    values: Values = None,
+    values: Mapping[str, float] | None = None,
     robot_radius_m: float | None = None,
     lies_in: Path | None = None,
 ) -> list[Path]:
@@ -128,32 +115,24 @@ def export(
     OutputError
         Where a file cannot be written.
     """
-    if to in MASKS:
-        stem = folder / to.replace("-", "_")
-        if to != "keepout":
-            _refuse_radius(to, robot_radius_m)
-        return write_filter_mask(
-            stem,
-            topology,
-            MASKS[to],
-            values=values,
-            robot_radius_m=robot_radius_m or 0.0,
-            lies_in=lies_in,
-        )
-    if to not in EXPORTS:
-        raise InputError(
-            f"there is no export called {to!r}. {nearest_name(to, [*EXPORTS, *MASKS])}"
-        )
-    if values:
-        raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")
+    known = ["nav2-route", *EXPORTS, *TYPES]
+    if to not in known:
+        raise InputError(f"there is no export called {to!r}. {nearest_name(to, known)}")
+    if values and to not in TYPES:
+        raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(TYPES)}")
+    if robot_radius_m is not None and to not in ("nav2-route", "keepout"):
+        raise InputError(f"the export {to!r} takes no robot radius; nav2-route and keepout do")
+    if to in EXPORTS:
+        return EXPORTS[to](folder, topology)
     if to == "nav2-route":
         radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
         routes = route_graph(topology, robot_radius_m=radius)
         return [write_nav2_route(folder / ROUTE_FILE, topology, routes)]
-    _refuse_radius(to, robot_radius_m)
-    return EXPORTS[to](folder, topology)
-
-
-def _refuse_radius(to: str, robot_radius_m: float | None) -> None:
-    if robot_radius_m is not None:
-        raise InputError(f"the export {to!r} takes no robot radius; nav2-route and keepout do")
+    return write_filter_mask(
+        folder / to.replace("-", "_"),
+        topology,
+        to,  # type: ignore[arg-type]  # which is one of its kinds, as TYPES has it
+        values=values,
+        robot_radius_m=robot_radius_m or 0.0,
+        lies_in=lies_in,
+    )

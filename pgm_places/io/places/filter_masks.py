@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import yaml
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.maps.map_server import write_description
 from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -27,13 +28,7 @@ __all__ = [
 
 FilterKind: TypeAlias = Literal["keepout", "speed-percent", "speed-m-s", "binary", "zones"]
 
-TYPES: dict[str, int] = {
-    "keepout": 0,
-    "speed-percent": 1,
-    "speed-m-s": 2,
-    "binary": 3,
-    "zones": 4,
-}
+TYPES: dict[str, int] = {kind: number for number, kind in enumerate(get_args(FilterKind))}
 """The number of each kind in a CostmapFilterInfo message."""
 
 _LIMIT = {"speed_limit_topic": "/speed_limit"}
@@ -142,12 +137,10 @@ def mask_values(
             topology.place(name)
         if not 0 <= value <= MOST:
             raise InputError(f"the mask's value of {name!r} must be 0 to {MOST}, got {value}")
-    highest = max((region.id for region in topology.regions), default=0)
-    table = np.zeros(highest + 1, np.uint8)
+    table = np.zeros(topology.next_id, np.uint8)
     for region in topology.regions:
         table[region.id] = values.get(region.name, values.get(region.label, 0))
-    mask: NDArray[np.uint8] = table[topology.region]
-    return mask
+    return np.asarray(table[topology.region])
 
 
 def write_filter_mask(
@@ -221,28 +214,18 @@ def mask_files(
         raise InputError(
             f"a {kind} mask needs values by class or place, such as room = 100; classes: {classes}"
         )
-    target = stem
     coded, multiplier = (None, 1.0) if values is None else _coded(kind, values)
     mask = mask_values(topology, coded)
     if robot_radius_m:
         mask = _grown(mask, robot_radius_m / topology.grid.resolution_m)
     content = raster_png(Image.fromarray(np.ascontiguousarray(mask[::-1])))
-    image_path = write_bytes(target.with_name(f"{target.name}.png"), content)
-    grid = topology.grid
-    x, y = grid.origin_xy_m
-    yaml_path = write_text(
-        target.with_name(f"{target.name}.yaml"),
-        f'image: "{image_path.name}"\n'
-        "mode: raw\n"
-        f"resolution: {grid.resolution_m!r}\n"
-        f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-    )
+    image_path = write_bytes(stem.with_name(f"{stem.name}.png"), content)
+    yaml_path = write_description(image_path, topology.grid, "raw")
     named = {number: _state_name(topology, coded, number) for number in np.unique(mask).tolist()}
     parameters = filter_parameters(
         kind,
-        target.name,
-        (lies_in or target.parent).resolve() / yaml_path.name,
+        stem.name,
+        (lies_in or stem.parent).resolve() / yaml_path.name,
         multiplier=multiplier,
         states={name: number for number, name in named.items() if number},
     )

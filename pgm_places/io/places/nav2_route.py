@@ -8,39 +8,16 @@ from typing import Any
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
-from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
+from pgm_places.topology.route_graph import RouteGraph
 from pgm_places.topology.topological_map import TopologicalMap
 
 Feature = dict[str, Any]
-
-
-def nav2_route(
-    topology: TopologicalMap, *, frame: str = "map", robot_radius_m: float = ROBOT_RADIUS_M
-) -> dict[str, Any]:
-    """The FeatureCollection of a map's route graph for a robot of a radius.
-
-    Parameters
-    ----------
-    topology : TopologicalMap
-    frame : str
-        Name of the map's frame.
-    robot_radius_m : float
-        Every edge is at least this far from obstacles.
-
-    Raises
-    ------
-    InputError
-        There is no edge: the Route Server refuses such a graph.
-    """
-    routes = route_graph(topology, robot_radius_m=robot_radius_m)
-    return route_features(topology, routes, frame=frame)
 
 
 def route_features(
     topology: TopologicalMap,
     routes: RouteGraph,
     *,
-    frame: str = "map",
     speeds_m_s: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
@@ -56,8 +33,6 @@ def route_features(
     ----------
     topology : TopologicalMap
     routes : RouteGraph
-    frame : str
-        Name of the map's frame.
     speeds_m_s : mapping of str to float, optional
         The largest speed by class or name of place; a place's own wins over that of its class.
 
@@ -81,15 +56,13 @@ def route_features(
         "name": "graph",
         "crs": LOCAL_METRES,
         "features": [
-            *_nodes(topology, routes, ids, frame),
+            *_nodes(topology, routes, ids),
             *_edges(topology, routes, ids, first, speeds_m_s or {}),
         ],
     }
 
 
-def _nodes(
-    topology: TopologicalMap, routes: RouteGraph, ids: list[int], frame: str
-) -> list[Feature]:
+def _nodes(topology: TopologicalMap, routes: RouteGraph, ids: list[int]) -> list[Feature]:
     features = []
     for number, node in zip(ids, routes.nodes, strict=True):
         metadata = {
@@ -104,7 +77,7 @@ def _nodes(
         features.append(
             {
                 "type": "Feature",
-                "properties": {"id": number, "frame": frame, "metadata": metadata},
+                "properties": {"id": number, "frame": "map", "metadata": metadata},
                 "geometry": {"type": "Point", "coordinates": _rounded(node.point_m)},
             }
         )
@@ -179,9 +152,8 @@ def write_nav2_route(
     topology: TopologicalMap,
     routes: RouteGraph,
     *,
-    frame: str = "map",
     speeds_m_s: Mapping[str, float] | None = None,
 ) -> Path:
     """Write the graph for Nav2's Route Server; the path."""
-    graph = route_features(topology, routes, frame=frame, speeds_m_s=speeds_m_s)
+    graph = route_features(topology, routes, speeds_m_s=speeds_m_s)
     return write_text(path, json.dumps(graph, allow_nan=False) + "\n")

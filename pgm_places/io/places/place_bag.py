@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from pgm_places._extras import needed
 from pgm_places.io.atomic import atomic_folder
+from pgm_places.io.logs.bag_writer import ros2_writer
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.topology.topological_map import TopologicalMap
 
 GRID_TOPIC, MARKER_TOPIC = "/place_classes", "/places"
-_METADATA_VERSION = 9
 _GRID_TYPE, _MARKER_TYPE = "nav_msgs/msg/OccupancyGrid", "visualization_msgs/msg/MarkerArray"
 
 
@@ -21,17 +21,11 @@ def class_grid(topology: TopologicalMap) -> NDArray[np.int8]:
 
     Numbers above 100 have no meaning in an OccupancyGrid, so classes from the 100th on share 100.
     """
-    highest = max((region.id for region in topology.regions), default=0)
-    table = np.full(highest + 1, -1, np.int8)
-    for region in topology.regions:
-        table[region.id] = min(1 + topology.label_names.index(region.label), 100)
-    values: NDArray[np.int8] = table[topology.region]
-    return values
+    numbers = np.minimum(topology.labels + 1, 100)
+    return np.where(numbers > 0, numbers, -1).astype(np.int8)
 
 
-def write_place_bag(
-    folder: Path | str, topology: TopologicalMap, *, frame: str = "map"
-) -> list[Path]:
+def write_place_bag(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     """Write a bag, a folder with an MCAP file and its ``metadata.yaml``; the paths.
 
     Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
@@ -43,8 +37,6 @@ def write_place_bag(
     ----------
     folder : Path
     topology : TopologicalMap
-    frame : str
-        Name of the map's frame.
 
     Raises
     ------
@@ -54,27 +46,22 @@ def write_place_bag(
         The folder cannot be written, or holds other files.
     """
     target = Path(folder)
-    purpose = "writing MCAP"
-    rosbag2 = needed("rosbags.rosbag2", extra="bags", purpose=purpose)
-    typesys = needed("rosbags.typesys", extra="bags", purpose=purpose)
+    typesys = needed("rosbags.typesys", extra="bags", purpose="writing MCAP")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    ros = ROS(store.types, frame)
+    ros = ROS(store.types, "map")
     messages = {
         GRID_TOPIC: _occupancy_grid(ros, topology),
         MARKER_TOPIC: place_markers(ros, topology),
     }
-    with atomic_folder(target, replaces=_is_bag) as temporary:
-        inner = temporary / target.name  # the writer names its file after its folder
-        plugin = rosbag2.StoragePlugin.MCAP
-        with rosbag2.Writer(inner, version=_METADATA_VERSION, storage_plugin=plugin) as writer:
-            for topic, message in messages.items():
-                connection = writer.add_connection(
-                    topic, message.__msgtype__, typestore=store, offered_qos_profiles=[_latched()]
-                )
-                writer.write(connection, 0, store.serialize_cdr(message, message.__msgtype__))
-        for file in inner.iterdir():
-            file.rename(temporary / file.name)
-        inner.rmdir()
+    with (
+        atomic_folder(target, replaces=_is_bag) as temporary,
+        ros2_writer(temporary, target.name, "MCAP") as writer,
+    ):
+        for topic, message in messages.items():
+            connection = writer.add_connection(
+                topic, message.__msgtype__, typestore=store, offered_qos_profiles=[_latched()]
+            )
+            writer.write(connection, 0, store.serialize_cdr(message, message.__msgtype__))
     return [target / "metadata.yaml", target / f"{target.name}.mcap"]
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError, shown
-from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
+from pgm_places.io.atomic import write_text
+from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.text_file import read_json
 from pgm_places.maps.components import number_type
-from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -23,7 +23,6 @@ from pgm_places.topology.rules import TopologyOptions, stored_options
 SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
 _FORMAT, _SCHEMA = "pgm-places settings of places", 1
 _MAX_BYTES = 64 << 20
-_MOST_PLACES = 65535
 _WANTED = "the settings of places, as 'pgm-places label' and 'pgm-places topology' write them"
 
 
@@ -40,17 +39,6 @@ class PlaceSettings:
 
     rules: TopologyOptions
     doorways: Doorways | None = None
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """The raster of the gates, which may have other cells than the map."""
-
-    rows: Annotated[int, Ge(1)]
-    columns: Annotated[int, Ge(1)]
-    resolution_m: float
-    origin_xy_m: tuple[float, float]
-    yaw_rad: float
 
 
 @dataclass(frozen=True)
@@ -87,11 +75,9 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
     }
     written = []
     if settings.doorways is not None:
-        grid = settings.doorways.grid
-        frame = _Frame(*grid.shape, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
-        record["map"] = plain_values(frame)
+        record["map"] = plain_values(Raster.of(settings.doorways.grid))
         record["gates"] = [plain_values(item) for item in _gate_records(settings.doorways)]
-        written.append(write_bytes(folder / GATES_FILE, _png(folder, settings.doorways)))
+        written.append(_write_places(folder / GATES_FILE, settings.doorways.place))
     text = json.dumps(record, indent=1, allow_nan=False)
     return [write_text(folder / SETTINGS_FILE, text + "\n"), *written]
 
@@ -103,20 +89,17 @@ def _gate_records(doorways: Doorways) -> list[_GateRecord]:
     ]
 
 
-def _png(folder: Path, doorways: Doorways) -> bytes:
-    from PIL import Image
-
-    place = doorways.place
+def _write_places(path: Path, place: NDArray[np.integer]) -> Path:
     count = int(place.max(initial=-1)) + 1
-    if count > _MOST_PLACES:
+    if count > MOST:
         raise OutputError(
-            f"{folder / GATES_FILE}: the gates part {count} places, but the image holds only "
-            f"{_MOST_PLACES}; cut the map into parts"
+            f"{path}: the gates part {count} places, but the image holds only {MOST}; cut the map "
+            "into parts"
         )
-    return raster_png(Image.fromarray((place[::-1] + 1).astype(np.uint16)))
+    return write_numbers(path, place + 1)
 
 
-def load_settings(folder: Path, *, max_pixels: int = MAX_PIXELS) -> PlaceSettings | None:
+def load_settings(folder: Path) -> PlaceSettings | None:
     """The settings in a folder; None where there are none.
 
     Raises
@@ -135,7 +118,7 @@ def load_settings(folder: Path, *, max_pixels: int = MAX_PIXELS) -> PlaceSetting
         raise InputError(f"{path} does not hold {_WANTED}; label the map again")
     try:
         rules = stored_options(record["settings"], path="settings")
-        doorways = _doorways(folder, record, max_pixels) if "gates" in record else None
+        doorways = _doorways(folder, record) if "gates" in record else None
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise InputError(f"{path}: {error}") from None
@@ -143,18 +126,19 @@ def load_settings(folder: Path, *, max_pixels: int = MAX_PIXELS) -> PlaceSetting
     return PlaceSettings(rules, doorways)
 
 
-def _doorways(folder: Path, record: dict[str, Any], max_pixels: int) -> Doorways:
-    frame = from_mapping(_Frame, record["map"], path="map")
+def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
+    """The gates, on a raster that may have other cells than the map."""
+    raster = from_mapping(Raster, record["map"], path="map")
     gates = [
         from_mapping(_GateRecord, item, path=f"gates[{k}]")
         for k, item in enumerate(record["gates"])
     ]
-    place = _read_places(folder / GATES_FILE, (frame.rows, frame.columns), max_pixels)
-    cells = np.where(place >= 0, FREE, UNKNOWN).astype(np.int8)
-    grid = OccupancyGrid(cells, frame.resolution_m, frame.origin_xy_m, frame.yaw_rad)
+    numbers = raster.read_numbers(folder / GATES_FILE)
+    grid, place = raster.grid(numbers > 0), numbers - 1
     for k, item in enumerate(gates):
         _require_on_map(f"gates[{k}]", item.gate, grid)
     probability = np.array([item.probability for item in gates], np.float64)
+    place = place.astype(number_type(int(place.max()) + 1))
     return Doorways(grid, tuple(item.gate for item in gates), probability, place)
 
 
@@ -163,13 +147,3 @@ def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:
     away_m = float(np.hypot(*np.subtract(gate.centre_m, grid.origin_xy_m)))
     if max(gate.width_m, gate.depth_m, away_m) > longest_m:
         raise InputError(f"{path} does not lie on the map; label the map again")
-
-
-def _read_places(
-    path: Path, shape: tuple[int, int], max_pixels: int
-) -> NDArray[np.int16] | NDArray[np.int32]:
-    with open_image(path, InputError, max_pixels=max_pixels) as image:
-        if image.shape != shape or not image.is_deep:
-            raise InputError(f"{path}: expected 16-bit numbers of shape {shape}, got {image.shape}")
-        place = image.stored()[::-1].astype(np.int32) - 1
-    return place.astype(number_type(int(place.max()) + 1))

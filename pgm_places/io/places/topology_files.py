@@ -3,23 +3,21 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError, LabelError, OutputError, shown
-from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.atomic import write_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
+from pgm_places.io.maps.raster_image import MAX_PIXELS
+from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.io.text_file import read_json
-from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
-from pgm_places.options import check_option, from_mapping, option_hints
+from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region
@@ -28,7 +26,6 @@ from pgm_places.topology.topological_map import Connection, TopologicalMap
 TOPOLOGY_FILE, REGION_FILE, FEATURES_FILE = "topology.json", "regions.png", "regions.geojson"
 NAMES_FILE = "place_names.yaml"
 FORMAT, SCHEMA = "pgm-places-topology", 1
-MAX_REGIONS = 65535
 MAX_BYTES = 64 << 20
 _WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' write it"
 
@@ -46,38 +43,24 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
         Where a file cannot be written, or there are more than 65535 ids.
     """
     target = Path(folder)
-    if topology.next_id - 1 > MAX_REGIONS:
+    if topology.next_id - 1 > MOST:
         raise OutputError(
             f"{target}: {topology.next_id - 1} ids have been assigned, but regions.png holds "
-            f"only {MAX_REGIONS}"
-            "; raise the minimum areas, or start over in an empty folder"
+            f"only {MOST}; raise the minimum areas, or start over in an empty folder"
         )
     written = [
-        write_bytes(target / REGION_FILE, _png(topology.region)),
+        write_numbers(target / REGION_FILE, topology.region),
         write_region_features(target / FEATURES_FILE, topology),
     ]
     record = json.dumps(_record(topology), indent=1, allow_nan=False)
     return [write_text(target / TOPOLOGY_FILE, record + "\n"), *written]
 
 
-def _png(region: NDArray[np.int32]) -> bytes:
-    from PIL import Image
-
-    return raster_png(Image.fromarray(region[::-1].astype(np.uint16)))
-
-
 def _record(topology: TopologicalMap) -> dict[str, Any]:
-    grid = topology.grid
     return {
         "format": FORMAT,
         "schema": SCHEMA,
-        "map": {
-            "rows": grid.shape[0],
-            "columns": grid.shape[1],
-            "resolution_m": grid.resolution_m,
-            "origin_xy_m": list(grid.origin_xy_m),
-            "yaw_rad": grid.yaw_rad,
-        },
+        "map": plain_values(Raster.of(topology.grid)),
         "label_names": list(topology.label_names),
         "doorway_label": topology.doorway_label,
         "next_id": topology.next_id,
@@ -134,10 +117,9 @@ def load_named_topology(folder: Path | str) -> TopologicalMap:
 
 
 def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> TopologicalMap:
-    frame = from_mapping(_Frame, record["map"], path="map")
-    region = _read_ids(source / REGION_FILE, (frame.rows, frame.columns), max_pixels)
-    cells = np.where(region > 0, FREE, UNKNOWN).astype(np.int8)
-    grid = OccupancyGrid(cells, frame.resolution_m, frame.origin_xy_m, frame.yaw_rad)
+    raster = from_mapping(Raster, record["map"], path="map")
+    region = raster.read_numbers(source / REGION_FILE, max_pixels=max_pixels)
+    grid = raster.grid(region > 0)
     features = read_regions(source / FEATURES_FILE, "id")
     outlines = {feature.code: feature.polygons for feature in features}
     names = plain_names("label_names", record["label_names"], InputError)
@@ -172,17 +154,6 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     return TopologicalMap(grid, region, regions, connections, names, doorway, corrections, next_id)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Frame:
-    """The map's raster in the record."""
-
-    rows: Annotated[int, Ge(1)]
-    columns: Annotated[int, Ge(1)]
-    resolution_m: float
-    origin_xy_m: tuple[float, float]
-    yaw_rad: float
-
-
 def _region(
     item: dict[str, Any],
     path: str,
@@ -200,13 +171,6 @@ def _region(
     gate = item.get("gate")
     polygons = outlines[str(values["id"])]
     return Region(**values, polygons=polygons, gate=None if gate is None else read_gate(gate))
-
-
-def _read_ids(path: Path, shape: tuple[int, int], max_pixels: int) -> NDArray[np.int32]:
-    with open_image(path, InputError, max_pixels=max_pixels) as image:
-        if image.shape != shape or not image.is_deep:
-            raise InputError(f"{path}: expected 16-bit ids of shape {shape}, got {image.shape}")
-        return image.stored()[::-1].astype(np.int32)
 
 
 def write_own_name(folder: Path | str, number: int, name: str) -> Path:
@@ -246,6 +210,6 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
     file = read_yaml(path, LabelError, "names of places")
     names = {}
     for key in file.values:
-        number = file.as_integer(key, "an id", low=1, high=MAX_REGIONS)
+        number = file.as_integer(key, "an id", low=1, high=MOST)
         (names[number],) = plain_names(f"{path}: names of places", [file.text(key)])
     return names

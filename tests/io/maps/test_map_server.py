@@ -24,7 +24,7 @@ def test_a_map_is_read(tmp_path: Path) -> None:
     assert found.grid.resolution_m == 0.05
     assert found.grid.origin_xy_m == (-8.5, 3.0)
     assert found.grid.yaw_rad == 1.0
-    assert found.image_shape == (2, 3)
+    assert found.grid.shape == (2, 3)
     assert (found.yaml_path, found.image_path) == (path, tmp_path / "map.png")
     np.testing.assert_allclose(found.fractions, (3 / 6, 1 / 6, 2 / 6), rtol=1e-12, atol=0)
     assert found.warnings == ()

@@ -108,11 +108,11 @@ def test_classes_are_translated_and_the_rest_hides_what_lies_beneath(
     assert "classes without a label: EV, ST" in caplog.text
 
 
-def test_another_property_and_a_single_feature_will_do(tmp_path: Path) -> None:
-    item = feature([box(0, 0, 2, 2)]) | {"properties": {"kind": "room"}}
+def test_a_single_feature_will_do(tmp_path: Path) -> None:
+    item = feature([box(0, 0, 2, 2)]) | {"properties": {"class": "room"}}
     path = tmp_path / "one.geojson"
     path.write_text("\ufeff" + json.dumps(item), encoding="utf-8")
-    assert load_regions(path, NAMES, grid(), property_name="kind")[0, 0] == 1
+    assert load_regions(path, NAMES, grid())[0, 0] == 1
 
 
 coordinates = st.floats(-2, 9)

@@ -20,7 +20,7 @@ from pgm_places.io.maps.geotiff import pixel_to_map, write_geotiff
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.exports import EXPORTS, MASKS, export
 from pgm_places.io.places.filter_masks import write_filter_mask
-from pgm_places.io.places.nav2_route import nav2_route
+from pgm_places.io.places.nav2_route import route_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
@@ -47,7 +47,7 @@ def check_metadata(value: Any) -> None:
 @pytest.mark.parametrize("make", [lambda: floor_map(**FRAME), building_map])
 def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalMap]) -> None:
     topology = make()
-    graph = json.loads(json.dumps(nav2_route(topology), allow_nan=False))
+    graph = json.loads(json.dumps(route_features(topology, route_graph(topology)), allow_nan=False))
     assert graph["type"] == "FeatureCollection"
     nodes = [f for f in graph["features"] if f["geometry"]["type"] == "Point"]
     edges = [f for f in graph["features"] if f["geometry"]["type"] == "MultiLineString"]
@@ -86,11 +86,13 @@ def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalM
 
 
 def test_a_robot_too_wide_and_a_map_without_ways() -> None:
+    floor = floor_map()
     with pytest.raises(InputError, match="at least one edge"):
-        nav2_route(floor_map(), robot_radius_m=1.0)
+        route_features(floor, route_graph(floor, robot_radius_m=1.0))
     labels = np.ones((2, 2), np.int16)
+    room = topological_map(floor_grid(labels), labels, NAMES)
     with pytest.raises(InputError, match="at least one edge"):
-        nav2_route(topological_map(floor_grid(labels), labels, NAMES))
+        route_features(room, route_graph(room))
 
 
 def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
