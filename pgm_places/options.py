@@ -98,9 +98,13 @@ def plain_values(item: Any) -> Any:
     return [plain_values(value) for value in item] if isinstance(item, list | tuple) else item
 
 
-@functools.cache
 def option_hints(cls: Any) -> dict[str, Any]:
     """What each option takes, as its field is annotated; ``Any`` where that cannot be resolved."""
+    return _hints(cls)
+
+
+@functools.cache
+def _hints(cls: Any) -> dict[str, Any]:
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
     except NameError:  # names that another package imports for type checkers only

@@ -6,7 +6,7 @@ import pytest
 
 from pgm_places.batch.ready_model import with_given
 from pgm_places.errors import ConfigError
-from pgm_places.persistence.stored import _entered
+from pgm_places.persistence.stored import _options_of
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
 
@@ -32,10 +32,10 @@ def test_the_flag_comes_before_what_the_model_was_configured_with(
 
 def test_what_counts_as_entered_is_stored_and_overruled() -> None:
     record = {"config": {"entered": {"disc_radius_m": 0.3}}}
-    stored = _entered(record)
+    _, stored = _options_of(record)
     assert stored == EnteredOptions(disc_radius_m=0.3)
-    assert _entered({}) == EnteredOptions()
+    assert _options_of({})[1] == EnteredOptions()
     given = {"disc_radius_m": None, "unentered": True}
     assert with_given(stored, given) == EnteredOptions(0.3, unentered=True)
     with pytest.raises(ConfigError, match=r"unknown key .record.config.entered.radius_m"):
-        _entered({"config": {"entered": {"radius_m": 0.3}}})
+        _options_of({"config": {"entered": {"radius_m": 0.3}}})

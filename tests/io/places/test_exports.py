@@ -18,8 +18,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.geotiff import pixel_to_map, write_geotiff
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.io.places.exports import EXPORTS, MASKS, export
-from pgm_places.io.places.filter_masks import write_filter_mask
+from pgm_places.io.places.exports import EXPORTS, export
+from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_route import route_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
@@ -288,7 +288,7 @@ def test_every_name_writes_something(tmp_path: Path) -> None:
     topology = floor_map()
     for to in EXPORTS:
         assert all(path.stat().st_size for path in export(topology, to, tmp_path))
-    for to in MASKS:
+    for to in TYPES:
         assert len(export(topology, to, tmp_path, values={"room": 7})) == 3
 
 
