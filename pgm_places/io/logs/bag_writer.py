@@ -102,10 +102,10 @@ def _write_ros1(path: Path, trajectory: Trajectory) -> None:
 @contextlib.contextmanager
 def ros2_writer(folder: Path, name: str, storage: Literal["MCAP", "SQLITE3"]) -> Iterator[Any]:
     """A ``rosbags.rosbag2.Writer`` of a bag of that name, whose files are in the folder then."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-
+    bags = needed("rosbags.rosbag2", extra="bags", purpose="writing ROS bags")
     inner = folder / name  # files in a bag are called as its folder
-    with Writer(inner, version=_ROS2_VERSION, storage_plugin=StoragePlugin[storage]) as writer:
+    plugin = bags.StoragePlugin[storage]
+    with bags.Writer(inner, version=_ROS2_VERSION, storage_plugin=plugin) as writer:
         yield writer
     for file in inner.iterdir():
         file.rename(folder / file.name)
