@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 
 from pgm_places._extras import needed
 from pgm_places.batch.own_process import done_beside
-from pgm_places.batch.workers import Done
 from pgm_places.errors import InputError, OutputError
 
 Task = TypeVar("Task")
@@ -51,7 +50,7 @@ class DaskWorkers:
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
-    ) -> Iterator[Done]:
+    ) -> Iterator[tuple[Any, Any]]:
         """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
         if limit_s is not None:
             memory = self.memory_bytes
@@ -59,7 +58,7 @@ class DaskWorkers:
         with self._client() as (distributed, client):
             under_way = _UnderWay(client, function, iter(tasks))
             for task, future in under_way.ended():
-                yield Done(task, _result(distributed, future, self.address))
+                yield task, _result(distributed, future, self.address)
 
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Any]]:
@@ -155,27 +154,21 @@ def _memory_plugins(distributed: Any, n_bytes: int | None) -> list[Any]:
     if n_bytes is None:
         return []
 
-    class _OfWorker(distributed.WorkerPlugin):  # type: ignore[misc]  # it is imported when needed
+    class Limit:
+        def setup(self, worker: Any = None, nanny: Any = None) -> None:
+            self.manager = (nanny if worker is None else worker).memory_manager
+            self.before, self.manager.memory_limit = self.manager.memory_limit, n_bytes
+
+        def teardown(self, worker: Any = None, nanny: Any = None) -> None:  # noqa: ARG002  as above
+            self.manager.memory_limit = self.before
+
+    class OfWorker(Limit, distributed.WorkerPlugin):  # type: ignore[misc]  # imported when needed
         name, nanny = "pgm-places-memory", False
 
-        def setup(self, worker: Any) -> None:
-            self.before = worker.memory_manager.memory_limit
-            worker.memory_manager.memory_limit = n_bytes
-
-        def teardown(self, worker: Any) -> None:
-            worker.memory_manager.memory_limit = self.before
-
-    class _OfNanny(distributed.NannyPlugin):  # type: ignore[misc]
+    class OfNanny(Limit, distributed.NannyPlugin):  # type: ignore[misc]
         name, nanny = "pgm-places-memory-of-nanny", True
 
-        def setup(self, nanny: Any) -> None:
-            self.before = nanny.memory_manager.memory_limit
-            nanny.memory_manager.memory_limit = n_bytes
-
-        def teardown(self, nanny: Any) -> None:
-            nanny.memory_manager.memory_limit = self.before
-
-    return [_OfWorker(), _OfNanny()]
+    return [OfWorker(), OfNanny()]
 
 
 def _unregister(client: Any, plugin: Any) -> None:

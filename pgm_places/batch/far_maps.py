@@ -67,7 +67,7 @@ def _between_machines() -> Iterator[None]:
 def _label_far(task: MapTask, here: Path) -> Outcome:
     near = replace(task, claim=None, source=task.shown)
     if task.only_look and not _has_manifest(task):
-        return Elsewhere(task.name)
+        return Elsewhere()
     if is_address(task.map):
         with _between_machines():
             near = replace(near, map=_fetched_map(task, here / "map"))

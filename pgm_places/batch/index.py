@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.far_maps import results_of
@@ -28,10 +27,6 @@ class Index:
     overview: Overview
     written: tuple[str, ...]
 
-    def named(self, folder: str) -> Self:
-        """With the files by their names in a folder."""
-        return replace(self, written=tuple(f"{folder}/{name}" for name in self.written))
-
 
 def index_folder(
     folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
@@ -47,30 +42,31 @@ def index_folder(
     """
     if is_address(folder):
         wanted = (MANIFEST_FILE, TOPOLOGY_FILE) if parquet else (MANIFEST_FILE,)
+        shown = address_of(folder)
         with results_of(folder, wanted, LISTS) as (here, put):
-            _check_holds_results(folder, here)
-            found = _listed(Lists(here, put=put), parquet=parquet, force=force, progress=progress)
+            _check_holds_results(shown, here)
+            lists = Lists(here, put=put)
+            index = _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
             put()  # the table of places as well
-        return found.named(address_of(folder).rstrip("/"))
+        return index
     out = user_path(folder, InputError)
     if file_kind(out) != "folder":
         raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
-    _check_holds_results(folder, out)
+    _check_holds_results(str(folder), out)
     lists = Lists(claim(out, force=True))
-    return _listed(lists, parquet=parquet, force=force, progress=progress).named(str(folder))
+    return _listed(lists, str(folder), parquet, force=force, progress=progress)
 
 
-def _check_holds_results(folder: Path, out: Path) -> None:
+def _check_holds_results(shown: str, out: Path) -> None:
     if next(_labelled(out), None) is None:
-        shown = address_of(folder) if is_address(folder) else folder
         raise InputError(
             f"{shown}: no labelled map below it (a folder with {MANIFEST_FILE}), as 'label' "
             "writes them for many maps"
         )
 
 
-def _listed(lists: Lists, *, parquet: bool, force: bool, progress: Progress) -> Index:
-    """Make the lists of a folder on this machine."""
+def _listed(lists: Lists, shown: str, parquet: bool, *, force: bool, progress: Progress) -> Index:
+    """Make the lists of a folder on this machine, which is called as shown."""
     lists.begin(force=force)
     with progress.stage("labelled maps"):
         overview = lists.rebuild(lambda: _labelled(lists.out))
@@ -81,7 +77,7 @@ def _listed(lists: Lists, *, parquet: bool, force: bool, progress: Progress) -> 
             names = (row.name for row, _ in _labelled(lists.out))
             write_place_table(lists.out / PLACE_TABLE, lists.out, names)
             written.append(PLACE_TABLE)
-    return Index(overview, tuple(written))
+    return Index(overview, tuple(f"{shown}/{name}" for name in written))
 
 
 def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:

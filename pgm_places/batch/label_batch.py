@@ -149,7 +149,8 @@ def label_batch(
                 stage.update(tally.share, tally.note())
         overview = lists.settle(at_the_end=True)
         lists.write_page(overview)
-        written = tuple(f"{_shown(out)}/{path.name}" for path in lists.files())
+        shown = address_of(out) if is_address(out) else str(out)
+        written = tuple(f"{shown}/{path.name}" for path in lists.files())
     return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, written)
 
 
@@ -170,10 +171,6 @@ def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
     lists.begin(force=force)
     yield lists
     tidy_after_the_dead(target)
-
-
-def _shown(out: Path) -> str:
-    return address_of(out) if is_address(out) else str(out)
 
 
 def _outcomes(
@@ -200,7 +197,10 @@ def _outcome(task: MapTask, result: Outcome | Unfinished | None) -> Outcome:
     """What became of a map, whose worker may have come to grief."""
     if isinstance(result, Unfinished):
         return task.failure(TimeIsUpError())
-    return task.failure(_dead()) if result is None else result
+    if result is None:
+        died = "its worker died each time: probably killed for memory"
+        return task.failure(OutputError(f"{died}; use fewer --jobs or a coarser map"))
+    return result
 
 
 def _wait_for_one(tasks: Sequence[MapTask]) -> None:
@@ -211,12 +211,6 @@ def _wait_for_one(tasks: Sequence[MapTask]) -> None:
                 if is_free:
                     return
         time.sleep(_LOOK_AGAIN_S)
-
-
-def _dead() -> OutputError:
-    return OutputError(
-        "its worker died each time: probably killed for memory; use fewer --jobs or a coarser map"
-    )
 
 
 class _Tally:

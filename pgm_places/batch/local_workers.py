@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pgm_places.batch.own_process import OwnProcess, start_trackers
-from pgm_places.batch.workers import Done
 
 Task = TypeVar("Task")
 
@@ -41,7 +40,7 @@ class LocalWorkers:
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
-    ) -> Generator[Done, None, None]:
+    ) -> Generator[tuple[Any, Any], None, None]:
         """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
         start_trackers()
         lanes = _Lanes(self, function, iter(tasks), limit_s)
@@ -63,7 +62,7 @@ class _Lanes:
     ) -> None:
         self._function, self._tasks, self._limit_s = function, tasks, limit_s
         self._lock, self._stopped = threading.Lock(), False
-        self._found: queue.SimpleQueue[Done | BaseException | None] = queue.SimpleQueue()
+        self._ended: queue.SimpleQueue[tuple[Any, Any] | BaseException | None] = queue.SimpleQueue()
         self._processes = [
             OwnProcess(workers.n_threads, workers.memory_bytes) for _ in range(workers.n_jobs)
         ]
@@ -72,19 +71,19 @@ class _Lanes:
             for process in self._processes
         ]
 
-    def done(self) -> Iterator[Done]:
+    def done(self) -> Iterator[tuple[Any, Any]]:
         """The tasks as they end; the first exception is raised."""
         for thread in self._threads:
             thread.start()
         running = len(self._threads)
         while running:
-            found = self._found.get()
-            if found is None:
+            ended = self._ended.get()
+            if ended is None:
                 running -= 1
-            elif isinstance(found, BaseException):
-                raise found
+            elif isinstance(ended, BaseException):
+                raise ended
             else:
-                yield found
+                yield ended
 
     def close(self) -> None:
         """End the processes, whatever they are doing."""
@@ -96,12 +95,11 @@ class _Lanes:
     def _lane(self, process: OwnProcess) -> None:
         try:
             while (task := self._next()) is not self:
-                result = process.result(self._function, task, self._limit_s)
-                self._found.put(Done(task, result))
+                self._ended.put((task, process.result(self._function, task, self._limit_s)))
         except BaseException as error:  # noqa: BLE001  it is raised where the results are read
-            self._found.put(error)
+            self._ended.put(error)
         finally:
-            self._found.put(None)
+            self._ended.put(None)
 
     def _next(self) -> Any:
         """The next task; this object itself when there is none."""

@@ -37,7 +37,16 @@ def made_from(
         "image": os.path.relpath(image_path, yaml_path.parent),
         "image_sha256": sha256_of(image_path),
         "names": sha256_of(names) if names.exists() else None,
-        **_made_with(model, options),
+        "model": model.sha256,
+        "method": model.method,
+        "options": {
+            "halls": model.labeler.halls,
+            "doorway_depth_m": model.labeler.doorway_depth_m,
+            "unknown_value": options.unknown_value,
+            "entered": option_values(model.entered),
+            "topology": json.loads(json.dumps(option_values(model.rules))),
+        },
+        "version": __version__,
     }
 
 
@@ -104,18 +113,3 @@ def _record(folder: Path) -> dict[str, Any] | None:
     except (InputError, LookupError, TypeError):
         return None
     return record if known else None
-
-
-def _made_with(model: ReadyModel, options: LabelOptions) -> dict[str, Any]:
-    return {
-        "model": model.sha256,
-        "method": model.method,
-        "options": {
-            "halls": model.labeler.halls,
-            "doorway_depth_m": model.labeler.doorway_depth_m,
-            "unknown_value": options.unknown_value,
-            "entered": option_values(model.entered),
-            "topology": json.loads(json.dumps(option_values(model.rules))),
-        },
-        "version": __version__,
-    }

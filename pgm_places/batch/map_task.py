@@ -18,7 +18,7 @@ from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import is_address
-from pgm_places.io.maps.map_server import MapFile, load_map
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.output_set import output_set
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Silent, duration
@@ -110,12 +110,12 @@ def label_one(task: MapTask) -> Outcome:
     try:
         with claimed(task.claim, task.name) as is_ours:
             if not is_ours:
-                return Elsewhere(task.name)
+                return Elsewhere()
             figures = done_figures(task.folder, task.map, model, task.options)
             if figures is not None:
                 return LabelledRow.of_figures(task.name, task.shown, figures)
             if task.only_look:
-                return Elsewhere(task.name)
+                return Elsewhere()
             with time_limit(task.limit_s):
                 return _labelled(task, model)
     except OutputError as error:
@@ -155,7 +155,7 @@ def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
     with output_set(task.folder, "label", names=names, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
-        found = label_file(
+        labelled = label_file(
             model,
             source,
             files,
@@ -165,19 +165,15 @@ def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
             progress=Silent(),
         )
         if outputs.pictures:
-            write_bytes(files.stage / THUMBNAIL_FILE, _thumbnail(source, found))
-        row = _row(task, model, found, time.perf_counter() - start)
+            picture = thumbnail(source.grid, labelled.labels, labelled.topology.label_names)
+            write_bytes(files.stage / THUMBNAIL_FILE, picture)
+        row = _row(task, model, labelled, time.perf_counter() - start)
         write_text(files.stage / MANIFEST_FILE, manifest_text(made, row, outputs))
     return row
 
 
-def _thumbnail(source: MapFile, found: LabelledFile) -> bytes:
-    names = found.topology.label_names
-    return thumbnail(source.grid, found.labels, names)
-
-
-def _row(task: MapTask, model: ReadyModel, found: LabelledFile, seconds: float) -> LabelledRow:
-    topology = found.topology
+def _row(task: MapTask, model: ReadyModel, labelled: LabelledFile, seconds: float) -> LabelledRow:
+    topology = labelled.topology
     checks = places_to_check(topology)
     return LabelledRow(
         name=task.name,
@@ -185,10 +181,10 @@ def _row(task: MapTask, model: ReadyModel, found: LabelledFile, seconds: float) 
         method=model.method,
         n_places=len(topology.regions),
         n_connections=len(topology.connections),
-        area_m2=found.area_m2,
+        area_m2=labelled.area_m2,
         doubt=doubtful_share(topology),
         check_first=checks[0].place.name if checks else "",
-        warnings=found.warnings,
+        warnings=labelled.warnings,
         seconds=round(seconds, 3),
     )
 

@@ -4,7 +4,6 @@ import re
 
 from pgm_places.errors import InputError
 
-_UNITS = {"": 1, "k": 1000, "m": 1000**2, "g": 1000**3, "t": 1000**4}
 _LEAST = 256 * 1000**2
 
 
@@ -25,8 +24,7 @@ def memory_bytes(text: str) -> int:
     if found is None or (found[3] and not found[2]):
         raise InputError(f"--memory expects a size such as 4GB or 500MiB, got {text!r}")
     number, unit, binary = found.groups()
-    factor = 1024 ** " kmgt".index(unit) if binary else _UNITS[unit]
-    n_bytes = int(float(number) * factor)
+    n_bytes = int(float(number) * (1024 if binary else 1000) ** ["", *"kmgt"].index(unit))
     if n_bytes < _LEAST:
         raise InputError(
             f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"

@@ -92,7 +92,5 @@ class Failure:
 class Elsewhere:
     """A map that another batch on the same folder is labelling."""
 
-    name: str
-
 
 Outcome = LabelledRow | Failure | Elsewhere

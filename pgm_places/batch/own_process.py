@@ -112,7 +112,8 @@ class OwnProcess:
             initargs=(self._memory_bytes,),
             env={
                 **dict.fromkeys(_LIBRARY_THREADS, str(self._n_threads)),
-                **_caller_of_workers(),
+                # Of this process, which workers would not get from their own start.
+                **{key: text for key, text in os.environ.items() if key.startswith("PGM_PLACES_")},
                 _SAFE_PATH: "1",
             },
         )
@@ -165,11 +166,6 @@ def start_trackers() -> None:
             from multiprocessing import resource_tracker as python_tracker
 
             python_tracker.ensure_running()
-
-
-def _caller_of_workers() -> dict[str, str]:
-    """Variables of this process that its workers would not get from their own start."""
-    return {key: value for key, value in os.environ.items() if key.startswith("PGM_PLACES_")}
 
 
 @contextmanager

@@ -6,15 +6,13 @@ from pathlib import Path
 
 from pgm_places.batch.batch_folder import names_in_the_way
 from pgm_places.batch.far_maps import is_done, lists_to_read
-from pgm_places.batch.found_maps import FoundMap, FoundMaps
+from pgm_places.batch.found_maps import FoundMaps
 from pgm_places.batch.label_batch import maps_to_do
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.manifest import done_figures
 from pgm_places.batch.map_task import MapTask
-from pgm_places.batch.ready_model import ReadyModel, ready_model
+from pgm_places.batch.ready_model import ready_model
 from pgm_places.batch.shard import Shard
-from pgm_places.io.input_file import is_address
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ def plan(
     InputError
         The model is refused.
     """
-    model = ready_model(options)
+    sha256 = ready_model(options).sha256
     with lists_to_read(out, LISTS) as lists:
         failed = Lists(lists).failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
@@ -75,15 +73,9 @@ def plan(
     for item in maps:
         if item.name in in_the_way:
             refused.append(item.name)
-        elif _is_done(item, out / item.name, options, model):
+        elif is_done(MapTask(item.name, item.path, out / item.name, options, sha256)):
             done.append(item.name)
         else:
             to_label.append(item.name)
     again = tuple(name for name in to_label if name in failed)
     return Plan(tuple(to_label), again, tuple(done), tuple(refused))
-
-
-def _is_done(item: FoundMap, folder: Path, options: LabelOptions, model: ReadyModel) -> bool:
-    if is_address(item.path) or is_address(folder):
-        return is_done(MapTask(item.name, item.path, folder, options, model.sha256))
-    return done_figures(folder, item.path, model, options) is not None

@@ -59,18 +59,12 @@ def run_tasks(
     """A task for each split and seed; without splits, for each seed on ``[[test]]``."""
     parts: list[tuple[str | None, ExperimentConfig]]
     parts = [(item.name, item.config) for item in splits] or [(None, experiment.config)]
-    numbers: list[int | None] = [*seeds] or [None]
-    folder, cache = experiment.folder, experiment.feature_cache
+    shared = experiment.folder, experiment.feature_cache, n_threads
+    if not seeds:
+        return [RunTask(name, None, config, *shared) for name, config in parts]
     return [
-        RunTask(
-            name,
-            seed,
-            config if seed is None else seeded_config(config, seed),
-            folder,
-            cache,
-            n_threads,
-        )
-        for (name, config), seed in product(parts, numbers)
+        RunTask(name, seed, seeded_config(config, seed), *shared)
+        for (name, config), seed in product(parts, seeds)
     ]
 
 

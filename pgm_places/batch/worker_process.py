@@ -29,8 +29,8 @@ def end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def limit_memory(n_bytes: int) -> bool:
-    """Let allocations fail beyond this many bytes; whether the system can do that.
+def limit_memory(n_bytes: int) -> None:
+    """Let allocations fail beyond this many bytes, where the system can do that.
 
     Private memory that can be written to is counted, as Linux does for ``RLIMIT_DATA``: address
     space that libraries reserve and never use is not.
@@ -38,9 +38,8 @@ def limit_memory(n_bytes: int) -> bool:
     try:
         import resource
     except ImportError:  # Windows
-        return False
+        return
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     if most != resource.RLIM_INFINITY:
         n_bytes = min(n_bytes, most)
     resource.setrlimit(resource.RLIMIT_DATA, (n_bytes, most))
-    return True

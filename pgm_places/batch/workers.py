@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
 Task = TypeVar("Task")
 
@@ -17,21 +17,6 @@ OVERDUE: Literal[Unfinished.OVERDUE] = Unfinished.OVERDUE
 """The result of a task that took longer than it may: its process was killed."""
 
 
-class Done(NamedTuple):
-    """A task that has come to an end.
-
-    Parameters
-    ----------
-    task : Any
-    result : Any
-        What the function returned; None where every worker died on the task, ``OVERDUE`` where one
-        was killed because it took too long.
-    """
-
-    task: Any
-    result: Any
-
-
 class Workers(Protocol):
     """Processes that apply a function to tasks."""
 
@@ -41,8 +26,11 @@ class Workers(Protocol):
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
-    ) -> Iterator[Done]:
-        """The tasks with their results, as they come to an end.
+    ) -> Iterator[tuple[Any, Any]]:
+        """Each task with what the function returned, as they come to an end.
+
+        The result is None where every worker died on the task, ``OVERDUE`` where one was killed
+        because it took too long.
 
         A worker that dies is replaced, and its task begun again, a few times at most. An exception
         of the function ends everything and is raised here. A task that takes ``limit_s`` and some

@@ -63,7 +63,7 @@ def test_workers_that_come_later_get_tasks_at_once() -> None:
     ):
         started = time.monotonic()
         run = patient(cluster.scheduler_address).run(rest, [1.0] * 40)
-        assert next(run).result == 1.0
+        assert next(run)[1] == 1.0
         cluster.scale(10)
         assert len(list(run)) == 39
         # Alone, one worker takes 40 s; with four tasks at a time, as many as it had at first, 10 s.
@@ -72,7 +72,7 @@ def test_workers_that_come_later_get_tasks_at_once() -> None:
 
 def test_a_killed_worker_loses_no_task(address: str, tmp_path: Path) -> None:
     tasks = [tmp_path / str(number) for number in range(2)]
-    found = {item.task: item.result for item in patient(address).run(die_once, tasks)}
+    found = dict(patient(address).run(die_once, tasks))
     assert found == {task: task.name for task in tasks}
 
 
@@ -101,10 +101,10 @@ def test_what_the_function_raises_is_raised_here(address: str) -> None:
 
 
 def test_workers_are_told_of_their_memory_while_the_batch_lasts(address: str) -> None:
-    before = {item.result for item in patient(address).run(memory_limit, range(8))}
-    told = {item.result for item in patient(address, 3_000_000_000).run(memory_limit, range(8))}
+    before = {result for _, result in patient(address).run(memory_limit, range(8))}
+    told = {result for _, result in patient(address, 3_000_000_000).run(memory_limit, range(8))}
     assert told == {3_000_000_000}
-    assert {item.result for item in patient(address).run(memory_limit, range(8))} == before
+    assert {result for _, result in patient(address).run(memory_limit, range(8))} == before
 
 
 def test_a_worker_that_was_never_told_is_not_an_error() -> None:

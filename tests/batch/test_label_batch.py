@@ -27,7 +27,6 @@ from pgm_places.batch.map_task import NoSpaceError
 from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.plan import Plan, plan
 from pgm_places.batch.shard import Shard
-from pgm_places.batch.workers import Done
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
@@ -40,15 +39,19 @@ from tests.batch.tasks import hang_on
 class Here:
     """Workers that are this process."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
-        return (Done(task, function(task)) for task in tasks)
+    def run(
+        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
+    ) -> Iterator[tuple[Any, Any]]:
+        return ((task, function(task)) for task in tasks)
 
 
 class Dying:
     """Workers that die on every task."""
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
-        return (Done(task, None) for task in tasks)
+    def run(
+        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
+    ) -> Iterator[tuple[Any, Any]]:
+        return ((task, None) for task in tasks)
 
 
 Batch = Callable[..., LabelledBatch]
@@ -80,10 +83,12 @@ class Watched(Here):
     def __init__(self) -> None:
         self.labelled: list[str] = []
 
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any) -> Iterator[Done]:
+    def run(
+        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
+    ) -> Iterator[tuple[Any, Any]]:
         for done in super().run(function, tasks):
-            if isinstance(done.result, LabelledRow) and not done.result.kept:
-                self.labelled.append(done.result.name)
+            if isinstance(done[1], LabelledRow) and not done[1].kept:
+                self.labelled.append(done[1].name)
             yield done
 
 
@@ -285,7 +290,7 @@ def test_rows_are_there_as_soon_as_their_maps_are_done(batch: Batch, maps: Path)
     class Looking(Here):
         def run(
             self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-        ) -> Iterator[Done]:
+        ) -> Iterator[tuple[Any, Any]]:
             for done in super().run(function, tasks):
                 seen.append([row["name"] for row in rows(summary)])
                 yield done

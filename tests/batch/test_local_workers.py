@@ -33,14 +33,14 @@ def test_every_task_comes_back_with_its_result() -> None:
 
 
 def test_one_process_stays_for_many_tasks() -> None:
-    ids = {item.result for item in LocalWorkers(2).run(own_id, range(6))}
+    ids = {result for _, result in LocalWorkers(2).run(own_id, range(6))}
     assert len(ids) <= 2
     assert os.getpid() not in ids
 
 
 def test_a_killed_process_is_replaced_and_its_task_begun_again(tmp_path: Path) -> None:
     tasks = [tmp_path / f"{number}.{'die' if number % 3 == 0 else 'live'}" for number in range(6)]
-    found = {item.task: item.result for item in LocalWorkers(2).run(die_once, tasks)}
+    found = dict(LocalWorkers(2).run(die_once, tasks))
     assert found == {task: task.name for task in tasks}
 
 
@@ -51,7 +51,7 @@ def test_a_task_that_kills_every_process_is_given_up_and_no_other() -> None:
 
 def test_a_task_may_kill_two_processes_and_is_given_up_with_the_third(tmp_path: Path) -> None:
     tasks = [tmp_path / "2", tmp_path / "9"]
-    found = {item.task.name: item.result for item in LocalWorkers(2).run(die_often, tasks)}
+    found = {task.name: result for task, result in LocalWorkers(2).run(die_often, tasks)}
     assert found == {"2": "2", "9": None}
     assert [task.stat().st_size for task in tasks] == [3, 3]
 
@@ -85,13 +85,13 @@ def test_an_error_of_the_same_name_is_not_taken_for_the_limit() -> None:
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")
 def test_memory_is_limited() -> None:
     limited = LocalWorkers(1, memory_bytes=600_000_000)
-    assert [item.result for item in limited.run(take_a_gigabyte, [0])] == ["refused"]
-    assert [item.result for item in LocalWorkers(1).run(take_a_gigabyte, [0])] == ["taken"]
+    assert [result for _, result in limited.run(take_a_gigabyte, [0])] == ["refused"]
+    assert [result for _, result in LocalWorkers(1).run(take_a_gigabyte, [0])] == ["taken"]
 
 
 def test_processes_end_when_the_results_are_not_wanted_any_more() -> None:
     run = LocalWorkers(2).run(own_id, iter(range(1000)))
-    process = next(run).result
+    process = next(run)[1]
     run.close()
     for _ in range(100):
         try:
