@@ -124,13 +124,10 @@ class JointGraph:
         weights = None
         if link_weight is not None:
             kinds = self.graph.edge_kind
-            is_link = np.zeros(self.graph.n_edges, np.bool_)
-            if kinds is not None:
-                is_link = kinds == EdgeKind.LINK
+            is_link = np.zeros(self.graph.n_edges) if kinds is None else kinds == EdgeKind.LINK
             weights = np.where(is_link, link_weight, 1.0)[:, None]
-        return LabelingProblem(
-            self.graph, label_names, np.concatenate(parts), edge_features=weights
-        )
+        unary = np.concatenate(parts)
+        return LabelingProblem(self.graph, label_names, unary, edge_features=weights)
 
     def truth(
         self,
@@ -141,23 +138,18 @@ class JointGraph:
         """(N,) true label of each node from those of cells and of steps, -1 where unknown."""
         parts = []
         if self.cells is not None:
-            unknown = np.full(self.n_cells, -1, np.int64)
-            parts.append(unknown if of_cells is None else of_cells)
-        if self.segments is not None:
-            unknown = np.full(len(self.segments), -1, np.int64)
-            parts.append(
-                unknown if of_steps is None else self.segments.majority(of_steps, n_labels)
-            )
+            parts.append(np.full(self.n_cells, -1) if of_cells is None else of_cells)
+        if self.segments is not None and of_steps is not None:
+            parts.append(self.segments.majority(of_steps, n_labels))
+        elif self.segments is not None:
+            parts.append(np.full(len(self.segments), -1))
         return np.concatenate(parts)
 
     def split(self, whole: Labeling) -> JointLabeling:
         """The labelling of the map's cells and that of the drive's steps."""
-        cells = steps = None
-        n = self.n_cells
-        if self.cells is not None:
-            cells = whole.part(np.arange(n))
-        if self.segments is not None:
-            steps = whole.part(n + self.segments.of_step)
+        n, segments = self.n_cells, self.segments
+        cells = None if self.cells is None else whole.part(np.arange(n))
+        steps = None if segments is None else whole.part(n + segments.of_step)
         return JointLabeling(whole, cells, steps)
 
 

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -35,6 +35,7 @@ LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Weights of the links that are tried, relative to that of all other edges."""
 
 
+@dataclass(eq=False, repr=False)
 class JointLabeler(Labeler):
     """Learns places from labelled maps and drives, and labels both together.
 
@@ -87,28 +88,20 @@ class JointLabeler(Labeler):
     True
     """
 
-    places_: PlaceLabeler
-    steps_: TrajectoryLabeler
-    method_: Any
-    link_weight_: float | None
-    learn_seconds_: float
+    label_names: Sequence[str]
+    method: Any = "potts"
+    link_weight: Positive | Literal["fitted"] = "fitted"
+    places: PlaceLabeler | None = None
+    steps: TrajectoryLabeler | None = None
+
+    places_: PlaceLabeler = field(init=False)
+    steps_: TrajectoryLabeler = field(init=False)
+    method_: Any = field(init=False)
+    link_weight_: float | None = field(init=False)
+    learn_seconds_: float = field(init=False)
 
     stored_as: ClassVar[str] = "joint-labeler"
     _call_first: ClassVar[str] = "fit(drives)"
-
-    def __init__(
-        self,
-        label_names: Sequence[str],
-        method: Any = "potts",
-        link_weight: Positive | Literal["fitted"] = "fitted",
-        places: PlaceLabeler | None = None,
-        steps: TrajectoryLabeler | None = None,
-    ) -> None:
-        self.label_names = label_names
-        self.method = method
-        self.link_weight = link_weight
-        self.places = places
-        self.steps = steps
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so before anything else.
@@ -198,13 +191,10 @@ class JointLabeler(Labeler):
         places, steps = self._parts()
         unary = places.learn(known, with_scores=True, n_threads=n_threads, progress=progress)
         assert unary.scores is not None  # asked for
-        of_steps = steps.fit_with_scores(
-            known,
-            [replace(item.drive, building=item.building) for item in drives],
-            known_map=[item.map.grid for item in drives],
-            n_threads=n_threads,
-            progress=progress,
-        )
+        paths = [replace(item.drive, building=item.building) for item in drives]
+        grids = [item.map.grid for item in drives]
+        methods_of_steps = {"": steps.method}
+        _, of_steps = steps.learn(methods_of_steps, known, paths, None, grids, n_threads, progress)
         examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
         shared = {"places_": places, "steps_": steps, "label_names_": names}
 
@@ -263,7 +253,7 @@ class JointLabeler(Labeler):
 
         examples = []
         for driven, scores in zip(drives, of_steps, strict=True):
-            assert driven.drive.labels is not None  # fit_with_scores has checked
+            assert driven.drive.labels is not None  # learning the list has checked
             part = driven.drive.subset(driven.drive.labels >= 0)
             examples.append(example(driven.map, part, scores))
         with_drive = {id(item.map) for item in drives}

@@ -65,7 +65,13 @@ def at_model_resolution(
         how = f"coarsened by {used.resolution_m / grid.resolution_m:g}"
         back = "labels are painted back"
     else:
-        _check_size(grid, wanted, max_cells or MAX_REFINED_CELLS, note)
+        height, width = refined_shape(grid, wanted)
+        if height * width > (most := max_cells or MAX_REFINED_CELLS):
+            raise MapError(
+                f"{note}its {grid.cells.size:,} cells would be split into {height * width:,}, more "
+                f"than {most:,}; crop the map, use a model of a coarser resolution, or raise "
+                "max_cells (label --max-cells) and expect it to take long"
+            )
         used = refine(grid, wanted)
         how = f"split by {grid.resolution_m / used.resolution_m:g}"
         back = "each cell takes the most frequent label of its parts"
@@ -81,16 +87,6 @@ def at_model_resolution(
         f"to be labelled; {back}"
     )
     return used, [note]
-
-
-def _check_size(grid: OccupancyGrid, wanted_m: float, max_cells: int, note: str) -> None:
-    height, width = refined_shape(grid, wanted_m)
-    if height * width > max_cells:
-        raise MapError(
-            f"{note}its {grid.cells.size:,} cells would be split into {height * width:,}, more "
-            f"than {max_cells:,}; crop the map, use a model of a coarser resolution, or raise "
-            "max_cells (label --max-cells) and expect it to take long"
-        )
 
 
 ENTERED = EnteredOptions()
@@ -269,21 +265,19 @@ def _painted(grid: OccupancyGrid, layout: GridLayout, values: ArrayLike, fill: A
     return Coarsening.behind(layout, grid).paint(raster, fill)
 
 
-def _without(found: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
+def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
     """A labelled map without the labels of what was never entered."""
-    grid, layout = found.grid, found.layout
-    if layout.source is grid:
-        entered = grid.free & ~unentered.cells
-    else:
+    grid, layout = places.grid, places.layout
+    entered = grid.free & ~unentered.cells
+    if layout.source is not grid:
         assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
-        entered = Coarsening(grid, layout.source).holding(grid.free & ~unentered.cells)
+        entered = Coarsening(grid, layout.source).holding(entered)
     keep = layout.from_raster(entered)
-    labels = np.where(unentered.cells, np.int16(-1), found.labels)
     return replace(
-        found,
-        labels=labels,
+        places,
+        labels=np.where(unentered.cells, np.int16(-1), places.labels),
         layout=layout.part(keep),
-        labeling=found.labeling.part(np.flatnonzero(keep)),
+        labeling=places.labeling.part(np.flatnonzero(keep)),
         unentered=unentered,
     )
 

@@ -42,11 +42,6 @@ def numbered(problems: Any, labelings: Any) -> tuple[Any, bool]:
     ], True
 
 
-def named(labels: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.str_]:
-    """(N,) the name of each label."""
-    return np.array(names)[labels]
-
-
 def _names_in(row: Any) -> list[Any]:
     """The values of a labelling that holds names, else nothing."""
     if isinstance(row, np.ndarray) and row.dtype.kind not in "OUT":

@@ -88,25 +88,22 @@ class MapPrior:
         self.shares /= self.shares.sum()
 
     @classmethod
-    def of_labels(
-        cls, grid: OccupancyGrid, labels: ArrayLike, n_labels: int, *, weight: float = WEIGHT
-    ) -> Self:
+    def of_labels(cls, grid: OccupancyGrid, labels: ArrayLike, n_labels: int) -> Self:
         """One of labels (H, W) without probabilities, -1 where there is none."""
         raster = label_raster("labels", labels, grid.shape, n_labels=n_labels)
         rest = (1.0 - CERTAIN) / max(n_labels - 1, 1)
         table = np.full((n_labels + 1, n_labels), rest, np.float32)  # the last row is that of -1
         np.fill_diagonal(table, CERTAIN)
         table[-1] = 0.0
-        return cls(grid, table[raster], weight=weight)
+        return cls(grid, table[raster])
 
     @classmethod
-    def of_places(cls, places: LabelledPlaces, *, weight: float = WEIGHT) -> Self:
+    def of_places(cls, places: LabelledPlaces) -> Self:
         """One of a map as :func:`pgm_places.labelers.label_map.label_map` labels it."""
         beliefs = places.labeling.beliefs
         if beliefs is None:
-            n_labels = len(places.label_names)
-            return cls.of_labels(places.grid, places.labels, n_labels, weight=weight)
-        return cls(places.grid, places.on_map(np.float32(beliefs), 0.0), weight=weight)
+            return cls.of_labels(places.grid, places.labels, len(places.label_names))
+        return cls(places.grid, places.on_map(np.float32(beliefs), 0.0))
 
     def check_labels(self, label_names: Sequence[str]) -> None:
         """Refuse labels of another number than the map's."""

@@ -84,21 +84,16 @@ def place_methods(
     methods = {}
     for name, item in named.items():
         method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
+        missing = ""
         if method.unary == "context" and not has_context:
-            raise ConfigError(
-                f"method {name!r} needs unary='context' but context_m is empty; give the "
-                "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
-            )
-        if method.sees_spaces and not has_spaces:
-            raise ConfigError(
-                f"method {name!r} needs unary={method.unary!r} but space is None; give its "
-                "options, for example space=SpaceOptions()"
-            )
-        if method.unary == "floor" and not has_networks:
-            raise ConfigError(
-                f"method {name!r} needs unary='floor' but floor is None; give the networks, "
-                "for example floor=trained_floor()"
-            )
+            missing = "context_m is empty; give the half-widths of its windows, for example "
+            missing += "context_m=(0.3, 0.75, 1.5, 3.0)"
+        elif method.sees_spaces and not has_spaces:
+            missing = "space is None; give its options, for example space=SpaceOptions()"
+        elif method.unary == "floor" and not has_networks:
+            missing = "floor is None; give the networks, for example floor=trained_floor()"
+        if missing:
+            raise ConfigError(f"method {name!r} needs unary={method.unary!r} but {missing}")
         methods[name] = replace(method, unary=auto) if method.unary == "auto" else method
     return methods
 

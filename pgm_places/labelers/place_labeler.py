@@ -1,6 +1,7 @@
 """PlaceLabeler: labels the places of a map; the class that most users need."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -47,6 +48,7 @@ SENSOR = Sensor()
 SPACE = SpaceOptions()
 
 
+@dataclass(eq=False, repr=False)
 class PlaceLabeler(Labeler):
     """Learns places from labelled maps and labels others.
 
@@ -119,50 +121,31 @@ class PlaceLabeler(Labeler):
     True
     """
 
-    unary_model_: UnaryModel
-    methods_: dict[str, PlaceMethod]
-    learn_seconds_: dict[str, float]
-    resolution_m_: float
-    movement_: "HiddenMarkovModel | None"
+    label_names: Sequence[str]
+    methods: Mapping[str, Any] | Sequence[str] = ("independent",)
+    sensor: Sensor = SENSOR
+    classifier: "DecisionListClassifier | None" = None
+    connectivity: Connectivity = 8
+    context_m: WindowsM = ()
+    space: SpaceOptions | None = SPACE
+    learn_on: LearnOn = "out-of-fold"
+    n_folds: NumberOfFolds = 5
+    n_node_features: NumberOfNodeFeatures = 30
+    max_examples_per_map: NumberOfExamples | None = None
+    features: Sequence[Any] = ()
+    halls: HallsAs = "corridor"
+    whole_spaces: bool = True
+    doorway_depth_m: Positive | None = None
+    floor: FloorModel | None = None
+
+    unary_model_: UnaryModel = field(init=False)
+    methods_: dict[str, PlaceMethod] = field(init=False)
+    learn_seconds_: dict[str, float] = field(init=False)
+    resolution_m_: float = field(init=False)
+    movement_: "HiddenMarkovModel | None" = field(init=False)
 
     stored_as: ClassVar[str] = "place-labeler"
     _call_first: ClassVar[str] = "fit(maps)"
-
-    def __init__(
-        self,
-        label_names: Sequence[str],
-        methods: Mapping[str, Any] | Sequence[str] = ("independent",),
-        sensor: Sensor = SENSOR,
-        classifier: "DecisionListClassifier | None" = None,
-        connectivity: Connectivity = 8,
-        context_m: WindowsM = (),
-        space: SpaceOptions | None = SPACE,
-        learn_on: LearnOn = "out-of-fold",
-        n_folds: NumberOfFolds = 5,
-        n_node_features: NumberOfNodeFeatures = 30,
-        max_examples_per_map: NumberOfExamples | None = None,
-        features: Sequence[Any] = (),
-        halls: HallsAs = "corridor",
-        whole_spaces: bool = True,
-        doorway_depth_m: Positive | None = None,
-        floor: FloorModel | None = None,
-    ) -> None:
-        self.label_names = label_names
-        self.methods = methods
-        self.sensor = sensor
-        self.classifier = classifier
-        self.connectivity = connectivity
-        self.context_m = context_m
-        self.space = space
-        self.learn_on = learn_on
-        self.n_folds = n_folds
-        self.n_node_features = n_node_features
-        self.max_examples_per_map = max_examples_per_map
-        self.features = features
-        self.halls = halls
-        self.whole_spaces = whole_spaces
-        self.doorway_depth_m = doorway_depth_m
-        self.floor = floor
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so before anything else.

@@ -121,13 +121,10 @@ class LabelledNodes:
     def problems(self, unary: str) -> list[LabelingProblem]:
         """One per map, with that unary; without scores, all labels are equally likely."""
         if self.scores is None:
+            shapes = [(graph.n_nodes, len(self.label_names)) for graph in self.graphs]
             return [
-                LabelingProblem(
-                    graph,
-                    self.label_names,
-                    np.broadcast_to(0.0, (graph.n_nodes, len(self.label_names))),
-                )
-                for graph in self.graphs
+                LabelingProblem(graph, self.label_names, np.broadcast_to(0.0, shape))
+                for graph, shape in zip(self.graphs, shapes, strict=True)
             ]
         return [
             cells_problem(graph, self.label_names, part, unary)
@@ -222,14 +219,10 @@ def learn_methods(
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start
             fitted[name] = replace(method, backend=backend)
-    if held_out:
-        fitted = {name: _calibrated(method, nodes) for name, method in fitted.items()}
+    for name, method in fitted.items() if held_out else ():
+        backend = calibrated(method.backend, nodes.problems(method.unary), nodes.truths)
+        fitted[name] = replace(method, backend=backend)
     return fitted, seconds
-
-
-def _calibrated(method: PlaceMethod, nodes: LabelledNodes) -> PlaceMethod:
-    backend = calibrated(method.backend, nodes.problems(method.unary), nodes.truths)
-    return replace(method, backend=backend)
 
 
 def without_halls(

@@ -92,17 +92,10 @@ def cells_problem(
     values = getattr(scores, unary)
     if values is None:
         raise InputError(f"the scores hold no {unary!r}; ask for those of a method that uses them")
-    return LabelingProblem(
-        graph,
-        label_names,
-        unary=values,
-        node_features=(
-            None
-            if scores.node_features is None
-            else sealed(np.asarray(scores.node_features, np.float64))
-        ),
-        known=known,
-    )
+    features = None
+    if scores.node_features is not None:
+        features = sealed(np.asarray(scores.node_features, np.float64))
+    return LabelingProblem(graph, label_names, values, features, known=known)
 
 
 def along_spaces(

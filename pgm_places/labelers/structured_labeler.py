@@ -1,6 +1,7 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -14,7 +15,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, listed_problems
 from pgm_places.inference.temperature import calibrated
-from pgm_places.labelers.label_names import named, numbered
+from pgm_places.labelers.label_names import numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.labelers.side_by_side import beside, label_all
@@ -32,6 +33,7 @@ from pgm_places.progress import Progress
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 
+@dataclass(eq=False, repr=False)
 class StructuredLabeler(Labeler):
     """A classifier that looks at each node alone, and a backend that labels all nodes together.
 
@@ -97,31 +99,22 @@ class StructuredLabeler(Labeler):
     True
     """
 
-    classifier_: Any
-    backend_: Any
-    named_: bool
-    learn_seconds_: float
+    backend: Any = "amn"
+    classifier: Any = None
+    _: KW_ONLY
+    learn_on: LearnOn = "out-of-fold"
+    n_folds: NumberOfFolds = 5
+    min_probability: Annotated[float, Gt(0), Lt(1)] = 1e-4
+    metric: Literal["accuracy", "balanced_accuracy", "macro_f1", "mcc"] = "accuracy"
+
+    classifier_: Any = field(init=False)
+    backend_: Any = field(init=False)
+    named_: bool = field(init=False)
+    learn_seconds_: float = field(init=False)
 
     stored_as: ClassVar[str] = "structured-labeler"
     _method_option: ClassVar[str] = "backend"
     _call_first: ClassVar[str] = "fit(X, y)"
-
-    def __init__(
-        self,
-        backend: Any = "amn",
-        classifier: Any = None,
-        *,
-        learn_on: LearnOn = "out-of-fold",
-        n_folds: NumberOfFolds = 5,
-        min_probability: Annotated[float, Gt(0), Lt(1)] = 1e-4,
-        metric: Literal["accuracy", "balanced_accuracy", "macro_f1", "mcc"] = "accuracy",
-    ) -> None:
-        self.backend = backend
-        self.classifier = classifier
-        self.learn_on = learn_on
-        self.n_folds = n_folds
-        self.min_probability = min_probability
-        self.metric = metric
 
     # ------------------------------------------------------------------ learning
 
@@ -304,9 +297,8 @@ class StructuredLabeler(Labeler):
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
         """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
         labelings = [item.labels for item in self.label_all(X)]
-        return (
-            [named(labels, self.label_names_) for labels in labelings] if self.named_ else labelings
-        )
+        names = np.array(self.label_names_)
+        return [names[labels] for labels in labelings] if self.named_ else labelings
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
         """For each problem the (N, K) probabilities of its nodes' labels.

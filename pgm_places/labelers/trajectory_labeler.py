@@ -1,6 +1,7 @@
 """TrajectoryLabeler: labels the places along a robot's trajectory, as a whole or step by step."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -45,6 +46,7 @@ SENSOR = Sensor(max_range_m=REACH_M)
 BEAMS = BeamOptions()
 
 
+@dataclass(eq=False, repr=False)
 class TrajectoryLabeler(StepLabelling):
     """Learns places from labelled maps and trajectories, and labels trajectories.
 
@@ -112,40 +114,24 @@ class TrajectoryLabeler(StepLabelling):
     (1, 3)
     """
 
-    learn_seconds_: float
+    label_names: Sequence[str]
+    method: Any = METHOD
+    every_m: AtLeastZero = EVERY_M
+    beams: BeamOptions = BEAMS
+    sensor: Sensor = SENSOR
+    classifier: "DecisionListClassifier | None" = None
+    n_folds: NumberOfFolds = 5
+    n_runs: Whole = 1000
+    seed: Seed = 0
+    features: Sequence[Any] = ()
+    extra_names: Sequence[str] = ()
+    loop_m: AtLeastZero = 0.0
+    floor: FloorModel | None = None
+
+    learn_seconds_: float = field(init=False)
 
     stored_as: ClassVar[str] = "trajectory-labeler"
     _call_first: ClassVar[str] = "fit(maps, trajectories), or from_places(places)"
-
-    def __init__(
-        self,
-        label_names: Sequence[str],
-        method: Any = METHOD,
-        every_m: AtLeastZero = EVERY_M,
-        beams: BeamOptions = BEAMS,
-        sensor: Sensor = SENSOR,
-        classifier: "DecisionListClassifier | None" = None,
-        n_folds: NumberOfFolds = 5,
-        n_runs: Whole = 1000,
-        seed: Seed = 0,
-        features: Sequence[Any] = (),
-        extra_names: Sequence[str] = (),
-        loop_m: AtLeastZero = 0.0,
-        floor: FloorModel | None = None,
-    ) -> None:
-        self.label_names = label_names
-        self.method = method
-        self.every_m = every_m
-        self.beams = beams
-        self.sensor = sensor
-        self.classifier = classifier
-        self.n_folds = n_folds
-        self.n_runs = n_runs
-        self.seed = seed
-        self.features = features
-        self.extra_names = extra_names
-        self.loop_m = loop_m
-        self.floor = floor
 
     # ------------------------------------------------------------------ learning
 
@@ -264,30 +250,8 @@ class TrajectoryLabeler(StepLabelling):
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
         methods = {"": self.method}
-        self._fit(methods, maps, trajectories, extra, known_map, n_threads, progress)
+        self.learn(methods, maps, trajectories, extra, known_map, n_threads, progress)
         return self
-
-    def fit_with_scores(
-        self,
-        maps: Sequence[LabelledMap] = (),
-        trajectories: Sequence[Trajectory] = (),
-        *,
-        known_map: KnownMaps = None,
-        n_threads: int | None = None,
-        progress: Progress | None = None,
-    ) -> list[NDArray[np.float64]]:
-        """Fit, and return what lists that have not seen them say of each trajectory's steps.
-
-        One (n, K) array per trajectory, of its steps whose place is known: what a further method is
-        to learn from.
-
-        Raises
-        ------
-        LabelError, InputError
-            As :meth:`fit`.
-        """
-        methods = {"": self.method}
-        return self._fit(methods, maps, trajectories, None, known_map, n_threads, progress)[1]
 
     def fit_methods(
         self,
@@ -315,9 +279,9 @@ class TrajectoryLabeler(StepLabelling):
         LabelError, InputError
             As :meth:`fit`.
         """
-        return self._fit(methods, maps, trajectories, None, known_map, n_threads, progress)[0]
+        return self.learn(methods, maps, trajectories, None, known_map, n_threads, progress)[0]
 
-    def _fit(
+    def learn(
         self,
         methods: Mapping[str, Any],
         maps: Sequence[LabelledMap],
@@ -327,7 +291,11 @@ class TrajectoryLabeler(StepLabelling):
         n_threads: int | None,
         progress: Progress | None,
     ) -> tuple[dict[str, Self], list[NDArray[np.float64]]]:
-        """A labeler per method, the last of them this one, and the held-out scores of steps."""
+        """A labeler per method, the last of them this one, and the scores of held-out steps.
+
+        These are one (n, K) array per trajectory, of its steps whose place is known: what a further
+        method is to learn from.
+        """
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
         names, extra_names = tuple(self.label_names), tuple(self.extra_names)

@@ -193,18 +193,16 @@ class _Parts:
                 first, second = self.pieces.piece[one], self.pieces.piece[other]
                 meet = (first != second) & (first >= 0) & (second >= 0)
                 pairs.append(np.sort(np.stack([first[meet], second[meet]], axis=1), axis=1))
-                pulled.append(
-                    np.zeros(len(pairs[-1]), np.bool_)
-                    if pulls is None
-                    else pulls.across(one, other)[meet]
+                across = (
+                    np.zeros(meet.shape, np.bool_) if pulls is None else pulls.across(one, other)
                 )
-        found, of, sides = np.unique(
-            np.concatenate(pairs), axis=0, return_inverse=True, return_counts=True
-        )
-        pulling = np.bincount(of.reshape(-1), np.concatenate(pulled), len(found))
+                pulled.append(across[meet])
+        every = np.concatenate(pairs)
+        pair, of, sides = np.unique(every, axis=0, return_inverse=True, return_counts=True)
+        pulling = np.bincount(of.reshape(-1), np.concatenate(pulled), len(pair))
         side_m = self.resolution_m * _CITY_BLOCK
         length_m, pulling_m = (np.asarray(n * side_m, np.float64) for n in (sides, pulling))
-        return found.astype(np.int64), length_m, pulling_m
+        return pair.astype(np.int64), length_m, pulling_m
 
     def changed(self, sums: NDArray[np.float64], pulls: _Pulls | None = None) -> NDArray[np.bool_]:
         """(P,) the parts whose label is the other one in the best labelling of all."""
