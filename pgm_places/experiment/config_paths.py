@@ -25,10 +25,7 @@ def resolved_path(name: str, folder: Path) -> Path:
                 f"the path {name!r} needs the environment variable {variable}; set it to the "
                 "folder with the data"
             )
-        return _real(user_path(Path(named) / rest, ConfigError))
-    return _real(folder / user_path(name, ConfigError))
-
-
-def _real(path: Path) -> Path:
-    """The path without links; Path.resolve would fail on circular links."""
-    return Path(os.path.realpath(path))
+        path = user_path(Path(named) / rest, ConfigError)
+    else:
+        path = folder / user_path(name, ConfigError)
+    return Path(os.path.realpath(path))  # Path.resolve would fail on circular links

@@ -83,14 +83,14 @@ def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
         for done, (index, source) in enumerate(chosen):
             where = f"{part}[{index}]"
             if source.drive is not None:
-                found = _simulated(experiment, source.drive, where)
+                whole = _simulated(experiment, source.drive, where)
             else:
-                found = _recorded(experiment, source, where)
+                whole = _recorded(experiment, source, where)
             if source.map_labels is not None:
                 folder = experiment.resolve(source.map_labels)
                 prior = read_labelled_map(folder, experiment.config.labels.names).prior
-                found = replace(found, prior=prior)
-            drives.append(_windowed(source, found, where))
+                whole = replace(whole, prior=prior)
+            drives.append(_windowed(source, whole, where))
             stage.update((done + 1) / len(chosen), drives[-1].trajectory.name)
     return drives
 
@@ -114,12 +114,9 @@ def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> Source
 def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> SourceDrive:
     names = experiment.config.labels.names
     log = experiment.resolve(str(source.log))
-    table = log.suffix.lower() == ".csv" and source.truth is None
-    read = read_trajectory(
-        log,
-        range_max_m=source.range_max_m,
-        label_column=source.label_column if table else None,
-    )
+    is_table = log.suffix.lower() == ".csv" and source.truth is None
+    label_column = source.label_column if is_table else None
+    read = read_trajectory(log, range_max_m=source.range_max_m, label_column=label_column)
     for message in read.warnings:
         experiment.warn(f"{log.name}: {message}")
     if log.is_file():
@@ -127,9 +124,7 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
     path = read.trajectory
     if source.frame is not None:
         path = path.transformed(source.frame)
-    known = None
-    if source.map is not None:
-        known = load_grid(experiment, source)
+    known = None if source.map is None else load_grid(experiment, source)
     if source.truth is not None:
         truth = experiment.resolve(source.truth)
         path = with_truth(
@@ -162,9 +157,9 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
     return SourceDrive(replace(path, building=building), known)
 
 
-def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDrive:
+def _windowed(source: SourceConfig, whole: SourceDrive, where: str) -> SourceDrive:
     """The chosen steps, with unknown places outside the chosen region."""
-    path = found.trajectory
+    path = whole.trajectory
     first, last = source.from_step or 0, source.to_step
     if last is not None or first:
         if not first < min(len(path) if last is None else last, len(path)):
@@ -186,4 +181,4 @@ def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDri
         )
     path = path.with_labels(labels, path.label_names)
     named = replace(path, name=source.name or path.name, building=source.building or path.building)
-    return replace(found, trajectory=named)
+    return replace(whole, trajectory=named)

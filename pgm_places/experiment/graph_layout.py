@@ -22,6 +22,8 @@ DOT_SHARE = 0.3
 LARGEST_DOT, SMALLEST_DOT = 17.0, 2.0
 """Radius of dots in cells."""
 
+_MARGIN = int(np.ceil(LARGEST_DOT)) + 2
+
 MOST_SPRINGS = 3000
 """Nodes that are laid out as if edges were springs; more are put on a circle, part by part."""
 
@@ -63,15 +65,13 @@ class GraphLayout:
         xy = _places(self.graph)
         span = np.ptp(xy, axis=0)
         scale = (SIDE - 1) / max(float(span.max(initial=0.0)), 1e-12)
-        margin = int(np.ceil(LARGEST_DOT)) + 2
-        cells = np.rint((xy - xy.min(axis=0)) * scale).astype(np.int64) + margin
+        cells = np.rint((xy - xy.min(axis=0)) * scale).astype(np.int64) + _MARGIN
         return sealed(np.ascontiguousarray(cells[:, ::-1]))
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
         """(H, W) the node that each cell shows, -1 beside the dots."""
-        margin = int(np.ceil(LARGEST_DOT)) + 2
-        raster = np.full(self.cells_rc.max(axis=0) + margin + 1, -1, np.int32)
+        raster = np.full(self.cells_rc.max(axis=0) + _MARGIN + 1, -1, np.int32)
         n_nodes = self.graph.n_nodes
         radius = np.clip(DOT_SHARE * SIDE / np.sqrt(n_nodes), SMALLEST_DOT, LARGEST_DOT)
         reach = int(np.ceil(radius))

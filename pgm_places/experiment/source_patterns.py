@@ -39,19 +39,17 @@ def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> di
     ConfigError
         A pattern matches nothing or does not fit the one of the maps, or a map has no building.
     """
-    found = dict(content)
+    made = dict(content)
     for part in ("train", "test"):
-        tables = found.get(part)
+        tables = made.get(part)
         if not isinstance(tables, list):
             continue  # refused where options are checked
-        made: list[Any] = []
+        made[part] = []
         for number, table in enumerate(tables):
-            if not isinstance(table, dict) or not isinstance(table.get("map"), str):
-                made.append(table)
-                continue
-            made += _tables(table, folder, f"{where}: {part}[{number}]")
-        found[part] = made
-    return found
+            names_map = isinstance(table, dict) and isinstance(table.get("map"), str)
+            at = f"{where}: {part}[{number}]"
+            made[part] += _tables(table, folder, at) if names_map else [table]
+    return made
 
 
 def _tables(table: dict[str, Any], folder: Path, where: str) -> list[dict[str, Any]]:
@@ -121,17 +119,13 @@ def _match(pattern: str, name: str) -> re.Match[str] | None:
 
 def _regex(pattern: str) -> str:
     """A regular expression with a group per wildcard."""
-    found, end = "", 0
+    groups = {"**/": "((?:.*/)?)", "**": "(.*)", "*": "([^/]*)", "?": "([^/])"}
+    regex, end = "", 0
     for match in _WILDCARD.finditer(pattern):
-        found += re.escape(pattern[end : match.start()])
-        text, end = match.group(), match.end()
-        if text.startswith("**"):
-            found += "((?:.*/)?)" if text.endswith("/") else "(.*)"
-        elif text.startswith("["):
-            found += _one_of(text[1:-1])
-        else:
-            found += "([^/]*)" if text == "*" else "([^/])"
-    return found + re.escape(pattern[end:])
+        text = match.group()
+        regex += re.escape(pattern[end : match.start()]) + (groups.get(text) or _one_of(text[1:-1]))
+        end = match.end()
+    return regex + re.escape(pattern[end:])
 
 
 def _one_of(listed: str) -> str:

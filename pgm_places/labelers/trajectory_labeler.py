@@ -136,24 +136,15 @@ class TrajectoryLabeler(StepLabelling):
     # ------------------------------------------------------------------ learning
 
     @classmethod
-    def from_places(
-        cls,
-        places: PlaceLabeler,
-        *,
-        method: Any | None = None,
-        every_m: float = EVERY_M,
-        beams: BeamOptions = BEAMS,
-    ) -> Self:
+    def from_places(cls, places: PlaceLabeler, *, every_m: float = EVERY_M) -> Self:
         """One that uses the list of a fitted PlaceLabeler, and what it learned of moving robots.
 
         Parameters
         ----------
         places : PlaceLabeler
             Fitted on labelled maps.
-        method : backend, optional
-            A fitted method, in place of ``places.movement_``.
-        every_m, beams
-            As of the class.
+        every_m : float
+            As of the class; :meth:`with_options` changes other options.
 
         Raises
         ------
@@ -163,15 +154,13 @@ class TrajectoryLabeler(StepLabelling):
             It has a feature of the map's cells.
         """
         places.check_fitted()
-        chosen = places.movement_ if method is None else method
-        if chosen is None:
+        if places.movement_ is None:
             raise NotFittedError(
-                "this model was stored without the statistics of moving robots; train it again, or "
-                "give a fitted method"
+                "this model was stored without the statistics of moving robots; train it again"
             )
         unary = places.unary_model_
         model = ScanModel(unary.classifier, unary.n_labels, unary.sensor, features=unary.features)
-        return cls.of_parts(places.learned_names, chosen, model, every_m=every_m, beams=beams)
+        return cls.of_parts(places.learned_names, places.movement_, model, every_m=every_m)
 
     @classmethod
     def of_parts(

@@ -62,8 +62,8 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
         names[final],
         names[before],
         bool(taught.paint.painted[view.cell_of(x_m, y_m)]),
-        _probabilities(found, view, x_m, y_m),
-        _probabilities(alone, view, x_m, y_m),
+        _probabilities(found, x_m, y_m),
+        _probabilities(alone, x_m, y_m),
         ranges,
         np.asarray(model.sensor.angles_rad + view.grid.yaw_rad, np.float64),
         _questions(fitted, row, model, labeler.learned_names),
@@ -120,10 +120,8 @@ class _View:
         """Row and column on the map's own raster."""
         [(row, column)] = self.taught.grid.cells_at_m([[x_m, y_m]]).tolist()
         height, width = self.taught.grid.shape
-        if (
-            not (0 <= row < height and 0 <= column < width)
-            or not self.taught.grid.free[row, column]
-        ):
+        inside = 0 <= row < height and 0 <= column < width
+        if not inside or not self.taught.grid.free[row, column]:
             raise InputError(f"there is no free cell at ({x_m:g}, {y_m:g})")
         return row, column
 
@@ -161,13 +159,8 @@ class _View:
         assert model.space is not None
         labeler, paint = self.taught.labeler, self.taught.paint
         names = labeler.label_names_
-        known = KnownCells.of(
-            paint.with_classes(names).labels,
-            self.taught.grid,
-            self.grid,
-            names,
-            labeler.learned_names,
-        )
+        painted, learned = paint.with_classes(names).labels, labeler.learned_names
+        known = KnownCells.of(painted, self.taught.grid, self.grid, names, learned)
         judge = None if self.seen is None else model.gate_judge(self.seen)
         return model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 
@@ -175,13 +168,12 @@ class _View:
         self, found: LabelledPlaces, final: int, before: int, x_m: float, y_m: float
     ) -> list[NeighbourPull]:
         """The neighbours in the raster of the result."""
-        layout = found.layout
-        source = layout.source if isinstance(layout.source, OccupancyGrid) else self.taught.grid
+        layout, source = found.layout, _source(found)
         [cell] = source.cells_at_m([[x_m, y_m]])
-        steps = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r or c)]
+        steps = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c])
         if self.taught.labeler.connectivity == 4:
-            steps = [step for step in steps if 0 in step]
-        cells = cell + np.array(steps)
+            steps = steps[(steps == 0).any(axis=1)]
+        cells = cell + steps
         nodes = layout.nodes_at(cells)
         names, pulls = self.taught.label_names, []
         beliefs, labels = found.labeling.beliefs, found.labeling.labels
@@ -253,14 +245,14 @@ def _gate_effect(
     return probability, gate_log_odds(probability)
 
 
-def _probabilities(
-    found: LabelledPlaces, view: _View, x_m: float, y_m: float
-) -> dict[str, float] | None:
-    beliefs, layout = found.labeling.beliefs, found.layout
-    if beliefs is None:
-        return None
-    source = layout.source if isinstance(layout.source, OccupancyGrid) else view.taught.grid
-    [node] = layout.nodes_at(source.cells_at_m([[x_m, y_m]])).tolist()
-    if node < 0:
+def _probabilities(found: LabelledPlaces, x_m: float, y_m: float) -> dict[str, float] | None:
+    beliefs = found.labeling.beliefs
+    [node] = found.layout.nodes_at(_source(found).cells_at_m([[x_m, y_m]])).tolist()
+    if beliefs is None or node < 0:
         return None
     return dict(zip(found.label_names, map(float, beliefs[node]), strict=True))
+
+
+def _source(found: LabelledPlaces) -> OccupancyGrid:
+    """The map whose cells were labelled."""
+    return found.layout.source if isinstance(found.layout.source, OccupancyGrid) else found.grid

@@ -1,5 +1,6 @@
 """Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
 
+import copy
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -177,15 +178,10 @@ class Teacher:
     ) -> None:
         if labeler is None and classes is None:
             raise LabelError("without a labeler, 'classes' must say what may be painted")
-        own = () if labeler is None else labeler.label_names_
-        self.classes = plain_names("classes", list(own if classes is None else classes))
-        missing = [name for name in own if name not in self.classes]
-        if missing:
-            raise LabelError(
-                f"{missing[0]!r} is a label of the labeler and must be among the classes, got "
-                f"{', '.join(self.classes)}"
-            )
         self.grid, self.labeler, self.method = grid, labeler, method
+        self._take(
+            labeler.label_names_ if labeler is not None and classes is None else classes or ()
+        )
         self.rules, self.options = rules or TopologyOptions(), options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
         self._turns = Turns()
@@ -200,18 +196,21 @@ class Teacher:
         LabelError
             As for a new one.
         """
-        found = Teacher(
-            self.grid,
-            self.labeler,
-            classes=classes,
-            method=self.method,
-            rules=self.rules,
-            options=self.options,
-            known_places=self.known_places,
-            n_threads=self.n_threads,
-        )
-        found._table, found._kept, found._field = self._table, self._kept, self._field
-        return found
+        other = copy.copy(self)
+        other._turns, other._table = Turns(), self._table
+        other._take(classes)
+        return other
+
+    def _take(self, classes: Sequence[str]) -> None:
+        """Let these classes be painted."""
+        self.classes = plain_names("classes", list(classes))
+        own = () if self.labeler is None else self.labeler.label_names_
+        missing = [name for name in own if name not in self.classes]
+        if missing:
+            raise LabelError(
+                f"{missing[0]!r} is a label of the labeler and must be among the classes, got "
+                f"{', '.join(self.classes)}"
+            )
 
     def blank(self) -> Paint:
         """No paint on this map."""

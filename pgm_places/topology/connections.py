@@ -55,15 +55,12 @@ def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.in
     """
     met = meetings(piece, count)
     touching = contacts_at(met, count)
-    keys, rooms, rows, columns = [], [], [], []
+    parts = []
     for (down, right), item in zip(STEPS, met, strict=True):
         r, c = item.cells_rc
-        keys.append(item.keys)
-        rooms.append(np.minimum(clearance[r, c], clearance[r + down, c + right]))
-        rows.append(r + down / 2)
-        columns.append(c + right / 2)
-    key, room = np.concatenate(keys), np.concatenate(rooms)
-    place = np.stack([np.concatenate(rows), np.concatenate(columns)], axis=1)
+        room = np.minimum(clearance[r, c], clearance[r + down, c + right])
+        parts.append((item.keys, room, np.stack([r + down / 2, c + right / 2], axis=1)))
+    key, room, place = (np.concatenate(part) for part in zip(*parts, strict=True))
     # The most clearance first; ties go to the point nearest to the middle of the border.
     off = _from_the_middle(key, place)
     order = np.lexsort((off, -room, key))
