@@ -50,17 +50,15 @@ def load_map_of(experiment: Experiment, source: MapConfig, where: str) -> Labell
         if source.half is not None:
             limits["columns"] = (0, split) if source.half == "left" else (split, None)
     name = source.name or _default_name(source, origin)
-    window = window_mask(grid, **limits)
     building = source.building or str(origin)
-    found = LabelledMap(grid, labels, window, name, building, source.domain)
-    adapt = _coarsened if source.simulated is None else _simulated
-    found = adapt(experiment, source, found)
-    if not found.labelled_cells.any():
+    fine = LabelledMap(grid, labels, window_mask(grid, **limits), name, building, source.domain)
+    made = (_coarsened if source.simulated is None else _simulated)(experiment, source, fine)
+    if not made.labelled_cells.any():
         raise LabelError(
             f"{where} ({name}): no free cell inside the window has a label; check that the labels "
             "belong to this map and that the window covers them"
         )
-    return found
+    return made
 
 
 def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) -> LabelledMap:

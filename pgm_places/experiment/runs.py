@@ -78,9 +78,9 @@ def train(experiment: Experiment) -> Trained:
 def _trained(experiment: Experiment, sources: Sources) -> Trained:
     if experiment.config.select is not None:
         with experiment.timed("select"):
-            found = select(experiment, sources)
-        config = changed_config(experiment.config, found.chosen.options)
-        experiment = replace(experiment, config=config, selection=found.to_dict())
+            selection = select(experiment, sources)
+        config = changed_config(experiment.config, selection.chosen.options)
+        experiment = replace(experiment, config=config, selection=selection.to_dict())
     return Trained(experiment, task_of(experiment.config).learn(experiment, sources))
 
 
@@ -113,9 +113,8 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
     for name, method in methods.items():
         learn = _learning_seconds(name, trained.labelers[name])
         seconds = {"learn": learn, "infer": labelled.seconds[name]}
-        result = method_result(
-            name, method, names, labelled.items, labelled.labelings[name], seconds
-        )
+        tested = labelled.items, labelled.labelings[name]
+        result = method_result(name, method, names, *tested, seconds)
         results.append(replace(result, doors=labelled.doors[name], learned_with=shared.get(name)))
     config = experiment.config
     return Comparison(

@@ -25,7 +25,6 @@ from pgm_places.unary.options import ClassifierOptions
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     """The unfitted labeler that a configuration describes."""
     names, settings = tuple(config.labels.names), config.classifier
-    context_m = tuple(config.context.half_widths_m)
     methods = {
         method.id: PlaceMethod(build_method(method), _of_maps(method)) for method in config.methods
     }
@@ -35,7 +34,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         sensor=config.sensor,
         classifier=settings.classifier(names),
         connectivity=config.connectivity,
-        context_m=context_m,
+        context_m=tuple(config.context.half_widths_m),
         space=config.space,
         learn_on=settings.learn_on,
         n_folds=settings.n_folds,
@@ -81,18 +80,16 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
 
 def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
     """The unfitted labeler of drives that a configuration describes."""
-    names, steps = tuple(config.labels.names), config.steps
-    settings = config.classifier
+    names, steps, settings = tuple(config.labels.names), config.steps, config.classifier
+    # By default the prior is left to the method, which knows how frequent places are on a path.
+    is_default = settings == ClassifierOptions(seed=settings.seed)
     labeler = TrajectoryLabeler(
         names,
         every_m=steps.every_m,
         loop_m=steps.loop_m,
         beams=steps.beams,
         sensor=replace(config.sensor, max_range_m=steps.max_range_m),
-        # By default the prior is left to the method, which knows how frequent places are on a path.
-        classifier=None
-        if settings == ClassifierOptions(seed=settings.seed)
-        else settings.classifier(names),
+        classifier=None if is_default else settings.classifier(names),
         n_folds=settings.n_folds,
         n_runs=steps.n_runs,
         seed=steps.seed,
@@ -117,16 +114,14 @@ def joint_labeler(config: ExperimentConfig) -> JointLabeler:
 def graph_labelers(config: ExperimentConfig) -> dict[str, StructuredLabeler]:
     """The unfitted labelers of graphs of one's own, by the ids of their methods."""
     settings = config.classifier
-    found = {}
+    labelers = {}
     for method in config.methods:
-        found[method.id] = StructuredLabeler(
-            build_method(method),
-            None if method.unary == "none" else settings.classifier(config.labels.names),
-            learn_on=settings.learn_on,
-            n_folds=settings.n_folds,
+        classifier = settings.classifier(config.labels.names) if method.unary != "none" else None
+        labelers[method.id] = StructuredLabeler(
+            build_method(method), classifier, learn_on=settings.learn_on, n_folds=settings.n_folds
         )
-        found[method.id].check_options()
-    return found
+        labelers[method.id].check_options()
+    return labelers
 
 
 class GraphMethod(NamedTuple):

@@ -101,12 +101,12 @@ class _Buildings:
                 f"{n_buildings}; ask for at most {n_buildings}"
             )
         numbers = fold_of_buildings(self.tested, wanted)
-        found = []
+        splits = []
         for fold in range(wanted):
             held_out = [name for name, of in zip(self.tested, numbers, strict=True) if of == fold]
             name = held_out[0] if wanted == n_buildings else f"fold {fold + 1}"
-            found.append(self._split(name, held_out, None))
-        return found
+            splits.append(self._split(name, held_out, None))
+        return splits
 
     def listed(self, number: int, item: SplitConfig) -> Split:
         """A split that the configuration lists."""

@@ -267,12 +267,12 @@ class JointLabeler(Labeler):
         if self.link_weight != "fitted":
             return float(self.link_weight)
         truth = np.concatenate([item.truth for item in examples])
-        figures = []
-        for weight in LINK_WEIGHTS:
+
+        def accuracy(weight: float) -> float:
             labels = [method.infer(item.problem(names, weight)).labels for item in examples]
-            scores = evaluate(truth, np.concatenate(labels), names)
-            figures.append(scores.balanced_accuracy)
-        return LINK_WEIGHTS[int(np.argmax(figures))]
+            return evaluate(truth, np.concatenate(labels), names).balanced_accuracy
+
+        return max(LINK_WEIGHTS, key=accuracy)
 
     # ------------------------------------------------------------------ labelling
 

@@ -82,8 +82,7 @@ class KnownCells:
         labels[known] = nodes[known]
         if beliefs is not None:
             beliefs = beliefs.copy()
-            beliefs[known] = 0
-            beliefs[known, nodes[known]] = 1
+            beliefs[known] = np.arange(beliefs.shape[1]) == nodes[known, np.newaxis]
         return replace(labeling, labels=labels, beliefs=beliefs)
 
 

@@ -141,10 +141,7 @@ class LabelledPlaces:
         for rows in bands_of_rows(self.grid.shape):
             band = self.labels[rows]
             counts += np.bincount(band[band >= 0], minlength=len(counts))
-        return {
-            name: float(count * cell_m2)
-            for name, count in zip(self.label_names, counts, strict=True)
-        }
+        return dict(zip(self.label_names, (counts * cell_m2).tolist(), strict=True))
 
     def summary(self) -> str:
         """One line: the area of each label and how the method ended."""

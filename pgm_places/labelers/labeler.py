@@ -86,17 +86,14 @@ def _what_is_learned(backend: Any) -> Hashable | None:
     """What learning depends on; None for what learns nothing, or says nothing of that."""
     if not isinstance(backend, Learnable) or not traits_of(backend).labelling_options:
         return None
-    options = {
-        name: value
-        for name, value in option_values(backend).items()
-        if name not in traits_of(backend).labelling_options
-    }
+    others = set(option_values(backend)) - set(traits_of(backend).labelling_options)
+    options = sorted((name, repr(getattr(backend, name))) for name in others)
     arrays = [
         id(getattr(backend, item.name))
         for item in dataclasses.fields(backend)  # type: ignore[arg-type]
         if item.metadata.get("learned")
     ]
-    return type(backend), repr(options), tuple(arrays)
+    return type(backend), *options, *arrays
 
 
 class Labeler:
@@ -133,11 +130,7 @@ class Labeler:
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""
         options = {name: getattr(self, name) for name in self._defaults()}
-        if deep:
-            for name in list(options):
-                inner = _options_of(self._part(name), deep=True)
-                options |= {f"{name}__{key}": value for key, value in inner.items()}
-        return options
+        return _with_inner(options, self._part) if deep else options
 
     def set_params(self, **params: Any) -> Self:
         """The labeler itself with other options; what it has learned stays until the next fit.
@@ -171,10 +164,9 @@ class Labeler:
         return other
 
     def __repr__(self) -> str:
-        defaults = self._defaults()
         shown = [
             f"{name}={getattr(self, name)!r}"
-            for name, default in defaults.items()
+            for name, default in self._defaults().items()
             if repr(getattr(self, name)) != repr(default)
         ]
         return f"{type(self).__name__}({', '.join(shown)})"
@@ -274,11 +266,16 @@ def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
         options = dict(value)
     else:
         return {}
-    if deep:
-        for name in list(options):
-            inner = _options_of(options[name], deep=True)
-            options |= {f"{name}__{key}": item for key, item in inner.items()}
-    return options
+    return _with_inner(options, options.__getitem__) if deep else options
+
+
+def _with_inner(options: dict[str, Any], part: Callable[[str], Any]) -> dict[str, Any]:
+    """The options with those of their parts, called ``sensor__n_beams``."""
+    every = dict(options)
+    for name in options:
+        inner = _options_of(part(name), deep=True)
+        every |= {f"{name}__{key}": value for key, value in inner.items()}
+    return every
 
 
 def _changed(value: Any, params: Mapping[str, Any]) -> Any:

@@ -88,13 +88,10 @@ class BeliefFilter:
 
     def run(self, poses: NDArray[np.float64], scores: NDArray[np.float64]) -> Labeling:
         """Labels and beliefs along a whole trajectory: poses (T, 3) and log z (T, K)."""
-        beliefs = np.empty(scores.shape)
-        impossible = []
+        beliefs, possible = np.empty(scores.shape), np.empty(len(scores), np.bool_)
         for t, ((x, y), row) in enumerate(zip(poses[:, :2].tolist(), scores, strict=True)):
-            beliefs[t], possible = self._step(x, y, row)
-            if not possible:
-                impossible.append(t)
-        info = {"impossible": impossible}
+            beliefs[t], possible[t] = self._step(x, y, row)
+        info = {"impossible": np.flatnonzero(~possible).tolist()}
         labels = self._model.choose(beliefs)
         return Labeling(labels, Status.CONVERGED, beliefs=beliefs, info=info)
 

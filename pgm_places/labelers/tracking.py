@@ -83,9 +83,8 @@ class Track:
     def accuracy(self) -> float | None:
         """Share of correct labels among steps with a known one; None if there are no such steps."""
         truth = self.truth
-        if truth is None or not (truth >= 0).any():
+        if truth is None or not (known := truth >= 0).any():
             return None
-        known = truth >= 0
         return float((self.labeling.labels[known] == truth[known]).mean())
 
     def visits(self) -> Iterator[Visit]:
@@ -102,15 +101,12 @@ class Track:
 
     def totals(self) -> list[tuple[str, int, int, float]]:
         """The name, visits, steps and metres of each label."""
-        visits = list(self.visits())
+        of_label: list[list[Visit]] = [[] for _ in self.label_names]
+        for visit in self.visits():
+            of_label[visit.label].append(visit)
         return [
-            (
-                name,
-                sum(visit.label == k for visit in visits),
-                sum(visit.n_steps for visit in visits if visit.label == k),
-                sum(visit.length_m for visit in visits if visit.label == k),
-            )
-            for k, name in enumerate(self.label_names)
+            (name, len(some), sum(v.n_steps for v in some), sum(v.length_m for v in some))
+            for name, some in zip(self.label_names, of_label, strict=True)
         ]
 
 

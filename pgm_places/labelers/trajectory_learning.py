@@ -298,12 +298,10 @@ def _require_sources(
 
 
 def _require_examples(truth: NDArray[np.int64], label_names: tuple[str, ...]) -> None:
-    counts = np.bincount(truth, minlength=len(label_names))
-    missing = [name for name, count in zip(label_names, counts, strict=False) if count == 0]
-    if missing or len(counts) > len(label_names):
+    n_labels, highest = len(label_names), int(truth.max(initial=-1))
+    if missing := [repr(name) for k, name in enumerate(label_names) if k not in truth]:
         raise LabelError(
-            f"no labelled cell or step is {' or '.join(map(repr, missing))}; label some, or take "
-            "the name out"
-            if missing
-            else f"label index {len(counts) - 1} but there are only {len(label_names)} labels"
+            f"no labelled cell or step is {' or '.join(missing)}; label some, or take the name out"
         )
+    if highest >= n_labels:
+        raise LabelError(f"label index {highest} but there are only {n_labels} labels")

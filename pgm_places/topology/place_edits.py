@@ -183,14 +183,10 @@ def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts 
 
 def _split(topology: TopologicalMap, place: Region, parts: Parts) -> TopologicalMap:
     """The map with the parts of a place as places; the largest keeps the id."""
-    region = topology.region.copy()
-    new: dict[int, Region] = {}
-    for part in range(1, len(parts)):
-        identity = topology.next_id + len(new)
-        members = parts.cells[parts.number == part]
-        region[members[:, 0], members[:, 1]] = identity
-        new[identity] = place
-    return _described(topology, region, new)
+    region, new = topology.region.copy(), range(topology.next_id, topology.next_id + len(parts) - 1)
+    for part, identity in enumerate(new, start=1):
+        region[tuple(parts.cells[parts.number == part].T)] = identity
+    return _described(topology, region, dict.fromkeys(new, place))
 
 
 def _point(at_m: Sequence[float]) -> tuple[float, float]:
@@ -214,7 +210,6 @@ def _described(
     )
     old = {item.id: item.name for item in topology.regions}
     clearance = squared_clearance(region == 0)
-    shares = _probabilities(topology, raster, len(ids))
     regions = describe_regions(
         pieces,
         topology.grid,
@@ -222,7 +217,7 @@ def _described(
         clearance,
         ids=ids.tolist(),
         names=name_places(ids.tolist(), labels, known=old),
-        probabilities=shares,
+        probabilities=_probabilities(topology, raster, len(ids)),
         gates=[_gate(earlier[number], number in new) for number in ids.tolist()],
         anchors_m={item.id: item.anchor_m for item in topology.regions},
     )
