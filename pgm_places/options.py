@@ -31,28 +31,6 @@ from pgm_places._option_marks import (
 )
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
 
-__all__ = [
-    "AtLeastZero",
-    "AtLeastZeroOrInfinite",
-    "OptionError",
-    "Positive",
-    "Probability",
-    "Seed",
-    "UnknownGrey",
-    "Whole",
-    "check_option",
-    "check_options",
-    "described",
-    "from_mapping",
-    "option_fields",
-    "option_hints",
-    "option_lines",
-    "option_values",
-    "plain_values",
-    "taken_from",
-    "wanted",
-]
-
 AtLeastZero = Annotated[float, Ge(0)]
 AtLeastZeroOrInfinite = Annotated[float, Ge(0), OrInfinite()]
 Positive = Annotated[float, Gt(0)]

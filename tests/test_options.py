@@ -20,7 +20,7 @@ from annotated_types import Interval
 from annotated_types import Le as TheirLe
 from pydantic import Field
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, wanted
 from pgm_places.cli.app import run
 from pgm_places.cli.declarations import flag_of
 from pgm_places.cli.flags import option_flags
@@ -43,7 +43,6 @@ from pgm_places.options import (
     option_lines,
     option_values,
     plain_values,
-    wanted,
 )
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.odometry_noise import OdometryNoise

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import MapError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-_STRIP_CELLS = 1 << 20
 
 
 def window_mask(
@@ -101,13 +100,11 @@ def _cut_in_metres(
     cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
     along = (np.arange(width) + 0.5) * grid.resolution_m
     origin_x, origin_y = grid.origin_xy_m
-    step = max(1, _STRIP_CELLS // width)
-    for first in range(0, height, step):
-        last = min(first + step, height)
-        up = ((np.arange(first, last) + 0.5) * grid.resolution_m)[:, None]
+    for rows in bands_of_rows(grid.shape):
+        up = ((np.arange(height)[rows] + 0.5) * grid.resolution_m)[:, None]
         x, y = origin_x + cos * along - sin * up, origin_y + sin * along + cos * up
-        mask[first:last] &= (x >= x_limits[0]) & (x < x_limits[1])
-        mask[first:last] &= (y >= y_limits[0]) & (y < y_limits[1])
+        mask[rows] &= (x >= x_limits[0]) & (x < x_limits[1])
+        mask[rows] &= (y >= y_limits[0]) & (y < y_limits[1])
 
 
 def _extent(grid: OccupancyGrid) -> str:

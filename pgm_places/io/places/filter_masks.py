@@ -16,16 +16,6 @@ from pgm_places.io.maps.map_server import write_description
 from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = [
-    "TYPES",
-    "FilterKind",
-    "filter_parameters",
-    "mask_files",
-    "mask_values",
-    "write_filter_mask",
-]
-
-
 FilterKind: TypeAlias = Literal["keepout", "speed-percent", "speed-m-s", "binary", "zones"]
 
 TYPES: dict[str, int] = {kind: number for number, kind in enumerate(get_args(FilterKind))}
@@ -110,8 +100,8 @@ def _node(**parameters: Any) -> dict[str, Any]:
     return {"ros__parameters": parameters}
 
 
+# map_server publishes raw values from 0 to 100; larger ones would become unknown.
 MOST = 100
-"""map_server publishes raw values from 0 to 100; larger ones would become unknown."""
 
 
 def mask_values(
