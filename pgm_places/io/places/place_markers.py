@@ -1,5 +1,6 @@
 """Places as visualization markers: coloured areas, outlines, names, and the paths between them."""
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.palette import label_colours, rgb_of
-from pgm_places.spaces.gate import Gate
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -122,9 +122,13 @@ def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
     for region in topology.regions:
         colour = colours[region.label]
         markers.append(_area(ros, topology, region, colour))
-        markers.append(_outline(ros, region, colour))
+        rings = [ring.tolist() for rings in region.polygons for ring in rings]
+        ends = [end for ring in rings for side in itertools.pairwise(ring) for end in side]
+        markers.append(_lines(ros, "LINE_LIST", "outlines", region.id, colour, ends))
         if region.gate is not None:
-            markers.append(_gate(ros, region.id, region.gate, colour))
+            corners = region.gate.corners_m.tolist()
+            closed = [*corners, corners[0]]
+            markers.append(_lines(ros, "LINE_STRIP", "gates", region.id, colour, closed))
         markers.append(
             ros.marker(
                 "TEXT_VIEW_FACING",
@@ -168,46 +172,30 @@ def _run_corners(topology: TopologicalMap, region: Region) -> NDArray[np.float64
     return corners.swapaxes(0, 1).reshape(-1, 2)
 
 
-def _outline(ros: ROS, region: Region, colour: Sequence[float]) -> Any:
-    points = []
-    for rings in region.polygons:
-        for ring in rings:
-            ends = np.stack([ring[:-1], ring[1:]], axis=1).reshape(-1, 2)
-            points += [ros.point(x, y, _LINE_Z_M) for x, y in ends.tolist()]
-    return ros.marker(
-        "LINE_LIST",
-        "outlines",
-        region.id,
-        colour=ros.colour(colour),
-        scale=(_LINE_M, 0.0, 0.0),
-        points=points,
-    )
-
-
-def _gate(ros: ROS, number: int, gate: Gate, colour: Sequence[float]) -> Any:
-    """The rectangle of a gate, as a closed line."""
-    corners = gate.corners_m.tolist()
-    return ros.marker(
-        "LINE_STRIP",
-        "gates",
-        number,
-        colour=ros.colour(colour),
-        scale=(_LINE_M, 0.0, 0.0),
-        points=[ros.point(x, y, _LINE_Z_M) for x, y in [*corners, corners[0]]],
-    )
+def _lines(
+    ros: ROS,
+    kind: str,
+    space: str,
+    number: int,
+    colour: Sequence[float],
+    ends: Iterable[Sequence[float]],
+) -> Any:
+    points = [ros.point(x, y, _LINE_Z_M) for x, y in ends]
+    size = (_LINE_M, 0.0, 0.0)
+    return ros.marker(kind, space, number, colour=ros.colour(colour), scale=size, points=points)
 
 
 def _paths(ros: ROS, topology: TopologicalMap) -> list[Any]:
     """Lines from anchor to passage to anchor, and a ball in each passage."""
-    lines, middles = [], []
-    for item in topology.connections:
-        middle = ros.point(*item.point_m, _LINE_Z_M)
-        middles.append(middle)
-        for number in (item.first, item.second):
-            lines += [ros.point(*topology.place(number).anchor_m, _LINE_Z_M), middle]
-    ink = ros.colour(_INK)
-    size = (_POINT_M, _POINT_M, _POINT_M)
+    middles = [ros.point(*item.point_m, _LINE_Z_M) for item in topology.connections]
+    ends = [
+        end
+        for item in topology.connections
+        for number in (item.first, item.second)
+        for end in (topology.place(number).anchor_m, item.point_m)
+    ]
+    ink, size = ros.colour(_INK), (_POINT_M, _POINT_M, _POINT_M)
     return [
-        ros.marker("LINE_LIST", "paths", 0, colour=ink, scale=(_LINE_M, 0.0, 0.0), points=lines),
+        _lines(ros, "LINE_LIST", "paths", 0, _INK, ends),
         ros.marker("SPHERE_LIST", "passages", 0, colour=ink, scale=size, points=middles),
     ]
