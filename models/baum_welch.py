@@ -159,7 +159,7 @@ def with_unlabelled(
         for (problem, labels), weight in zip(pairs, weights, strict=True)
         if len(labels)
     ]
-    found = baum_welch(
+    learned = baum_welch(
         chains,
         ChainTables(model.initial, model.transition, model.confusion),
         model.prior,
@@ -167,7 +167,7 @@ def with_unlabelled(
         learns_start=model.start == "learned",
         smoothing=float(model.smoothing),
     )
-    return {**found.tables._asdict(), "learning_curve": found.objectives}
+    return {**learned.tables._asdict(), "learning_curve": learned.objectives}
 
 
 def _expected(
@@ -189,12 +189,12 @@ def _expected(
         chain = adjacency(len(labels), np.stack([steps[:-1], steps[1:]], axis=1))
         pairwise = log_move if moved.all() else np.where(moved[:, None, None], log_move, log_stay)
         known = keep_known(scores, labels)
-        found = forest_marginals(known, chain, pairwise=pairwise, pairs=True)
-        assert found.pair_beliefs is not None
-        total += weight * found.log_partition
-        first += weight * found.beliefs[0]
-        moves += weight * found.pair_beliefs[moved].sum(axis=0)
-        confusions += weight * _confusions(unary, found.beliefs, tables.confusion, observation)
+        chances = forest_marginals(known, chain, pairwise=pairwise, pairs=True)
+        assert chances.pair_beliefs is not None
+        total += weight * chances.log_partition
+        first += weight * chances.beliefs[0]
+        moves += weight * chances.pair_beliefs[moved].sum(axis=0)
+        confusions += weight * _confusions(unary, chances.beliefs, tables.confusion, observation)
     return _Expected(first, moves, confusions, total)
 
 

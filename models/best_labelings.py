@@ -101,8 +101,8 @@ def best_labelings(
     if n_best < 1:
         raise InputError(f"n_best must be at least 1, got {n_best}")
     search = _search(graph, potentials, decoder)
-    found, exact = _enumerated(potentials.unary, search, n_best)
-    labels = np.array(found, np.int64).reshape(len(found), graph.n_nodes)
+    labelings, exact = _enumerated(potentials.unary, search, n_best)
+    labels = np.array(labelings, np.int64).reshape(len(labelings), graph.n_nodes)
     scores = np.array([score(graph, potentials, row) for row in labels])
     order = np.argsort(-scores, kind="stable")
     return BestLabelings(frozen(labels[order]), frozen(scores[order]), exact)
@@ -128,10 +128,10 @@ def _enumerated(
     best, exact = search.best(unary)
     if best is None:
         return [], exact
-    found, unopened = [best], [(unary, best)]
+    labelings, unopened = [best], [(unary, best)]
     number = count()  # orders spaces whose seconds are equal
     spaces: list[tuple[float, int, NDArray[np.float64], NDArray[np.int64], _Second]] = []
-    while len(found) < n_best:
+    while len(labelings) < n_best:
         for allowed, top in unopened:
             other = search.second(allowed, top)
             exact = exact and other.proved
@@ -145,9 +145,9 @@ def _enumerated(
         without[other.node, other.label] = -np.inf
         fresh = search.best(with_it)[0] if other.labels is None else other.labels
         assert fresh is not None  # its score is finite
-        found.append(fresh)
+        labelings.append(fresh)
         unopened = [(with_it, fresh), (without, top)]
-    return found, exact
+    return labelings, exact
 
 
 def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> "_Search":
@@ -200,7 +200,7 @@ class _ByDecoding:
         return labels, proved
 
     def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
-        found, proved = _Second(-np.inf, 0, 0, None, proved=True), True
+        next_best, proved = _Second(-np.inf, 0, 0, None, proved=True), True
         for node in np.flatnonzero((unary > -np.inf).sum(axis=1) > 1):
             without = unary.copy()
             without[node, best[node]] = -np.inf
@@ -209,17 +209,17 @@ class _ByDecoding:
             except InfeasibleError:
                 continue  # it is proved that the node has the same label in all that are left
             proved = proved and is_best
-            if labels is not None and value > found.score:
-                found = _Second(value, int(node), int(labels[node]), labels, proved=True)
-        return found._replace(proved=proved)
+            if labels is not None and value > next_best.score:
+                next_best = _Second(value, int(node), int(labels[node]), labels, proved=True)
+        return next_best._replace(proved=proved)
 
     def _decoded(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, float, bool]:
         """A labelling, None if none is found, its score, and whether it is proved to be best."""
         now = Potentials(unary, self.potentials.pairwise, self.potentials.agreement)
-        found = decode(self.graph, now, self.decoder)
-        if found.score is None or found.score == -np.inf:
+        answer = decode(self.graph, now, self.decoder)
+        if answer.score is None or answer.score == -np.inf:
             return None, -np.inf, False
-        return found.labels, found.score, found.status is Status.EXACT
+        return answer.labels, answer.score, answer.status is Status.EXACT
 
 
 _Search = _ByMarginals | _ByDecoding

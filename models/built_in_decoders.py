@@ -19,59 +19,59 @@ if TYPE_CHECKING:
 def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.expansion import alpha_expansion
 
-    found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
-    bound = found.score if found.exact else None
-    status = Status.EXACT if found.exact else converged(found.converged)
-    info: dict[str, Any] = {"moves": found.n_moves}
-    if problem.inside and found.exact:
+    cut = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
+    bound = cut.score if cut.exact else None
+    status = Status.EXACT if cut.exact else converged(cut.converged)
+    info: dict[str, Any] = {"moves": cut.n_moves}
+    if problem.inside and cut.exact:
         from pgm_places.solvers.duals import cut_duals
         from pgm_places.solvers.pairwise import pairwise_model
 
         info["duals"] = cut_duals(pairwise_model(*problem.arrays))
-    return DecodingAnswer(found.labels, status, bound, info=info)
+    return DecodingAnswer(cut.labels, status, bound, info=info)
 
 
 def _lp(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.marginal_lp import solve_marginal_lp
 
-    found = solve_marginal_lp(*problem.arrays)
+    ideal = solve_marginal_lp(*problem.arrays)
     # an integral solution is the best only as far as the solver is exact: its bound proves it
-    status = Status.CONVERGED if found.integral else Status.RELAXED
-    info = {"integral": found.integral, "node_marginals": found.node_marginals}
+    status = Status.CONVERGED if ideal.integral else Status.RELAXED
+    info = {"integral": ideal.integral, "node_marginals": ideal.node_marginals}
     if problem.inside:
-        info["duals"] = found.duals
-    return DecodingAnswer(found.labels, status, found.bound, info=info)
+        info["duals"] = ideal.duals
+    return DecodingAnswer(ideal.labels, status, ideal.bound, info=info)
 
 
 def _trws(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.trws import trws
 
-    found = trws(*problem.arrays, **problem.limited(), duals=problem.inside)
-    info: dict[str, Any] = {"score_history": tuple(found.history[:, 0].tolist())}
+    dual = trws(*problem.arrays, **problem.limited(), duals=problem.inside)
+    info: dict[str, Any] = {"score_history": tuple(dual.history[:, 0].tolist())}
     if problem.inside:
-        info["duals"] = found.duals
-    return DecodingAnswer(found.labels, converged(found.converged), found.bound, info=info)
+        info["duals"] = dual.duals
+    return DecodingAnswer(dual.labels, converged(dual.converged), dual.bound, info=info)
 
 
 def _icm(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.local_search import iterated_conditional_modes
 
-    found = iterated_conditional_modes(*problem.arrays, **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged))
+    search = iterated_conditional_modes(*problem.arrays, **problem.limited())
+    return DecodingAnswer(search.labels, converged(search.converged))
 
 
 def _mean_field(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.mean_field import mean_field
 
-    found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
-    if found is None:
-        found = mean_field(*problem.arrays, **problem.limited())
+    field: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
+    if field is None:
+        field = mean_field(*problem.arrays, **problem.limited())
     info: dict[str, Any] = {}
     if problem.inside:
         first, second = problem.graph.edges.T
-        of_pairs = np.einsum("ek,el->ekl", found.beliefs[first], found.beliefs[second])
+        of_pairs = np.einsum("ek,el->ekl", field.beliefs[first], field.beliefs[second])
         info["pair_beliefs"] = of_pairs
-    return DecodingAnswer(found.labels, converged(found.converged), None, found.beliefs, info)
+    return DecodingAnswer(field.labels, converged(field.converged), None, field.beliefs, info)
 
 
 def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
@@ -94,22 +94,22 @@ def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
 def _max_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
-    found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
-    info = {"messages": found.messages} if problem.inside else {}
-    if found.exact:
-        return DecodingAnswer(found.labels, Status.EXACT, found.score, info=info)
-    return DecodingAnswer(found.labels, converged(found.converged), info=info)
+    spread = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
+    info = {"messages": spread.messages} if problem.inside else {}
+    if spread.exact:
+        return DecodingAnswer(spread.labels, Status.EXACT, spread.score, info=info)
+    return DecodingAnswer(spread.labels, converged(spread.converged), info=info)
 
 
 def _sum_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation, pair_beliefs
 
-    found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
+    spread = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
     info: dict[str, Any] = {}
     if problem.inside:
-        of_pairs = pair_beliefs(*problem.arrays, messages=found.messages)
-        info = {"pair_beliefs": of_pairs, "messages": found.messages}
-    return DecodingAnswer(found.labels, converged(found.converged), None, found.beliefs, info)
+        of_pairs = pair_beliefs(*problem.arrays, messages=spread.messages)
+        info = {"pair_beliefs": of_pairs, "messages": spread.messages}
+    return DecodingAnswer(spread.labels, converged(spread.converged), None, spread.beliefs, info)
 
 
 def _exact(problem: DecodingTask) -> DecodingAnswer:
@@ -154,9 +154,9 @@ def _toulbar2(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.exact_search import exact_search
 
     limit = {} if problem.limit is None else {"max_backtracks": problem.limit}
-    found = exact_search(*problem.arrays, **limit)
-    status = Status.CONVERGED if found.complete else Status.STOPPED  # EXACT if the bound proves it
-    return DecodingAnswer(found.labels, status, found.bound, info={"backtracks": found.backtracks})
+    best = exact_search(*problem.arrays, **limit)
+    status = Status.CONVERGED if best.complete else Status.STOPPED  # EXACT if the bound proves it
+    return DecodingAnswer(best.labels, status, best.bound, info={"backtracks": best.backtracks})
 
 
 DECODERS: Mapping[str, NamedDecoder] = {

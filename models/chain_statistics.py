@@ -72,8 +72,8 @@ def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np
     from scipy.linalg import expm
 
     changed = float(np.abs(expm(rates) - table).max(initial=0.0))
-    found = np.maximum(expm(exponent * rates), 0.0)
-    return found / found.sum(axis=1, keepdims=True), changed
+    powered = np.maximum(expm(exponent * rates), 0.0)
+    return powered / powered.sum(axis=1, keepdims=True), changed
 
 
 def transition_at(
@@ -118,10 +118,10 @@ def _logarithm(table: NDArray[np.float64]) -> NDArray[np.complex128]:
     while np.linalg.norm(root - one, 1) > _NEAR_IDENTITY:
         root, power = sqrtm(root), 2.0 * power
     nodes, weights = np.polynomial.legendre.leggauss(_N_NODES)
-    found = np.zeros_like(root)
+    logarithm = np.zeros_like(root)
     for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
-        found += weight * np.linalg.solve(one + node * (root - one), root - one)
-    return power * found
+        logarithm += weight * np.linalg.solve(one + node * (root - one), root - one)
+    return power * logarithm
 
 
 def learned_tables(
@@ -201,25 +201,25 @@ def counted_tables(
     InputError
         A count is negative or not finite, or shapes do not fit.
     """
-    found: dict[str, NDArray[np.float64]] = {}
+    counted: dict[str, NDArray[np.float64]] = {}
     n_labels: int | str = "K"
     for name, counts in (("confusions", confusions), ("moves", moves), ("stays", stays)):
         if counts is not None:
             table = count_table(name, counts, (n_labels, n_labels))
             n_labels = len(table)
-            found[name] = table
+            counted[name] = table
     tables: dict[str, Any] = {}
-    if "confusions" in found:
-        tables["confusion"] = normalised(found["confusions"] + smoothing)
-        tables["prior"] = normalised(found["confusions"].sum(axis=1) + smoothing)
-    if "moves" in found:
-        tables["transition"] = normalised(found["moves"] + smoothing)
+    if "confusions" in counted:
+        tables["confusion"] = normalised(counted["confusions"] + smoothing)
+        tables["prior"] = normalised(counted["confusions"].sum(axis=1) + smoothing)
+    if "moves" in counted:
+        tables["transition"] = normalised(counted["moves"] + smoothing)
         tables["counted_m"] = None
-    if "stays" in found:
-        tables["stay"] = normalised(found["stays"])
+    if "stays" in counted:
+        tables["stay"] = normalised(counted["stays"])
     if first is not None:
         tables["initial"] = normalised(count_table("first", first, (n_labels,)) + smoothing)
-    elif not begun and found:
+    elif not begun and counted:
         tables["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
     return tables
 

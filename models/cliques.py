@@ -128,7 +128,7 @@ def decode_with_cliques(
         sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
         arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
         decoder = partial(_beliefs, method, sets, _rewards(sets, weight), arrays)
-    found = decode_by(
+    first = decode_by(
         decoder,
         method,
         whole,
@@ -136,23 +136,23 @@ def decode_with_cliques(
         certify=certify,
         max_iterations=max_iterations,
     )
-    labels = found.labels[: graph.n_nodes]
+    labels = first.labels[: graph.n_nodes]
     k = potentials.n_labels
     earned = clique_score(cliques, labels, k, weight=weight, dissent=dissent)
     total = score(graph, potentials, labels) + earned
-    beliefs = None if found.beliefs is None else found.beliefs[: graph.n_nodes, :k]
-    bound = None if found.bound is None else max(found.bound, total)
-    status = Status.CONVERGED if found.status is Status.EXACT and bound is None else found.status
-    return replace(found, labels=labels, beliefs=beliefs, score=total, bound=bound, status=status)
+    beliefs = None if first.beliefs is None else first.beliefs[: graph.n_nodes, :k]
+    bound = None if first.bound is None else max(first.bound, total)
+    status = Status.CONVERGED if first.status is Status.EXACT and bound is None else first.status
+    return replace(first, labels=labels, beliefs=beliefs, score=total, bound=bound, status=status)
 
 
 def _without_beliefs(
     run: Callable[[DecodingTask], DecodingAnswer], task: DecodingTask
 ) -> DecodingAnswer:
     """The best labelling alone: beliefs of sets' nodes are not those of the sets."""
-    found = run(task)
-    info = {key: value for key, value in found.info.items() if key != "log_partition"}
-    return replace(found, beliefs=None, info=info)
+    answer = run(task)
+    info = {key: value for key, value in answer.info.items() if key != "log_partition"}
+    return replace(answer, beliefs=None, info=info)
 
 
 def _beliefs(
@@ -169,13 +169,13 @@ def _beliefs(
 
     solve: Callable[..., BeliefPropagation | MeanField]
     solve = belief_propagation if method == "sum-product" else mean_field
-    found = solve(*arrays, sets=set_tables(sets, rewards), **task.limited())
-    labels = sets.lift(found.labels, rewards)
+    means = solve(*arrays, sets=set_tables(sets, rewards), **task.limited())
+    labels = sets.lift(means.labels, rewards)
     beliefs = np.eye(sets.n_whole_labels)[labels]  # whose rows of the sets' nodes nobody gets
     beliefs[: sets.n_nodes] = np.pad(
-        found.beliefs, ((0, 0), (0, sets.n_whole_labels - sets.n_labels))
+        means.beliefs, ((0, 0), (0, sets.n_whole_labels - sets.n_labels))
     )
-    return DecodingAnswer(labels, converged(found.converged), beliefs=beliefs)
+    return DecodingAnswer(labels, converged(means.converged), beliefs=beliefs)
 
 
 def decode_cliques_as(

@@ -128,20 +128,20 @@ def learn_completed(
     rounds = [
         concave_convex(replace(only_known, labels=start), solve, complete) for start in starts
     ]
-    found = min(rounds, key=lambda each: each.objectives[-1])
+    best_round = min(rounds, key=lambda each: each.objectives[-1])
     counts = np.where(known, 1.0, HIDDEN_LOSS)
     counts[told] = 0.0
     every = replace(
         problem,
-        labels=found.labels,
-        loss=counts * loss_of(found.labels),
+        labels=best_round.labels,
+        loss=counts * loss_of(best_round.labels),
         penalty=price / counts.sum(),
     )
     solution = last(every)
     # the last step is solved to its bound; that no other completion is better is not known
     status = "local_optimum" if solution.status in REACHED else solution.status
     solution = replace(solution, status=status, lower_bound=0.0, certified=None)
-    return Completed(solution, found.labels, np.array(found.objectives))
+    return Completed(solution, best_round.labels, np.array(best_round.objectives))
 
 
 def alone_completion(
@@ -194,8 +194,8 @@ def alone_weights(
     """
     no_edges = adjacency(len(labels), np.zeros((0, 2), np.int64))
     field = TableField(features, no_edges, np.zeros((0, 0)), n_labels)
-    found = maximize_likelihood(field, labels, penalty, kind="piecewise", node_weight=node_weight)
-    return field.split(found.weights)[0]
+    alone = maximize_likelihood(field, labels, penalty, kind="piecewise", node_weight=node_weight)
+    return field.split(alone.weights)[0]
 
 
 def hidden_parts(graph: LabelGraph, truth: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
@@ -223,7 +223,7 @@ def best_of_hidden(
     Among equals the smallest wins; the first where no label can be hidden.
     """
     everywhere: list[NDArray[np.int64]] = []
-    found: list[list[NDArray[np.int64]]] = [[] for _ in candidates]
+    answers: list[list[NDArray[np.int64]]] = [[] for _ in candidates]
     for part in np.unique(parts[parts >= 0]):
         asked = parts == part
         rest = np.where(asked, -1, truth)
@@ -231,5 +231,5 @@ def best_of_hidden(
             continue
         everywhere.append(truth[asked])
         for number, labels in enumerate(labels_with(rest)):
-            found[number].append(labels[asked])
-    return best_value(candidates, everywhere, found)
+            answers[number].append(labels[asked])
+    return best_value(candidates, everywhere, answers)

@@ -331,8 +331,8 @@ class ConditionalRandomField(LinearModel):
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
         field = TableField(nodes, around, edges, problem.n_labels)
-        found = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
-        return Potentials(problem.with_evidence(found.unary), pairwise=found.tables)
+        given = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
+        return Potentials(problem.with_evidence(given.unary), pairwise=given.tables)
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels that the chosen decoder finds, with their score.

@@ -346,13 +346,13 @@ def _best_held_out(
 ) -> tuple[float, NDArray[np.float64]]:
     """The value whose weights, learned without each part (N,) in turn, label the parts best."""
     truth: list[NDArray[np.int64]] = []
-    found: list[list[NDArray[np.int64]]] = [[] for _ in values]
+    answers: list[list[NDArray[np.int64]]] = [[] for _ in values]
     for part in np.unique(parts):
         rest, held_out = task.part(parts != part), task.part(parts == part)
         known = held_out.labels >= 0
         if not known.any() or not (rest.labels >= 0).any():
             continue
         truth.append(held_out.labels[known])
-        for labels, weights in zip(found, weights_of(rest), strict=True):
+        for labels, weights in zip(answers, weights_of(rest), strict=True):
             labels.append(_labels_at(held_out, weights)[known])
-    return best_value(values, truth, found)
+    return best_value(values, truth, answers)

@@ -239,12 +239,12 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ):
             return whole(len(labels))
         if groups is None:
-            found = last_quarters(labels[kept], n_classes)
+            folds = last_quarters(labels[kept], n_classes)
         else:
-            found = folds_of_groups(names[kept], labels[kept], n_classes)
+            folds = folds_of_groups(names[kept], labels[kept], n_classes)
         number = np.zeros(len(labels), np.int64)
-        number[kept] = found.number
-        return Folds(number, found.held_out)
+        number[kept] = folds.number
+        return Folds(number, folds.held_out)
 
     def _chosen_order(self, training: ListTraining, classes: NDArray[Any]) -> tuple[int, ...]:
         if self.order == "heuristic":

@@ -84,7 +84,7 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
         scores = _all_scores(graph, potentials)
         where = f"decoder {name!r} on problem {number} of seed {seed}"
         try:
-            found = decode(graph, potentials, name, certify=number % 2 == 1)
+            given = decode(graph, potentials, name, certify=number % 2 == 1)
         except InfeasibleError:
             if scores.max() > -np.inf:
                 raise SolverError(f"{where}: calls it infeasible, but it is not") from None
@@ -93,8 +93,8 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
         except InputError:
             refused += 1
             continue
-        best += _check(where, graph, potentials, found, float(scores.max()))
-        statuses[str(found.status)] += 1
+        best += _check(where, graph, potentials, given, float(scores.max()))
+        statuses[str(given.status)] += 1
     return DecoderReport(dict(statuses), refused, best)
 
 
@@ -172,42 +172,42 @@ def _all_scores(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64
 
 
 def _check(
-    where: str, graph: LabelGraph, potentials: Potentials, found: Labeling, best: float
+    where: str, graph: LabelGraph, potentials: Potentials, given: Labeling, best: float
 ) -> bool:
     """Raise SolverError unless the labelling is what it says; whether it is the best of all."""
     terms = potentials.unary, potentials.edge_tables(graph)
     sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms]
     slack = ROUNDING * sum(size * len(term) for size, term in zip(sizes, terms, strict=True))
-    if found.score != score(graph, potentials, found.labels):
+    if given.score != score(graph, potentials, given.labels):
         raise SolverError(f"{where}: its score is not that of its labels")
-    if best > -np.inf and found.score == -np.inf and found.status is not Status.INFEASIBLE:
-        raise SolverError(f"{where}: it breaks a rule, but its status is {found.status}")
-    if found.bound is not None and found.bound < best - slack:
-        raise SolverError(f"{where}: its bound is {found.bound:.12g}, but one scores {best:.12g}")
-    if found.status is Status.INFEASIBLE and found.score > -np.inf:
+    if best > -np.inf and given.score == -np.inf and given.status is not Status.INFEASIBLE:
+        raise SolverError(f"{where}: it breaks a rule, but its status is {given.status}")
+    if given.bound is not None and given.bound < best - slack:
+        raise SolverError(f"{where}: its bound is {given.bound:.12g}, but one scores {best:.12g}")
+    if given.status is Status.INFEASIBLE and given.score > -np.inf:
         raise SolverError(f"{where}: called infeasible, but it breaks no rule")
-    if found.bound == found.score and found.status is not Status.EXACT:
-        raise SolverError(f"{where}: its bound proves it, but its status is {found.status}")
-    if found.status is Status.REPAIRED and _gain_of_one(graph, potentials, found) > slack:
+    if given.bound == given.score and given.status is not Status.EXACT:
+        raise SolverError(f"{where}: its bound proves it, but its status is {given.status}")
+    if given.status is Status.REPAIRED and _gain_of_one(graph, potentials, given) > slack:
         raise SolverError(f"{where}: called repaired, but another label at one node scores more")
-    is_best = bool(found.score >= best - slack)
-    if found.status is Status.EXACT and not is_best:
+    is_best = bool(given.score >= best - slack)
+    if given.status is Status.EXACT and not is_best:
         raise SolverError(
-            f"{where}: called exact with {found.score:.12g}, but one scores {best:.12g}"
+            f"{where}: called exact with {given.score:.12g}, but one scores {best:.12g}"
         )
-    if found.beliefs is not None and (abs(found.beliefs.sum(axis=1) - 1) > 1e-9).any():
+    if given.beliefs is not None and (abs(given.beliefs.sum(axis=1) - 1) > 1e-9).any():
         raise SolverError(f"{where}: its beliefs do not sum to one")
-    if found.beliefs is not None and found.beliefs[potentials.unary == -np.inf].any():
+    if given.beliefs is not None and given.beliefs[potentials.unary == -np.inf].any():
         raise SolverError(f"{where}: it believes in a label that is forbidden")
     return is_best
 
 
-def _gain_of_one(graph: LabelGraph, potentials: Potentials, found: Labeling) -> float:
+def _gain_of_one(graph: LabelGraph, potentials: Potentials, given: Labeling) -> float:
     """What the best change of a single node's label would gain."""
-    assert found.score is not None
-    best = found.score
+    assert given.score is not None
+    best = given.score
     for node, label in np.ndindex(potentials.unary.shape):
-        changed = found.labels.copy()
+        changed = given.labels.copy()
         changed[node] = label
         best = max(best, score(graph, potentials, changed))
-    return best - found.score
+    return best - given.score

@@ -35,9 +35,9 @@ def named_decoder(name: str) -> NamedDecoder:
         There is none; the message offers the nearest name. Or what was installed under that name
         cannot be imported, or is no function.
     """
-    found = DECODERS.get(name) or _registered.get(name)
-    if found is not None:
-        return found
+    known = DECODERS.get(name) or _registered.get(name)
+    if known is not None:
+        return known
     target = _installed().get(name)
     if target is None:
         raise ConfigError(f"unknown decoder {name!r}. {nearest_name(name, decoder_names())}")

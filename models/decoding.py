@@ -239,12 +239,12 @@ def _certificate(
 
     started = time.perf_counter()
     start = None if total == -np.inf else labels
-    found = trws(
+    bounded = trws(
         *task.arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
     )
-    return found.bound, {
-        "best_score": found.score,
-        "iterations": len(found.history),
+    return bounded.bound, {
+        "best_score": bounded.score,
+        "iterations": len(bounded.history),
         "seconds": time.perf_counter() - started,
     }
 

@@ -56,22 +56,22 @@ def log_likelihood(
     weight : float
         Exponent of the likelihood.
     """
-    found = np.full(unary.shape, -np.inf)
+    scores = np.full(unary.shape, -np.inf)
     said = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
     with np.errstate(divide="ignore"):
         if observation == "hard":
-            found[said] = np.log(confusion.T)[unary[said].argmax(axis=1)]
+            scores[said] = np.log(confusion.T)[unary[said].argmax(axis=1)]
         elif observation == "soft":
-            found[said] = np.log(starting_beliefs(unary[said]) @ confusion.T)
+            scores[said] = np.log(starting_beliefs(unary[said]) @ confusion.T)
         else:
-            found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
-    found *= weight
+            scores[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
+    scores *= weight
     allowed = unary > -np.inf
     restricted = ~allowed.all(axis=1)
-    found[restricted] = np.where(allowed[restricted], found[restricted], -np.inf)
-    excluded = restricted & (found.max(axis=1, initial=-np.inf) == -np.inf)
-    found[excluded] = np.where(allowed[excluded], 0.0, -np.inf)
-    return found
+    scores[restricted] = np.where(allowed[restricted], scores[restricted], -np.inf)
+    excluded = restricted & (scores.max(axis=1, initial=-np.inf) == -np.inf)
+    scores[excluded] = np.where(allowed[excluded], 0.0, -np.inf)
+    return scores
 
 
 def possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -123,8 +123,8 @@ def best_weights(
         best, highest, right = (1.0, 0.0), -1.0, 0.0
         for weight in sorted(weights, reverse=True):
             for balance in tried:
-                found = np.concatenate([labels_at(weight, balance, item) for item in problems])
-                confusion = confusion_matrix(truth[known], found[known], weights=counts)
+                answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
+                confusion = confusion_matrix(truth[known], answers[known], weights=counts)
                 share = float(accuracy(confusion))
                 quality = share + float(balanced_accuracy(confusion))
                 if share >= least and quality > highest + 1e-9:
@@ -157,10 +157,10 @@ def fitted_by_mode(
         mode: Any, weight: float, balance: float, problem: LabelingProblem
     ) -> NDArray[np.integer]:
         other = replace(model, mode=mode, evidence_weight=weight, balance=balance)
-        found: NDArray[np.int64] = other.infer(problem).labels
-        return found
+        labels: NDArray[np.int64] = other.infer(problem).labels
+        return labels
 
-    found = [
+    pairs = [
         best_weights(
             partial(labels_at, mode),
             problems,
@@ -171,7 +171,7 @@ def fitted_by_mode(
         )
         for mode in modes
     ]
-    best = np.array(found).T
+    best = np.array(pairs).T
     return {
         "fitted_weights": best[0] if weight == "fitted" else None,
         "fitted_balances": best[1] if balance == "fitted" else None,

@@ -88,16 +88,16 @@ def decode_factors(
     started = time.perf_counter()
     info: dict[str, Any] = {"decoder": method, "iterations": 0, "history": ()}
     if method in _NATIVE:
-        found = _NATIVE[method](whole, max_iterations)
+        answer = _NATIVE[method](whole, max_iterations)
     else:
-        found = _by_pairs(whole, method, certify, max_iterations)
-    info |= dict(found.info) | {"seconds": time.perf_counter() - started}
-    total = whole.score(found.labels)
-    bound = None if found.bound is None else max(found.bound, total)
-    status = found.status
+        answer = _by_pairs(whole, method, certify, max_iterations)
+    info |= dict(answer.info) | {"seconds": time.perf_counter() - started}
+    total = whole.score(answer.labels)
+    bound = None if answer.bound is None else max(answer.bound, total)
+    status = answer.status
     if bound is not None and total > -np.inf and bound - total <= _rounding(whole, total):
         status = Status.EXACT
-    return Labeling(found.labels, status, found.beliefs, total, bound, info)
+    return Labeling(answer.labels, status, answer.beliefs, total, bound, info)
 
 
 def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
@@ -128,12 +128,12 @@ def _toulbar2(graph: FactorGraph, limit: int | None) -> DecodingAnswer:
     first = _improved(graph, np.zeros(graph.n_nodes, np.int64))
     initial = first if graph.score(first) > -np.inf else None
     limits = {} if limit is None else {"max_backtracks": limit}
-    found = search_factors(sizes, factors, initial=initial, **limits)
-    status = Status.CONVERGED if found.complete else Status.STOPPED
-    if graph.score(found.labels) == -np.inf:
+    search = search_factors(sizes, factors, initial=initial, **limits)
+    status = Status.CONVERGED if search.complete else Status.STOPPED
+    if graph.score(search.labels) == -np.inf:
         status = Status.INFEASIBLE
-    bound = found.bound + graph.constant
-    return DecodingAnswer(found.labels, status, bound, info={"backtracks": found.backtracks})
+    bound = search.bound + graph.constant
+    return DecodingAnswer(search.labels, status, bound, info={"backtracks": search.backtracks})
 
 
 _NATIVE: Mapping[str, Callable[[FactorGraph, int | None], DecodingAnswer]] = {
@@ -147,19 +147,19 @@ def _by_pairs(graph: FactorGraph, method: str, certify: bool, limit: int | None)
     pairs, potentials = graph.pairwise()
     if (potentials.unary.max(axis=1, initial=-np.inf) == -np.inf).any():
         raise InfeasibleError(_NONE)
-    found = decode(pairs, potentials, method, certify=certify, max_iterations=limit)
-    labels = found.labels[: graph.n_nodes].astype(np.int64)
-    if found.status is not Status.EXACT and graph.order > 2:
+    labeling = decode(pairs, potentials, method, certify=certify, max_iterations=limit)
+    labels = labeling.labels[: graph.n_nodes].astype(np.int64)
+    if labeling.status is not Status.EXACT and graph.order > 2:
         labels = _improved(graph, labels)
-    status = found.status
+    status = labeling.status
     if graph.score(labels) == -np.inf:
         status = Status.INFEASIBLE
     elif status is Status.INFEASIBLE:
         status = Status.REPAIRED
     most = int(graph.n_labels.max(initial=1))
-    beliefs = None if found.beliefs is None else found.beliefs[: graph.n_nodes, :most]
-    bound = None if found.bound is None else found.bound + graph.constant
-    return DecodingAnswer(labels, status, bound, beliefs, found.info)
+    beliefs = None if labeling.beliefs is None else labeling.beliefs[: graph.n_nodes, :most]
+    bound = None if labeling.bound is None else labeling.bound + graph.constant
+    return DecodingAnswer(labels, status, bound, beliefs, labeling.info)
 
 
 def _improved(graph: FactorGraph, labels: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -150,8 +150,8 @@ def gaussian_em(
     weight = float(finite_array("weight", weight, ()))
     looks = np.concatenate(task.features), _around(task)
     starts = [_first_beliefs(task, values, n_labels, seed) for values in looks]
-    found = [_learned(task, start, weight, covariance, max_rounds) for start in starts]
-    return max(found, key=lambda one: one.objectives[-1])
+    candidates = [_learned(task, start, weight, covariance, max_rounds) for start in starts]
+    return max(candidates, key=lambda one: one.objectives[-1])
 
 
 def _learned(
@@ -172,10 +172,10 @@ def _learned(
         if chains and number:
             starts = sum(part[0] for part in np.split(beliefs, parts) if len(part))
             links = normalised(pairs + 1.0), normalised(np.asarray(starts) + 1.0)
-        found = _expected(task, gaussians, links if chains else None, weight)
-        beliefs, pairs, exact = np.concatenate(found.beliefs), found.pairs, found.exact
+        expected = _expected(task, gaussians, links if chains else None, weight)
+        beliefs, pairs, exact = np.concatenate(expected.beliefs), expected.pairs, expected.exact
         prior = _log_prior(gaussians[1], spread, links if chains else None)
-        objectives.append(found.log_evidence + prior)
+        objectives.append(expected.log_evidence + prior)
         if number and objectives[-1] - objectives[-2] <= AT_REST * len(flat):
             converged = True
             break
@@ -240,7 +240,7 @@ def _around(task: _Task) -> Array:
     from scipy.sparse import coo_array, eye_array
 
     middle = np.concatenate(task.features).mean(axis=0)
-    found = []
+    averages = []
     for graph, x in zip(task.graphs, task.features, strict=True):
         ones = np.ones(graph.n_edges)
         there = coo_array((ones, tuple(graph.edges.T)), shape=(graph.n_nodes, graph.n_nodes))
@@ -248,8 +248,8 @@ def _around(task: _Task) -> Array:
         values = np.concatenate([x, (x - middle) ** 2], axis=1)
         for _ in range(AROUND):
             values = (links @ values) / (graph.degree + 1)[:, np.newaxis]
-        found.append(values)
-    return np.concatenate(found)
+        averages.append(values)
+    return np.concatenate(averages)
 
 
 def _first_beliefs(task: _Task, values: Array, n_labels: int, seed: int) -> Array:
@@ -264,10 +264,10 @@ def _first_beliefs(task: _Task, values: Array, n_labels: int, seed: int) -> Arra
     size = values.std(axis=0)
     scaled = (values - values.mean(axis=0)) / np.where(size > 0, size, 1.0)
     n_clusters = min(n_labels, len(np.unique(scaled, axis=0)))
-    found = KMeans(n_clusters, n_init=10, random_state=seed).fit(scaled)
-    firsts = [flat[found.labels_ == cluster, 0].mean() for cluster in range(n_clusters)]
+    clusters = KMeans(n_clusters, n_init=10, random_state=seed).fit(scaled)
+    firsts = [flat[clusters.labels_ == cluster, 0].mean() for cluster in range(n_clusters)]
     order = np.argsort(firsts, kind="stable")
-    centres = found.cluster_centers_[order]
+    centres = clusters.cluster_centers_[order]
     cost = np.zeros((n_clusters, n_labels))
     for label in np.unique(known[known >= 0]):
         cost[:, label] = ((centres - scaled[known == label].mean(axis=0)) ** 2).sum(axis=1)
@@ -275,7 +275,7 @@ def _first_beliefs(task: _Task, values: Array, n_labels: int, seed: int) -> Arra
     label_of = np.empty(n_clusters, np.int64)
     taken, given = linear_sum_assignment(cost)
     label_of[order[taken]] = given
-    labels = np.where(known >= 0, known, label_of[found.labels_])
+    labels = np.where(known >= 0, known, label_of[clusters.labels_])
     return np.eye(n_labels)[labels]
 
 
@@ -298,21 +298,21 @@ def _fitted(
 
 
 def _log_density(x: Array, means: Array, covariances: Array) -> Array:
-    found = np.empty((len(x), len(means)))
+    densities = np.empty((len(x), len(means)))
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         factor = np.linalg.cholesky(covariance)
         apart = np.linalg.solve(factor, (x - mean).T)
         log_size = 2 * np.log(np.diag(factor)).sum() + len(mean) * np.log(2 * np.pi)
-        found[:, k] = -0.5 * ((apart**2).sum(axis=0) + log_size)
-    return found
+        densities[:, k] = -0.5 * ((apart**2).sum(axis=0) + log_size)
+    return densities
 
 
 def _log_prior(covariances: Array, spread: Array, links: tuple[Array, Array] | None) -> float:
     """The logarithm of the prior's density, but for constants."""
     inverse = np.linalg.inv(covariances)
-    found = -0.5 * float(np.linalg.slogdet(covariances)[1].sum())
-    found -= 0.5 * float(np.einsum("kdd,d->", inverse, spread))
-    return found + sum(float(np.log(table).sum()) for table in links or ())
+    log_prior = -0.5 * float(np.linalg.slogdet(covariances)[1].sum())
+    log_prior -= 0.5 * float(np.einsum("kdd,d->", inverse, spread))
+    return log_prior + sum(float(np.log(table).sum()) for table in links or ())
 
 
 def _chained(unary: Array, transition: Array, initial: Array) -> Potentials:
@@ -347,8 +347,8 @@ def _beliefs(graph: LabelGraph, potentials: Potentials) -> tuple[Array, Array | 
     around = adjacency(graph.n_nodes, graph.edges)
     arrays = potentials.unary, around, potentials.agreement, potentials.pairwise
     if is_forest(around):
-        found = forest_marginals(*arrays, pairs=True)
-        return found.beliefs, found.pair_beliefs, found.log_partition, True
+        marginals = forest_marginals(*arrays, pairs=True)
+        return marginals.beliefs, marginals.pair_beliefs, marginals.log_partition, True
     tree = BucketTree.of(pairwise_model(*arrays))
     if tree is not None:
         whole = tree.marginals(potentials.unary)

@@ -290,20 +290,20 @@ class HiddenMarkovModel(StepFilter):
         observed = self._log_likelihood(unary)
         if further is not None:
             observed += finite_array("further", further, observed.shape)
-        found = self._explained(problem.graph, observed)
-        impossible = found.impossible
+        chain = self._explained(problem.graph, observed)
+        impossible = chain.impossible
         contradicts = problem.evidence[impossible]
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
-            found = self._explained(problem.graph, observed, everything_possible=True)
+            chain = self._explained(problem.graph, observed, everything_possible=True)
         info: dict[str, Any] = {}
-        if isinstance(found, ChainPath):
-            labels, beliefs, status = found.labels, None, Status.EXACT
-            total: float | None = found.log_probability
+        if isinstance(chain, ChainPath):
+            labels, beliefs, status = chain.labels, None, Status.EXACT
+            total: float | None = chain.log_probability
         else:
-            labels, beliefs, status = self.choose(found.beliefs), found.beliefs, Status.CONVERGED
+            labels, beliefs, status = self.choose(chain.beliefs), chain.beliefs, Status.CONVERGED
             total = None
-            info["log_evidence"] = -np.inf if len(impossible) else found.log_evidence
+            info["log_evidence"] = -np.inf if len(impossible) else chain.log_evidence
         if len(impossible):
             logger.warning(
                 "the hidden Markov model gives what was seen at %d of %d steps (first %d) no "

@@ -26,7 +26,7 @@ __all__ = [
 def best_value(
     values: Sequence[float],
     truth: Sequence[NDArray[np.int64]],
-    found: Sequence[Sequence[NDArray[np.int64]]],
+    answers: Sequence[Sequence[NDArray[np.int64]]],
 ) -> tuple[float, NDArray[np.float64]]:
     """The best value, and (V, 2) every value with its balanced accuracy on all parts together.
 
@@ -38,7 +38,7 @@ def best_value(
     values : sequence of V float
     truth : sequence of (N_part,) int
         The true labels of each part.
-    found : V sequences of (N_part,) int
+    answers : V sequences of (N_part,) int
         The labels that each value gave these parts.
 
     Examples
@@ -53,7 +53,7 @@ def best_value(
     everywhere = np.concatenate(truth)
     scores = [
         float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
-        for labels in found
+        for labels in answers
     ]
     best = max(range(len(values)), key=lambda v: (scores[v], -values[v]))
     return float(values[best]), np.column_stack([values, scores])

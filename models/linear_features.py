@@ -103,8 +103,8 @@ def with_auto(names: Sequence[str], there: Mapping[str, bool]) -> list[str]:
     """The names with ``auto`` replaced by those that are there."""
     if "auto" not in names:
         return list(names)
-    found = [name for name, is_there in there.items() if is_there]
-    return list(dict.fromkeys([*(name for name in names if name != "auto"), *found]))
+    present = [name for name, is_there in there.items() if is_there]
+    return list(dict.fromkeys([*(name for name in names if name != "auto"), *present]))
 
 
 def _probabilities(

@@ -237,8 +237,8 @@ class LinearModel:
     ) -> Labeling:
         """What a decoder finds, with how learning went in ``info["learning"]``."""
         rewards = self.clique_rewards(problem)
-        found = decode_cliques_as(self, problem, potentials, inference, rewards)
-        return replace(found, info={**found.info, "learning": self.summary})
+        labeling = decode_cliques_as(self, problem, potentials, inference, rewards)
+        return replace(labeling, info={**labeling.info, "learning": self.summary})
 
     def _check_learned(self) -> None:
         """Arrays from a file must fit together before anything is computed with them."""

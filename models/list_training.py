@@ -183,11 +183,11 @@ class ListTraining:
                 f"order='exhaustive' tries all orders of at most {_MAX_EXHAUSTIVE} classes, got "
                 f"{self.n_classes}; use order='heuristic' or name the order"
             )
-        found: dict[Order, float] = {}
+        scores: dict[Order, float] = {}
         for order in permutations(range(self.n_classes)):
             if order[-2] < order[-1]:
-                found[order] = self._order_score(order, decision, criterion)
-        return found
+                scores[order] = self._order_score(order, decision, criterion)
+        return scores
 
     def _order_score(self, order: Order, decision: str, criterion: str) -> float:
         confusion = np.zeros((self.n_classes, self.n_classes))
@@ -213,11 +213,11 @@ class ListTraining:
         self, calibration: NDArray[np.float64], order: Sequence[int]
     ) -> NDArray[np.float64]:
         """Slopes and offsets (K - 1, 2), both times what held-out scores ask for."""
-        found = calibration.copy()
+        both = calibration.copy()
         for i, (slope, offset) in enumerate(calibration):
             scores, positive, weights = self._held_out(order, i)
-            found[i] *= temperature(slope * scores + offset, positive, weights)
-        return found
+            both[i] *= temperature(slope * scores + offset, positive, weights)
+        return both
 
     def _held_out(
         self, order: Sequence[int], i: int

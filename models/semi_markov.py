@@ -160,13 +160,13 @@ def _stays(
     at_m = np.concatenate([[0.0], np.cumsum(moved)])
     changes = np.flatnonzero((np.diff(labels) != 0) | gap) + 1
     starts, ends = np.append(0, changes), np.append(changes, len(labels))
-    found = []
+    stays = []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         if labels[start] < 0:
             continue
         entered = start > 0 and not gap[start - 1] and labels[start - 1] >= 0
         goes_on = end < len(labels) and not gap[end - 1]
-        found.append(
+        stays.append(
             _Stay(
                 label=int(labels[start]),
                 entered=entered,
@@ -176,7 +176,7 @@ def _stays(
                 weight=float(weight[start:end].mean()),
             )
         )
-    return found
+    return stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,14 +232,14 @@ class SemiMarkovModel(HiddenMarkovModel):
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
         """A new one with durations counted on labelled sequences, then with fitted options."""
-        found = learn_durations(
+        stays = learn_durations(
             [_positions(problem.graph) for problem in problems],
             labelings,
             problems[0].n_labels,
             smoothing=float(self.smoothing),
             weights=weights_of(sample_weight, problems),
         )
-        counted = replace(self, edges_m=np.array(EDGES_M), rates=found.rates, leaving=found.leaving)
+        counted = replace(self, edges_m=np.array(EDGES_M), rates=stays.rates, leaving=stays.leaving)
         return super(SemiMarkovModel, counted).with_sequences(
             problems, labelings, sample_weight=sample_weight
         )
@@ -288,11 +288,11 @@ class SemiMarkovModel(HiddenMarkovModel):
     def _chain_of_possible(self) -> SemiMarkovChain:
         """The same where nothing that evidence may call for has probability 0."""
         edges = EDGES_M if self.edges_m is None else self.edges_m
-        found = self._durations
-        away = np.where(np.eye(len(found.leaving)) > 0, 0.0, possible(found.leaving))
+        durations = self._durations
+        away = np.where(np.eye(len(durations.leaving)) > 0, 0.0, possible(durations.leaving))
         if len(away) == 1:
-            away = found.leaving
-        return SemiMarkovChain(possible(self._start()), away, edges, possible(found.rates))
+            away = durations.leaving
+        return SemiMarkovChain(possible(self._start()), away, edges, possible(durations.rates))
 
 
 def _positions(graph: LabelGraph) -> NDArray[np.float64]:

@@ -228,8 +228,8 @@ class StumpSearch:
     ) -> tuple[list[NDArray[np.int64]], int]:
         """Look inside bins, the most promising first, until no bound reaches the best score."""
         looked_into = []
-        found = self._promising_bins(planes, best - self.tie)
-        for row in found[np.argsort(-found[:, 0], kind="stable")]:
+        bins = self._promising_bins(planes, best - self.tie)
+        for row in bins[np.argsort(-bins[:, 0], kind="stable")]:
             if row[0] < best - self.tie:
                 break
             best = max(best, self._inside(row, best)[0])
@@ -248,10 +248,10 @@ class StumpSearch:
         """The best size of a score in a bin; score and neighbours of the first that reaches it."""
         _, plane, number, left, seen = (int(value) for value in row)
         members, values = self.prepared.sorted_bin(plane, number)
-        found: tuple[int, int, float, float] = interior_scores(
+        best: tuple[int, int, float, float] = interior_scores(
             members, values, left, seen, self.weighed, floor
         )
-        return found
+        return best
 
     def _first_of(
         self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int

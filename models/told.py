@@ -81,11 +81,11 @@ def with_told(
     InputError
         A problem tells another label than its labelling, or the only one there is.
     """
-    found: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
+    examples: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
         told = problem.known
         if told is None:
-            found.append((problem, truth, number))
+            examples.append((problem, truth, number))
             continue
         _check_agrees(problem, truth, number)
         whole = np.where(truth < 0, told, truth)
@@ -97,11 +97,11 @@ def with_told(
                     "to learn from; label more"
                 )
             copies, truths = told_in_parts(problem, whole, min(N_PARTS, n_labelled))
-            found += [(copy, part, number) for copy, part in zip(copies, truths, strict=True)]
+            examples += [(copy, part, number) for copy, part in zip(copies, truths, strict=True)]
         else:
-            found.append((problem, whole, number))
-    kept = None if weights is None else [weights[number] for _, _, number in found]
-    return [one for one, _, _ in found], [truth for _, truth, _ in found], kept
+            examples.append((problem, whole, number))
+    kept = None if weights is None else [weights[number] for _, _, number in examples]
+    return [one for one, _, _ in examples], [truth for _, truth, _ in examples], kept
 
 
 def not_telling(

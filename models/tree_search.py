@@ -161,11 +161,11 @@ class TreeSearch:
         for level in range(self.max_depth):
             scores = self._score(level, planes, masses, totals, lighter, least)
             own = slice(2**level - 1, 2 ** (level + 1) - 1)
-            found = [self._split(level, p, totals, scores[:, p], least) for p in range(2**level)]
-            feature[own] = [-1 if split is None else split.column for split in found]
-            cut[own] = [np.inf if split is None else split.cut for split in found]
-            totals = _totals_below(totals, found)
-            lighter = self._route(found)
+            splits = [self._split(level, p, totals, scores[:, p], least) for p in range(2**level)]
+            feature[own] = [-1 if split is None else split.column for split in splits]
+            cut[own] = [np.inf if split is None else split.cut for split in splits]
+            totals = _totals_below(totals, splits)
+            lighter = self._route(splits)
         return GrownTree(feature, cut, totals >> 32, totals & 0xFFFFFFFF)
 
     def _score(
@@ -226,13 +226,13 @@ class TreeSearch:
         column = int(self.prepared.columns[plane])
         return _Split(plane, column, last_left, self.cuts[plane, last_left], left)
 
-    def _route(self, found: list[_Split | None]) -> NDArray[np.int64]:
+    def _route(self, splits: list[_Split | None]) -> NDArray[np.int64]:
         """Send all examples to their children; each node's child with fewer, -1 if not split."""
-        plane = np.array([0 if split is None else split.plane for split in found])
-        last_left = np.array([_N_BINS if split is None else split.last_left for split in found])
-        counts = np.zeros(2 * len(found), np.int64)
+        plane = np.array([0 if split is None else split.plane for split in splits])
+        last_left = np.array([_N_BINS if split is None else split.last_left for split in splits])
+        counts = np.zeros(2 * len(splits), np.int64)
         route_examples(self.prepared.codes, self.segments, plane, last_left, self.leaf, counts)
-        lighter = 2 * np.arange(len(found)) + (counts[1::2] < counts[::2])
+        lighter = 2 * np.arange(len(splits)) + (counts[1::2] < counts[::2])
         lighter[last_left == _N_BINS] = -1
         return lighter
 
@@ -252,10 +252,10 @@ def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
     return np.where(middle > high, np.minimum(middle, later), later)
 
 
-def _totals_below(totals: NDArray[np.int64], found: list[_Split | None]) -> NDArray[np.int64]:
+def _totals_below(totals: NDArray[np.int64], splits: list[_Split | None]) -> NDArray[np.int64]:
     """The masses of the children; the left one has all where a node is not split."""
     left = totals.copy()
-    for p, split in enumerate(found):
+    for p, split in enumerate(splits):
         if split is not None:
             left[p] = split.left
     return np.stack([left, totals - left], axis=1).ravel()

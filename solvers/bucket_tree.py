@@ -205,8 +205,8 @@ class BucketTree:
         beliefs, messages = self._collected(unary, _maximum)
         labels = self._traced(beliefs, lambda values: values.argmax(axis=0), 1)[0]
         best = self._distributed(beliefs, messages, _maximum)
-        found = [table.max(axis=tuple(range(1, table.ndim))) for table in beliefs]
-        marginals = [best + (values - values.max()) for values in found]
+        tops = [table.max(axis=tuple(range(1, table.ndim))) for table in beliefs]
+        marginals = [best + (values - values.max()) for values in tops]
         return labels, tuple(marginals[at] for at in self._places)
 
     def marginals(

@@ -135,8 +135,8 @@ class CutMaster:
         linear = np.concatenate([self._offsets / unit, np.zeros(self._n_bounded)])
         in_sum = np.arange(len(linear)) < n_cuts
         start = np.concatenate([self._multipliers * unit, self._bound_multipliers])
-        found = _simplex_qp(hessian, linear, in_sum, self._penalty * unit, start)
-        self._multipliers, self._bound_multipliers = found[:n_cuts] / unit, found[n_cuts:]
+        v = _simplex_qp(hessian, linear, in_sum, self._penalty * unit, start)
+        self._multipliers, self._bound_multipliers = v[:n_cuts] / unit, v[n_cuts:]
 
 
 def _simplex_qp(

@@ -134,15 +134,15 @@ certify_weights` for one. Learning goes on with the labelling it found until the
             continue
         break
     search.take_over()  # the objective that is told is the thorough oracle's in any case
-    found = max(search.objective, search.lower_bound)
+    value = max(search.objective, search.lower_bound)
     if exact and search.certified is None:
-        search.certified = found
+        search.certified = value
     if status == "closed":
         allowed = tolerance if verifier is None else max(tolerance, verified_tolerance)
         status = reached(search.certified, search.lower_bound, allowed)
     return LearnedWeights(
         search.weights,
-        found,
+        value,
         search.lower_bound,
         status,
         len(history),
@@ -193,12 +193,12 @@ class _Search:
         if not at_master:
             weights = weights + (1.0 - STEP) * (self.weights - weights)
         labels = self.oracle(*self.problem.augmented_potentials(weights))
-        found = self._add(self.problem.cut_of(labels), weights)
+        is_new = self._add(self.problem.cut_of(labels), weights)
         value = objective(self.problem, weights, self.master.height(weights))
         if value < self.objective:
             self.weights, self.objective, self.certified = weights, value, None
-        self.at_master = not found  # a step that found nothing is repeated at the master's point
-        return found or not at_master
+        self.at_master = not is_new  # a step that found nothing is repeated at the master's point
+        return is_new or not at_master
 
     def take_over(self) -> bool:
         """Ask the thorough oracle from now on, the best weights first; False when it does."""
@@ -221,18 +221,18 @@ class _Search:
 
     def _look_again(self, cut: Cut) -> bool:
         """Take in a cut at the best weights, and what it says of their objective."""
-        found = self._add(cut, self.weights)
+        is_new = self._add(cut, self.weights)
         self.objective = objective(self.problem, self.weights, self.master.height(self.weights))
         self.at_master = True
-        return found
+        return is_new
 
     def _add(self, cut: Cut, weights: NDArray[np.float64]) -> bool:
         """Hold a cut if it says more at ``weights`` than those that are held."""
         known = self.master.height(weights)
-        found = cut.value(weights) > known + SAME_HEIGHT * (self.typical_height + abs(known))
-        if found:
+        is_new = cut.value(weights) > known + SAME_HEIGHT * (self.typical_height + abs(known))
+        if is_new:
             self.master.add(cut)
-        return found
+        return is_new
 
     def record(self, iteration: int, seconds: float) -> LearningStep:
         return LearningStep(iteration, seconds, self.objective, self.lower_bound, self.n_active)

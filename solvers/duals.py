@@ -86,24 +86,24 @@ def cut_duals(model: PairwiseModel) -> NDArray[np.float64]:
     An edge's potential is ``c + p a + q b - w |a - b|`` of its labels 0 and 1. The flow of a
     largest flow through edges of capacity w moves what is left of it to the nodes.
     """
-    found = np.zeros((2 * model.around.n_edges, model.n_labels))
+    duals = np.zeros((2 * model.around.n_edges, model.n_labels))
     if model.n_labels < 2:
-        return found
+        return duals
     unary, tables = _finite(model.unary), model.edge_tables  # regular tables are finite
     weight = 0.5 * (tables[:, 0, 0] + tables[:, 1, 1] - tables[:, 0, 1] - tables[:, 1, 0])
     weight = np.maximum(weight, 0.0)  # regular but for rounding
-    found[1::2, 1] = tables[:, 1, 0] - tables[:, 0, 0] + weight
-    found[0::2, 1] = tables[:, 0, 1] - tables[:, 0, 0] + weight
+    duals[1::2, 1] = tables[:, 1, 0] - tables[:, 0, 0] + weight
+    duals[0::2, 1] = tables[:, 0, 1] - tables[:, 0, 0] + weight
     heads = model.around.edges[:, ::-1].reshape(-1)
     excess = unary[:, 1] - unary[:, 0]
-    np.add.at(excess, heads, found[:, 1])
+    np.add.at(excess, heads, duals[:, 1])
     capacity = np.repeat(weight, 2)
     space = cut_space(model.n_nodes)
     minimum_cut_kernel(model.n_nodes, model.around.arcs, excess, capacity, space)
     flow = 0.5 * (capacity[1::2] - capacity[0::2])  # from the first node to the second
-    found[1::2, 1] -= flow
-    found[0::2, 1] += flow
-    return found
+    duals[1::2, 1] -= flow
+    duals[0::2, 1] += flow
+    return duals
 
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,14 +63,14 @@ def lifted_duals(
     alive[reduced.nodes] = reduced.model.unary > -np.inf
     is_open = np.zeros(whole.n_nodes, np.bool_)
     is_open[reduced.nodes] = True
-    found = np.zeros((len(edges), 2, n_labels))  # to the second end, then to the first
-    found[is_open[edges].all(axis=1)] = duals.reshape(-1, 2, n_labels)
+    lifted = np.zeros((len(edges), 2, n_labels))  # to the second end, then to the first
+    lifted[is_open[edges].all(axis=1)] = duals.reshape(-1, 2, n_labels)
     for to, end in ((0, 1), (1, 0)):
         border = np.flatnonzero(is_open[edges[:, end]] & ~is_open[edges[:, 1 - end]])
         label = reduced.labels[edges[border, 1 - end]]
-        found[border, to, label] = whole.agreement[border, label]
-        found[:, to][~alive[edges[:, end]]] = -np.inf
-    return found.reshape(-1, n_labels)
+        lifted[border, to, label] = whole.agreement[border, label]
+        lifted[:, to][~alive[edges[:, end]]] = -np.inf
+    return lifted.reshape(-1, n_labels)
 
 
 def reduce_model(model: PairwiseModel) -> Reduction:

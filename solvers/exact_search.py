@@ -106,9 +106,9 @@ def exact_search(
     pairs = zip(model.around.edges.tolist(), model.edge_tables, strict=True)
     factors += [Factor((i, j), table) for (i, j), table in pairs]
     sizes = [model.n_labels] * model.n_nodes
-    found = search_factors(sizes, factors, initial=initial, max_backtracks=max_backtracks)
-    bound = min(first.bound, found.bound + model.offset)
-    return ExactSearch(found.labels, bound, found.complete, found.backtracks)
+    search = search_factors(sizes, factors, initial=initial, max_backtracks=max_backtracks)
+    bound = min(first.bound, search.bound + model.offset)
+    return ExactSearch(search.labels, bound, search.complete, search.backtracks)
 
 
 def search_factors(

@@ -63,12 +63,12 @@ def exact_sums(
     stacked = np.ascontiguousarray(tables if tables.ndim == 3 else tables[None])
     unary = np.ascontiguousarray(potentials.unary)
     model = PairwiseModel(field.around, unary, None, stacked)
-    found = forest_sums(model, *field.rooting)
-    counts = found.pair_counts(node_weight)
+    sums = forest_sums(model, *field.rooting)
+    counts = sums.pair_counts(node_weight)
     if node_weight is None:
-        return Expected(float(found.log_partition.sum()), found.beliefs, counts)
-    beliefs = found.beliefs * node_weight[:, None]
-    return Expected(float(node_weight @ found.log_partition), beliefs, counts)
+        return Expected(float(sums.log_partition.sum()), sums.beliefs, counts)
+    beliefs = sums.beliefs * node_weight[:, None]
+    return Expected(float(node_weight @ sums.log_partition), beliefs, counts)
 
 
 def piecewise_sums(

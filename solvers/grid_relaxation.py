@@ -298,9 +298,9 @@ def _fill(
 
 def _read(store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None) -> NDArray[np.float32]:
     """(N, K) the beliefs in the store."""
-    found = np.empty((len(cells), len(store.array)), np.float32)
-    _read_parts(store, cells, rows, list(_parts(cells)), n_threads, found)
-    return found
+    beliefs = np.empty((len(cells), len(store.array)), np.float32)
+    _read_parts(store, cells, rows, list(_parts(cells)), n_threads, beliefs)
+    return beliefs
 
 
 def _read_last(
@@ -309,16 +309,16 @@ def _read_last(
     """The same, the store being given up row after row if cells are in the order of rows."""
     if not isinstance(cells, MaskCells):
         return _read(store, cells, rows, n_threads)
-    found, parts = np.empty((len(cells), len(store.array)), np.float32), list(_parts(cells))
+    beliefs, parts = np.empty((len(cells), len(store.array)), np.float32), list(_parts(cells))
     done = 0
     for first in range(0, len(parts), PARTS_AT_ONCE):
         some = parts[first : first + PARTS_AT_ONCE]
-        _read_parts(store, cells, rows, some, n_threads, found)
+        _read_parts(store, cells, rows, some, n_threads, beliefs)
         row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
         below = int(rows.row_start[row + 1])
         store.give_up(done, below)
         done = below
-    return found
+    return beliefs
 
 
 def _read_parts(
@@ -327,10 +327,10 @@ def _read_parts(
     rows: _Rows,
     parts: Sequence[slice],
     n_threads: int | None,
-    found: NDArray[np.float32],
+    beliefs: NDArray[np.float32],
 ) -> None:
     def read(task: int) -> None:
-        collect_beliefs(store.array, cells[parts[task]], rows.index, found[parts[task]])
+        collect_beliefs(store.array, cells[parts[task]], rows.index, beliefs[parts[task]])
 
     run_tasks(read, len(parts), n_threads=n_threads)
 

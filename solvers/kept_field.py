@@ -107,23 +107,23 @@ class KeptField:
         if self._rule is None or not self._rule.same(rule) or self._unary.shape != unary.shape:
             self._passes, self._changes = [np.empty(unary.shape, np.float32)], []
             return np.ones(n_rows, np.bool_)
-        found = np.zeros(n_rows, np.bool_)
+        changed = np.zeros(n_rows, np.bool_)
         nodes = np.flatnonzero(self._unary.ravel() != unary.ravel()) // unary.shape[1]
-        found[rule.cells[nodes, 0]] = True
-        return found
+        changed[rule.cells[nodes, 0]] = True
+        return changed
 
     def _updated(
         self, rule: "_Rule", number: int, rows: NDArray[np.int64], n_threads: int
     ) -> NDArray[np.bool_]:
         """Update rows (n,) that do not touch; whether each holds other beliefs than it did."""
-        found = np.empty(len(rows), np.bool_)
+        differs = np.empty(len(rows), np.bool_)
 
         def some(task: int) -> None:
             for k in range(task * _ROWS_PER_TASK, min((task + 1) * _ROWS_PER_TASK, len(rows))):
-                found[k] = self._updated_row(rule, number, int(rows[k]))
+                differs[k] = self._updated_row(rule, number, int(rows[k]))
 
         run_tasks(some, -(-len(rows) // _ROWS_PER_TASK), n_threads=n_threads)
-        return found
+        return differs
 
     def _updated_row(self, rule: "_Rule", number: int, row: int) -> bool:
         """Update a row; whether it holds other beliefs than it did after this pass."""

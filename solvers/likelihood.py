@@ -276,12 +276,12 @@ class _Descent:
         options: Any = {"maxiter": max_iterations, "maxfun": 100 * max_iterations}
         options |= {"maxcor": MEMORY, "gtol": 0.0, "ftol": 0.0}
         lbfgs: Any = partial(minimize, jac=True, method="L-BFGS-B", callback=step, options=options)
-        found = lbfgs(measured, start)
-        if not self.history or self.value > found.fun:  # it began at the minimum
-            value, gradient = self.f(found.x)
-            self._take(found.x, value, 0.5 * float(gradient @ gradient))
+        minimum = lbfgs(measured, start)
+        if not self.history or self.value > minimum.fun:  # it began at the minimum
+            value, gradient = self.f(minimum.x)
+            self._take(minimum.x, value, 0.5 * float(gradient @ gradient))
         if not self.closed and self.ended is None:
-            self.ended = "iteration_limit" if found.nit >= max_iterations else "stalled"
+            self.ended = "iteration_limit" if minimum.nit >= max_iterations else "stalled"
 
     def _take(self, weights: NDArray[np.float64], value: float, excess: float) -> None:
         """Take in a step, and see whether it is the last."""
@@ -302,9 +302,9 @@ class _Descent:
     def expect(self) -> bool:
         """Expect the unknown labels at the present weights; False when they are at rest."""
         known = self.expected
-        found = expected_labels(self.loss.field, self.loss.labels, self.weights, known)
-        self.expected = found
-        return known is None or bool(np.abs(found - known).max() > HIDDEN_MOVED)
+        expected = expected_labels(self.loss.field, self.loss.labels, self.weights, known)
+        self.expected = expected
+        return known is None or bool(np.abs(expected - known).max() > HIDDEN_MOVED)
 
     def solution(self) -> LearnedWeights:
         status = self.ended or "local_optimum"

@@ -182,6 +182,6 @@ def allowed_labels(
         raise InfeasibleError
     if outcome != FOUND:
         return None
-    found = space.alive.argmax(axis=1).astype(np.int32)
-    improved_modes(model, found)
-    return frozen(found.astype(np.int64))
+    allowed = space.alive.argmax(axis=1).astype(np.int32)
+    improved_modes(model, allowed)
+    return frozen(allowed.astype(np.int64))

@@ -151,11 +151,11 @@ def _expected(model: PairwiseModel, marginals: NDArray[np.float64]) -> NDArray[n
         return (ends * model.agreement[:, None]).reshape(-1, model.n_labels)
     allowed = model.edge_tables > -np.inf
     gains = np.where(allowed, model.edge_tables, 0.0)
-    found = np.empty(ends.shape)
+    expected = np.empty(ends.shape)
     for side, sums in enumerate(("ea,eab->eb", "eb,eab->ea")):
         barred = np.einsum(sums, ends[:, side], ~allowed) > _INTEGRAL
-        found[:, side] = np.where(barred, -np.inf, np.einsum(sums, ends[:, side], gains))
-    return found.reshape(-1, model.n_labels)
+        expected[:, side] = np.where(barred, -np.inf, np.einsum(sums, ends[:, side], gains))
+    return expected.reshape(-1, model.n_labels)
 
 
 def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -200,20 +200,20 @@ def _call_highs(*args: Any, **options: Any) -> Any:
     return result
 
 
-def associative_duals(model: PairwiseModel, found: NDArray[np.float64]) -> NDArray[np.float64]:
+def associative_duals(model: PairwiseModel, prices: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2 E, K) duals of the short form, corrected to be feasible: they bound whatever HiGHS left.
 
     Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
     """
     assert model.agreement is not None  # the caller chose this form for it
-    first = np.maximum(found[: model.agreement.size].reshape(model.agreement.shape), 0.0)
+    first = np.maximum(prices[: model.agreement.size].reshape(model.agreement.shape), 0.0)
     second = np.maximum(model.agreement - first, 0.0)
     return np.stack([second, first], axis=1).reshape(-1, model.n_labels)
 
 
-def polytope_duals(model: PairwiseModel, found: NDArray[np.float64]) -> NDArray[np.float64]:
+def polytope_duals(model: PairwiseModel, prices: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2 E, K) duals of the local polytope: what each edge gives its ends."""
-    to_first, to_second = found.reshape(2, model.around.n_edges, model.n_labels)
+    to_first, to_second = prices.reshape(2, model.around.n_edges, model.n_labels)
     return np.stack([to_second, to_first], axis=1).reshape(-1, model.n_labels)
 
 

@@ -102,7 +102,7 @@ def certify_weights(
     unary, agreement = problem.augmented_potentials(weights)
     graph = ExpansionGraph(problem.n_whole, problem.whole_edges)
     quick = graph.expand(unary, agreement)
-    found = certify(
+    certificate = certify(
         problem,
         weights,
         Augmented(graph.around, unary, agreement=agreement),
@@ -111,8 +111,8 @@ def certify_weights(
         max_iterations=max_iterations,
     )
     # moves from there reach further than from the best unaries, where the quick oracle starts
-    labels = graph.expand(unary, agreement, found.labels).labels
-    return replace(found, labels=labels[: problem.n_nodes])
+    labels = graph.expand(unary, agreement, certificate.labels).labels
+    return replace(certificate, labels=labels[: problem.n_nodes])
 
 
 @dataclass(frozen=True, eq=False)

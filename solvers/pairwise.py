@@ -88,8 +88,8 @@ class PairwiseModel:
         """
         if self.agreement is not None:
             return self.terms
-        found = label_distances(self.tables)
-        return self.terms if found is None else Terms(self.unary, found)
+        distances = label_distances(self.tables)
+        return self.terms if distances is None else Terms(self.unary, distances)
 
     @cached_property
     def unit(self) -> float:

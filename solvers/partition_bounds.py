@@ -107,13 +107,13 @@ def _smallest(
     def bound(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         shares = flat.reshape(n_forests, *shape)
         shares = shares - shares.mean(axis=0)  # the unaries' mean stays the model's
-        found = [
+        marginals = [
             forest_marginals(model.unary + share, *others[1:])
             for share, others in zip(shares, arrays, strict=True)
         ]
-        beliefs = np.stack([each.beliefs for each in found])
+        beliefs = np.stack([each.beliefs for each in marginals])
         gradient = (beliefs - beliefs.mean(axis=0)) / n_forests
-        value = float(np.mean([each.log_partition for each in found]))
+        value = float(np.mean([each.log_partition for each in marginals]))
         return value, gradient.ravel()
 
     lbfgs: Any = minimize

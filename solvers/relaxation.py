@@ -191,8 +191,8 @@ def relax_graph(
     ]
 
     def current() -> NDArray[np.float64]:
-        found = buffers[0].reshape(-1, width)[:, :n_labels]
-        return found / found.sum(axis=1, keepdims=True)
+        wide = buffers[0].reshape(-1, width)[:, :n_labels]
+        return wide / wide.sum(axis=1, keepdims=True)
 
     with Crew(threads) as crew:
 

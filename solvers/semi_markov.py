@@ -171,15 +171,15 @@ class SemiMarkovChain:
         InputError
             Shapes do not fit, a distance is negative, a likelihood is NaN or +inf.
         """
-        found, _ = self._filter(moved_m, log_likelihood)
-        return _beliefs(found)
+        steps, _ = self._filter(moved_m, log_likelihood)
+        return _beliefs(steps)
 
     def smoothed(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
         """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
-        found, states = self._filter(moved_m, log_likelihood)
-        if len(found.beliefs):
-            smooth_stretches(self._model, states, found)
-        return _beliefs(found)
+        steps, states = self._filter(moved_m, log_likelihood)
+        if len(steps.beliefs):
+            smooth_stretches(self._model, states, steps)
+        return _beliefs(steps)
 
     def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
         """The labels with the largest joint probability; arguments as of :meth:`filtered`."""
@@ -238,7 +238,7 @@ class SemiMarkovChain:
     def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[_Found, _States]:
         states, observed = self._checked(moved_m, log_likelihood)
         shape = observed.shape
-        found = _Found(
+        steps = _Found(
             beliefs=np.zeros(shape),
             factor=np.ones(shape),
             left=np.zeros(shape),
@@ -248,8 +248,8 @@ class SemiMarkovChain:
             scale=np.zeros(len(observed)),
         )
         if len(observed):
-            filter_stretches(self._start, self._model, states, observed, found)
-        return found, states
+            filter_stretches(self._start, self._model, states, observed, steps)
+        return steps, states
 
     def _checked(
         self, moved_m: ArrayLike, observed: ArrayLike
@@ -265,9 +265,9 @@ class SemiMarkovChain:
         return _States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
 
 
-def _beliefs(found: _Found) -> ChainBeliefs:
-    impossible = np.flatnonzero(found.total == 0.0)
+def _beliefs(steps: _Found) -> ChainBeliefs:
+    impossible = np.flatnonzero(steps.total == 0.0)
     evidence = -np.inf
     if not len(impossible):
-        evidence = float(np.log(found.total).sum() + found.scale.sum())
-    return ChainBeliefs(found.beliefs, evidence, impossible)
+        evidence = float(np.log(steps.total).sum() + steps.scale.sum())
+    return ChainBeliefs(steps.beliefs, evidence, impossible)

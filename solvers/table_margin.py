@@ -130,8 +130,8 @@ def _best_with_sets(
     """
     n_after = whole.n_nodes - n_nodes
     edges = (whole.edges + n_after) % whole.n_nodes
-    found = trws(np.roll(unary, n_after, axis=0), edges, pairwise=tables, max_iterations=max_passes)
-    starts = [np.roll(found.labels, -n_after).astype(np.int32)]
+    first = trws(np.roll(unary, n_after, axis=0), edges, pairwise=tables, max_iterations=max_passes)
+    starts = [np.roll(first.labels, -n_after).astype(np.int32)]
     allowed = np.flatnonzero(np.isfinite(unary).all(axis=0))
     starts += [np.full(whole.n_nodes, k, np.int32) for k in allowed]
     model = pairwise_model(unary, whole, pairwise=tables)
@@ -160,5 +160,5 @@ def certify_tables(
     unary, tables = problem.augmented_potentials(weights)
     quick = best_labels(field, unary, tables, ORACLE_PASSES)
     augmented = Augmented(field.whole, unary, pairwise=tables)
-    found = certify(problem, weights, augmented, quick, accuracy=accuracy)
-    return replace(found, labels=found.labels[: field.n_nodes])
+    proof = certify(problem, weights, augmented, quick, accuracy=accuracy)
+    return replace(proof, labels=proof.labels[: field.n_nodes])

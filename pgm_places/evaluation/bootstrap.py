@@ -138,8 +138,8 @@ class Resamples:
         ones = np.ones(len(column), np.int64)
         # Few of all pairs of labels occur in a block: of 100 labels, some of 10,000.
         counts = coo_array((ones, (self.block[known], column)), shape=shape).tocsr()
-        found = np.vstack([np.asarray(counts.sum(axis=0))[None], self.draws @ counts])
-        return found.reshape(-1, self.n_labels, self.n_labels)
+        confusions = np.vstack([np.asarray(counts.sum(axis=0))[None], self.draws @ counts])
+        return confusions.reshape(-1, self.n_labels, self.n_labels)
 
 
 def pooled(repetitions: Sequence[NDArray[np.int64]], *, seed: int = 0) -> NDArray[np.int64]:

@@ -87,9 +87,9 @@ def mcc(confusion: NDArray[Any]) -> NDArray[np.float64]:
     n = counts.sum(axis=(-2, -1))
     covariance = _right(counts).sum(axis=-1) * n - (true * predicted).sum(axis=-1)
     squares = (n * n - (predicted**2).sum(axis=-1)) * (n * n - (true**2).sum(axis=-1))
-    found = np.zeros(n.shape)
-    np.divide(covariance, np.sqrt(np.maximum(squares, 0.0)), out=found, where=squares > 0)
-    return found
+    correlation = np.zeros(n.shape)
+    np.divide(covariance, np.sqrt(np.maximum(squares, 0.0)), out=correlation, where=squares > 0)
+    return correlation
 
 
 def mean_of_defined(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,10 +27,10 @@ def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     """
     if n_blocks < 1:
         raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
-    found = np.asarray(places)
-    if not len(found):
+    positions = np.asarray(places)
+    if not len(positions):
         return np.zeros(0, np.int64)
-    along = found[:, int(np.argmax(np.ptp(found, axis=0)))]
+    along = positions[:, int(np.argmax(np.ptp(positions, axis=0)))]
     cuts = np.quantile(along, np.arange(1, n_blocks) / n_blocks)
     return np.searchsorted(cuts, along, side="right").astype(np.int64)
 

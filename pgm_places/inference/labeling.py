@@ -119,7 +119,7 @@ class Labeling:
         return max(self.bound - self.score, 0.0)
 
 
-def keep_evidence(problem: LabelingProblem, found: Labeling) -> Labeling:
+def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
     """The labelling with every known label kept and no forbidden one, whatever the method did.
 
     All methods of the package keep evidence by themselves, so that it speaks to the neighbours too;
@@ -132,7 +132,7 @@ def keep_evidence(problem: LabelingProblem, found: Labeling) -> Labeling:
     ----------
     problem : LabelingProblem
         N nodes, K labels.
-    found : Labeling
+    labeling : Labeling
         What a method said about it.
 
     Examples
@@ -145,27 +145,27 @@ def keep_evidence(problem: LabelingProblem, found: Labeling) -> Labeling:
     """
     nodes = np.flatnonzero(problem.evidence)
     if not len(nodes):
-        return found
+        return given
     preferred = _preferred(problem, nodes)
     allowed = preferred > -np.inf
-    all_beliefs = found.beliefs
+    all_beliefs = given.beliefs
     beliefs = None if all_beliefs is None else all_beliefs[nodes]
-    labels = found.labels[nodes]
+    labels = given.labels[nodes]
     breaks = ~allowed[np.arange(len(nodes)), labels]
     if not breaks.any() and (beliefs is None or not beliefs[~allowed].any()):
-        return found
+        return given
     if all_beliefs is not None and beliefs is not None:
         beliefs = np.where(allowed, beliefs, 0)
         beliefs = np.where(beliefs.any(axis=1, keepdims=True), beliefs, allowed)
         beliefs = beliefs / beliefs.sum(axis=1, keepdims=True)
         tied = beliefs == beliefs.max(axis=1, keepdims=True)
         preferred = np.where(tied, preferred, -np.inf)
-        found = dataclasses.replace(found, beliefs=_with_rows(all_beliefs, nodes, beliefs))
+        given = dataclasses.replace(given, beliefs=_with_rows(all_beliefs, nodes, beliefs))
     if not breaks.any():
-        return found
+        return given
     best = np.where(breaks, preferred.argmax(axis=1), labels)
-    labels = _with_rows(found.labels, nodes, best)
-    return dataclasses.replace(found, labels=labels, status=Status.REPAIRED, score=None, bound=None)
+    labels = _with_rows(given.labels, nodes, best)
+    return dataclasses.replace(given, labels=labels, status=Status.REPAIRED, score=None, bound=None)
 
 
 def _preferred(problem: LabelingProblem, nodes: NDArray[np.int64]) -> NDArray[np.float64]:

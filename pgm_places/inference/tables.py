@@ -88,7 +88,7 @@ def problem_from_tables(
     return problem, labels
 
 
-def labeling_table(problem: LabelingProblem, found: Labeling) -> dict[str, list[Any]]:
+def labeling_table(problem: LabelingProblem, labeling: Labeling) -> dict[str, list[Any]]:
     """A labelling as columns, ``pandas.DataFrame(...)`` or ``csv`` take it: a row per node.
 
     ``node`` is its name, or its number where nodes have none, ``label`` the name of its label, and
@@ -105,10 +105,10 @@ def labeling_table(problem: LabelingProblem, found: Labeling) -> dict[str, list[
     names = problem.graph.node_names
     table: dict[str, list[Any]] = {
         "node": list(range(problem.graph.n_nodes) if names is None else names),
-        "label": [problem.label_names[k] for k in found.labels],
+        "label": [problem.label_names[k] for k in labeling.labels],
     }
-    if found.beliefs is not None:
-        for name, column in zip(problem.label_names, found.beliefs.T.tolist(), strict=True):
+    if labeling.beliefs is not None:
+        for name, column in zip(problem.label_names, labeling.beliefs.T.tolist(), strict=True):
             table[f"p({name})"] = column
     return table
 

@@ -27,7 +27,7 @@ LEAST_BELIEF = 1e-12
 """Smaller beliefs count as this one: in single precision they may be 0, which no power changes."""
 
 
-def tempered(found: Labeling, temperature: float | Literal["auto"]) -> Labeling:
+def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeling:
     """The labelling with beliefs ``b^(1/T) / sum b^(1/T)``; labels, score and status are the same.
 
     Methods on graphs are too sure of themselves: neighbours that see the same count as so many
@@ -36,7 +36,7 @@ def tempered(found: Labeling, temperature: float | Literal["auto"]) -> Labeling:
 
     Parameters
     ----------
-    found : Labeling
+    labeling : Labeling
         N nodes, K labels. Without beliefs it comes back as it is.
     temperature : float or "auto"
         T, above 0; ``"auto"``, which no training has replaced, is 1.
@@ -48,16 +48,16 @@ def tempered(found: Labeling, temperature: float | Literal["auto"]) -> Labeling:
     >>> tempered(found, 2.0).beliefs.round(3).tolist()
     [[0.667, 0.333]]
     """
-    if found.beliefs is None or temperature in ("auto", 1.0):
-        return found
-    beliefs, power = np.empty_like(found.beliefs), 1 / float(temperature)
+    if labeling.beliefs is None or temperature in ("auto", 1.0):
+        return labeling
+    beliefs, power = np.empty_like(labeling.beliefs), 1 / float(temperature)
 
     def part(task: int) -> None:
         rows = slice(task * ROWS_AT_ONCE, (task + 1) * ROWS_AT_ONCE)
-        beliefs[rows] = _flattened(found.beliefs[rows], power)  # type: ignore[index]
+        beliefs[rows] = _flattened(labeling.beliefs[rows], power)  # type: ignore[index]
 
     run_tasks(part, -(-len(beliefs) // ROWS_AT_ONCE))
-    return dataclasses.replace(found, beliefs=sealed(beliefs))
+    return dataclasses.replace(labeling, beliefs=sealed(beliefs))
 
 
 def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLike]) -> float:
