@@ -64,7 +64,7 @@ class Case:
             self.free.shape,
             self.r,
             walls=self.walls,
-            iterations=ITERATIONS,
+            max_iterations=ITERATIONS,
             tolerance=0,
             n_threads=threads,
         ).beliefs
@@ -103,7 +103,7 @@ class Case:
             near.node,
             self.r[:, :3, :3],
             weight=np.full(len(near.node), 1 / 8),
-            iterations=ITERATIONS,
+            max_iterations=ITERATIONS,
             tolerance=0,
             n_threads=1,
         ).beliefs

@@ -195,7 +195,7 @@ class Relaxation:
         options: dict[str, Any] = {
             "floor": self.floor,
             "damping": self.damping,
-            "iterations": self.max_iterations,
+            "max_iterations": self.max_iterations,
             "tolerance": self.tolerance,
             "on_iteration": on_iteration,
         }

@@ -25,13 +25,13 @@ from pgm_places.solvers.relaxation import (
     SUMS,
     OnIteration,
     Relaxed,
-    check_options,
     check_tables,
     repeat,
     starting_beliefs,
     thread_groups,
     useful_threads,
 )
+from pgm_places.solvers.schedule import check_schedule
 
 __all__ = ["neighbour_weights", "relax_grid"]
 
@@ -121,7 +121,7 @@ def relax_grid(
     diagonal_weight: float = 1.0,
     floor: float = 0.0,
     damping: float = 0.0,
-    iterations: int = 50,
+    max_iterations: int = 50,
     tolerance: float = 1e-4,
     n_threads: int | None = None,
     on_iteration: OnIteration | None = None,
@@ -146,7 +146,7 @@ def relax_grid(
     diagonal_weight : float
         Weight of neighbours that share a corner, relative to a side; see
         :func:`neighbour_weights`.
-    floor, damping, iterations, tolerance, n_threads, on_iteration
+    floor, damping, max_iterations, tolerance, n_threads, on_iteration
         As in :func:`pgm_places.solvers.relaxation.relax_graph`.
 
     Notes
@@ -155,7 +155,7 @@ def relax_grid(
     neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
     while the result is read from them.
     """
-    check_options(damping, iterations, tolerance)
+    check_schedule(max_iterations, tolerance, damping)
     table = np.asarray(unary)
     if table.ndim != 2:
         raise InputError(f"unary must have shape (N, K), got {table.shape}")
@@ -197,7 +197,7 @@ def relax_grid(
             step,
             lambda: _read(beliefs, cells, rows, n_threads),
             (n_nodes, n_labels),
-            iterations,
+            max_iterations,
             tolerance,
             on_iteration=on_iteration,
             last=lambda: _read_last(beliefs, cells, rows, n_threads),

@@ -1,7 +1,7 @@
 """The linear relaxation of decoding: an upper bound, and the labelling if it is integral."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places._core import decode_beliefs
-from pgm_places.errors import InfeasibleError, InputError, SolverError
+from pgm_places.errors import InfeasibleError, SolverError
 from pgm_places.solvers.duals import dual_value
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.local_search import improved_modes
@@ -56,7 +56,6 @@ def solve_marginal_lp(
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
     *,
-    solver: Literal["highs", "highs-ds", "highs-ipm"] = "highs",
     eliminate: bool = True,
 ) -> LPDecoding:
     """The linear relaxation solved by HiGHS, and its rounding, improved by local search.
@@ -75,8 +74,6 @@ def solve_marginal_lp(
         Log-potential of an edge whose ends agree on each label.
     pairwise : (K, K) or (E, K, K) float, optional
         Log-potential of each pair of labels instead; -inf forbids it.
-    solver : {"highs", "highs-ds", "highs-ipm"}
-        What :func:`scipy.optimize.linprog` calls: its choice, dual simplex, interior point.
     eliminate : bool
         Rule out labels that cannot be best first, which keeps the bound valid and may tighten it.
 
@@ -98,8 +95,6 @@ def solve_marginal_lp(
     >>> found.labels.tolist(), round(found.bound, 6), found.integral
     ([0, 0], 1.5, True)
     """
-    if solver not in ("highs", "highs-ds", "highs-ipm"):
-        raise InputError(f"solver must be 'highs', 'highs-ds' or 'highs-ipm', got {solver!r}")
     model = pairwise_model(unary, edges, agreement, pairwise)
     left, nodes = model, np.arange(model.n_nodes)
     marginals = np.zeros(model.unary.shape)
@@ -107,7 +102,7 @@ def solve_marginal_lp(
         reduced = reduce_model(model)
         left, nodes = reduced.model, reduced.nodes
         marginals[np.arange(model.n_nodes), reduced.labels] = 1.0
-    marginals[nodes], duals = _solve(left, solver)
+    marginals[nodes], duals = _solve(left)
     value = dual_value(left, duals)
     if eliminate:
         duals = lifted_duals(model, reduced, duals)
@@ -158,7 +153,7 @@ def _expected(model: PairwiseModel, marginals: NDArray[np.float64]) -> NDArray[n
     return expected.reshape(-1, model.n_labels)
 
 
-def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _solve(model: PairwiseModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Node marginals (N, K) and duals (2 E, K), which give the relaxation's value."""
     if model.n_nodes == 0:
         return np.zeros(model.unary.shape), np.zeros((0, model.n_labels))
@@ -176,7 +171,7 @@ def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], NDAr
         A_eq=equal,
         b_eq=right,
         bounds=np.stack([np.zeros(len(gains)), np.where(possible, 1.0, 0.0)], axis=1),
-        method=solver,
+        method="highs",
     )
     marginals = np.clip(result.x[: model.unary.size].reshape(model.unary.shape), 0.0, 1.0)
     marginals = marginals / marginals.sum(axis=1, keepdims=True) + 0.0  # no negative zeros

@@ -20,6 +20,7 @@ from pgm_places._checks import finite_array, integer_array
 from pgm_places._core import starting_probabilities, update_parts_of_graph
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import Crew, resolve_threads
+from pgm_places.solvers.schedule import check_schedule
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
@@ -128,7 +129,7 @@ def relax_graph(
     table: ArrayLike | None = None,
     floor: float = 0.0,
     damping: float = 0.0,
-    iterations: int = 50,
+    max_iterations: int = 50,
     tolerance: float = 1e-4,
     n_threads: int | None = None,
     on_iteration: OnIteration | None = None,
@@ -147,14 +148,14 @@ def relax_graph(
         ``c_ij`` of each entry of ``node``, summing to at most 1 at each node; default 1 / degree.
     table : (A,) int, optional
         Which of the D tables an entry uses; default the first.
-    floor, damping, iterations, tolerance
+    floor, damping, max_iterations, tolerance
         See :class:`pgm_places.models.relaxation.Relaxation`.
     n_threads : int, optional
         Threads; default as :func:`pgm_places.kernels.threads.resolve_threads`.
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    check_options(damping, iterations, tolerance)
+    check_schedule(max_iterations, tolerance, damping)
     beliefs = starting_beliefs(unary, floor=floor)
     n_nodes, n_labels = beliefs.shape
     rows = integer_array("start", start, (n_nodes + 1,), low=0, high=2**62)
@@ -203,7 +204,7 @@ def relax_graph(
             return sums
 
         return repeat(
-            step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+            step, current, (n_nodes, n_labels), max_iterations, tolerance, on_iteration=on_iteration
         )
 
 
@@ -211,7 +212,7 @@ def repeat(
     step: Step,
     current: Callable[[], Beliefs],
     shape: tuple[int, int],
-    iterations: int,
+    max_iterations: int,
     tolerance: float,
     *,
     on_iteration: OnIteration | None,
@@ -226,7 +227,7 @@ def repeat(
     mean_change: list[float] = []
     support: list[float] = []
     converged = n_nodes == 0
-    while not converged and len(max_change) < iterations:
+    while not converged and len(max_change) < max_iterations:
         sums = step()
         max_change.append(float(sums[:, 0].max()))
         mean_change.append(math.fsum(sums[:, 1]) / (n_nodes * n_labels))
@@ -246,16 +247,6 @@ def thread_groups(n_parts: int, threads: int) -> list[tuple[int, int]]:
     """First part and the one after the last of each of the groups that threads take."""
     cuts = np.linspace(0, n_parts, (GROUPS_PER_THREAD * threads if threads > 1 else 1) + 1)
     return list(pairwise(cuts.astype(int).tolist()))
-
-
-def check_options(damping: float, iterations: int, tolerance: float) -> None:
-    """Raise InputError unless the options make sense."""
-    if not 0 <= damping < 1:
-        raise InputError(f"damping must be at least 0 and below 1, got {damping}")
-    if iterations < 1:
-        raise InputError(f"iterations must be at least 1, got {iterations}")
-    if not tolerance >= 0:
-        raise InputError(f"tolerance must be at least 0, got {tolerance}")
 
 
 def check_tables(compatibility: ArrayLike, n_labels: int) -> NDArray[np.float64]:

@@ -61,7 +61,7 @@ def solvers() -> Iterator[tuple[str, str]]:
     cells = np.argwhere(mask).astype(np.int32)
     unary = rng.normal(size=(len(cells), 3))
     tables = rng.uniform(-1, 1, (8, 4, 4))
-    relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, iterations=20)
+    relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, max_iterations=20)
     yield "relaxation", fingerprint(relaxed.beliefs)
 
     edges = rng.integers(0, 200, (500, 2))

@@ -89,7 +89,7 @@ def test_registers_of_any_width_give_the_same_bits(n_labels: int, n_tables: int)
     found = []
     for width in (16, 32, 64):
         _core.limit_registers(width)
-        relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, iterations=5)
+        relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, max_iterations=5)
         found.append((relaxed.beliefs.tobytes(), relaxed.max_change, relaxed.support))
     assert found[0] == found[1] == found[2]
 

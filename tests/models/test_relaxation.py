@@ -128,7 +128,7 @@ def test_beliefs_are_the_references_with_walls_from_the_map() -> None:
         method.compatibility,
         diagonal_weight=0.6,
         damping=0.2,
-        iterations=3,
+        max_iterations=3,
     )
     np.testing.assert_allclose(beliefs(result), layout.from_raster(want), rtol=0, atol=5e-6)
     np.testing.assert_array_equal(result.labels, beliefs(result).argmax(axis=1))

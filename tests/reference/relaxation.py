@@ -13,12 +13,12 @@ def relaxed_grid(
     *,
     diagonal_weight: float = 1.0,
     damping: float = 0.0,
-    iterations: int = 1,
+    max_iterations: int = 1,
 ) -> NDArray[np.float64]:
     """(H, W, K) beliefs after some iterations; NaN marks cells that are no nodes."""
     height, width, n_labels = beliefs.shape
     side = 1 / (4 + 4 * diagonal_weight)
-    for _ in range(iterations):
+    for _ in range(max_iterations):
         before = beliefs.copy()
         for y, x in np.ndindex(height, width):
             if np.isnan(before[y, x, 0]):
@@ -49,11 +49,11 @@ def relaxed_graph(
     r: NDArray[np.float64],
     *,
     damping: float = 0.0,
-    iterations: int = 1,
+    max_iterations: int = 1,
 ) -> NDArray[np.float64]:
     """(N, K) beliefs after some iterations; an entry is node, neighbour, weight, table."""
     beliefs = beliefs.copy()
-    for _ in range(iterations):
+    for _ in range(max_iterations):
         before = beliefs.copy()
         support = np.ones_like(beliefs)
         for i, j, weight, table in entries:

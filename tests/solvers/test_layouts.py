@@ -59,11 +59,11 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     "marginals": (lambda u, e, t: forest_marginals(u, e, pairwise=t), (UNARY, EDGES, TABLES)),
     "grid mean field": (grid_mean_field, (UNARY, CELLS, np.eye(K))),
     "grid relaxation": (
-        lambda u, c, r: relax_grid(u, c, (2, 3), r, iterations=3),
+        lambda u, c, r: relax_grid(u, c, (2, 3), r, max_iterations=3),
         (UNARY, CELLS, RNG.uniform(-1, 1, (1, K + 1, K + 1))),
     ),
     "relaxation": (
-        lambda u, start, node, r: relax_graph(u, start, node, r, iterations=3),
+        lambda u, start, node, r: relax_graph(u, start, node, r, max_iterations=3),
         (UNARY, np.array([0, 1, 2, 3, 4, 5, 6]), np.array([1, 2, 3, 4, 5, 0]), np.eye(K)[None]),
     ),
     "start": (starting_beliefs, (UNARY,)),

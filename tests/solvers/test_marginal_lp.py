@@ -143,11 +143,6 @@ def test_problems_without_a_labelling_are_refused() -> None:
         solve_marginal_lp(np.zeros((2, 2)), [(0, 1)], pairwise=never)
 
 
-def test_unknown_solvers_are_refused() -> None:
-    with pytest.raises(InputError, match="solver must be 'highs', 'highs-ds' or 'highs-ipm'"):
-        solve_marginal_lp(np.zeros((2, 2)), [(0, 1)], solver="simplex")  # type: ignore[arg-type]
-
-
 def test_anything_but_an_optimum_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     stopped = SimpleNamespace(status=1, message="iteration limit reached")
     monkeypatch.setattr(scipy.optimize, "linprog", lambda *_, **__: stopped)

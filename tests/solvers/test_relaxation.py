@@ -58,10 +58,12 @@ def test_grid_kernel_is_the_reference(
         walls=walls,
         diagonal_weight=diagonal,
         damping=damping,
-        iterations=3,
+        max_iterations=3,
         tolerance=0,
     )
-    want = relaxed_grid(start, walls, r, diagonal_weight=diagonal, damping=damping, iterations=3)
+    want = relaxed_grid(
+        start, walls, r, diagonal_weight=diagonal, damping=damping, max_iterations=3
+    )
     np.testing.assert_allclose(got.beliefs, at(want, cells), rtol=0, atol=5e-6)
 
 
@@ -73,8 +75,8 @@ def test_long_rows_and_many_parts_are_the_reference(
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
     shape = (7, 582)
     unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
-    got = relax_grid(unary, cells, shape, r, walls=walls, iterations=2, tolerance=0)
-    want = relaxed_grid(start, walls, r, iterations=2)
+    got = relax_grid(unary, cells, shape, r, walls=walls, max_iterations=2, tolerance=0)
+    want = relaxed_grid(start, walls, r, max_iterations=2)
     np.testing.assert_allclose(got.beliefs, at(want, cells), rtol=0, atol=5e-6)
 
 
@@ -87,7 +89,7 @@ def test_any_number_of_threads_gives_the_same_bits(
     shape = (60, 90)
     unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
     first, *others = (
-        relax_grid(unary, cells, shape, r, walls=walls, iterations=8, tolerance=0, n_threads=n)
+        relax_grid(unary, cells, shape, r, walls=walls, max_iterations=8, tolerance=0, n_threads=n)
         for n in (1, 2, 5)
     )
     for other in others:
@@ -118,7 +120,7 @@ def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> N
     unary = np.zeros((len(cells), 3), np.float32)
     relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # what is made once
     tracemalloc.start()
-    found = relax_grid(unary, cells, (1200, 1200), r, iterations=1, n_threads=2)
+    found = relax_grid(unary, cells, (1200, 1200), r, max_iterations=1, n_threads=2)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < found.beliefs.nbytes + 6 * len(cells)  # the store, which is not traced, aside
@@ -150,10 +152,10 @@ def test_grid_kernel_is_the_graph_kernel_where_there_are_no_walls(tables: int) -
         r[:, :3, :3],
         weight=np.full(len(node), 1 / 8),
         table=direction if tables == 8 else None,
-        iterations=6,
+        max_iterations=6,
         tolerance=0,
     )
-    on_grid = relax_grid(unary, cells, shape, r, iterations=6, tolerance=0)
+    on_grid = relax_grid(unary, cells, shape, r, max_iterations=6, tolerance=0)
     np.testing.assert_allclose(on_grid.beliefs, on_graph.beliefs, rtol=0, atol=5e-6)
     for ours, theirs in (
         (on_grid.max_change, on_graph.max_change),
@@ -191,11 +193,11 @@ def test_graph_kernel_is_the_reference(
         weight=weight,
         table=table,
         damping=damping,
-        iterations=3,
+        max_iterations=3,
         tolerance=0,
     )
     entries = list(zip(owner.tolist(), node.tolist(), weight.tolist(), table.tolist(), strict=True))
-    want = relaxed_graph(beliefs, entries, r, damping=damping, iterations=3)
+    want = relaxed_graph(beliefs, entries, r, damping=damping, max_iterations=3)
     np.testing.assert_allclose(found.beliefs, want, rtol=0, atol=1e-12)
 
 
@@ -205,7 +207,7 @@ def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> No
     unary, cells, _, r, _ = a_raster(7, (9, 9), 3)
     start, node, _ = adjacency(cells, (9, 9))
     first, second = (
-        relax_graph(unary, start, node, r[:, :3, :3], iterations=4, tolerance=0, n_threads=n)
+        relax_graph(unary, start, node, r[:, :3, :3], max_iterations=4, tolerance=0, n_threads=n)
         for n in (1, 3)
     )
     np.testing.assert_array_equal(first.beliefs, second.beliefs)
@@ -227,9 +229,11 @@ def test_walls_are_fixed_evidence() -> None:
     r[0, 0, 2], r[0, 1, 2] = -0.5, 0.9
     walls = np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], np.bool_)
     cells = np.argwhere(~walls)
-    result = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, walls=walls, iterations=10)
+    result = relax_grid(
+        np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, walls=walls, max_iterations=10
+    )
     assert (result.beliefs[:, 1] > 0.99).all()
-    alone = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, iterations=10)
+    alone = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, max_iterations=10)
     np.testing.assert_allclose(alone.beliefs, 0.5, rtol=1e-6)
     assert alone.converged
     assert alone.iterations == 1
@@ -238,7 +242,9 @@ def test_walls_are_fixed_evidence() -> None:
 def test_first_step_by_hand() -> None:
     """Two cells: q = r/8 of the other's belief; p (1 + q) normalised."""
     r = np.array([[[0.8, -0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.0]]])
-    result = relax_grid(np.log([[0.6, 0.4], [0.9, 0.1]]), [[0, 0], [0, 1]], (1, 2), r, iterations=1)
+    result = relax_grid(
+        np.log([[0.6, 0.4], [0.9, 0.1]]), [[0, 0], [0, 1]], (1, 2), r, max_iterations=1
+    )
     q = np.array([0.8 * 0.9 - 0.4 * 0.1, -0.4 * 0.9 + 0.8 * 0.1]) / 8
     grown = np.array([0.6, 0.4]) * (1 + q)
     np.testing.assert_allclose(result.beliefs[0], grown / grown.sum(), rtol=1e-6)
@@ -252,7 +258,7 @@ def test_forbidden_labels_stay_forbidden_and_the_floor_lifts_the_others() -> Non
     np.testing.assert_allclose(p.sum(axis=1), 1, rtol=1e-12)
     r = np.zeros((1, 4, 4))
     r[0, 2, :] = 1
-    result = relax_grid(unary, [[0, 0], [0, 1]], (1, 2), r, floor=1e-6, iterations=30)
+    result = relax_grid(unary, [[0, 0], [0, 1]], (1, 2), r, floor=1e-6, max_iterations=30)
     assert result.beliefs[0, 2] == 0
     with pytest.raises(InputError, match="forbids every label at node 1"):
         starting_beliefs([[0.0, 0.0], [-np.inf, -np.inf]])
@@ -279,10 +285,10 @@ def test_a_cell_that_would_lose_all_mass_keeps_its_beliefs() -> None:
     r[0, :2, 2] = -1
     walls = np.ones((3, 3), np.bool_)
     walls[1, 1] = False
-    result = relax_grid(np.log([[0.7, 0.3]]), [[1, 1]], (3, 3), r, walls=walls, iterations=5)
+    result = relax_grid(np.log([[0.7, 0.3]]), [[1, 1]], (3, 3), r, walls=walls, max_iterations=5)
     np.testing.assert_allclose(result.beliefs, [[0.7, 0.3]], rtol=1e-6)
     graph = relax_graph(
-        np.log([[0.7, 0.3], [0.3, 0.7]]), [0, 1, 2], [1, 0], -np.ones((1, 2, 2)), iterations=5
+        np.log([[0.7, 0.3], [0.3, 0.7]]), [0, 1, 2], [1, 0], -np.ones((1, 2, 2)), max_iterations=5
     )
     np.testing.assert_allclose(graph.beliefs, [[0.7, 0.3], [0.3, 0.7]], rtol=1e-12)
 
@@ -308,7 +314,7 @@ def test_it_stops_when_nothing_changes_any_more_and_tells_each_iteration() -> No
         cells,
         (8, 8),
         r,
-        iterations=2000,
+        max_iterations=2000,
         tolerance=1e-4,
         on_iteration=lambda n, change, beliefs: seen.append((n, change, beliefs())),
     )
@@ -318,15 +324,15 @@ def test_it_stops_when_nothing_changes_any_more_and_tells_each_iteration() -> No
     assert [change for _, change, _ in seen] == result.max_change
     np.testing.assert_array_equal(seen[-1][2], result.beliefs)
     assert result.support[-1] > result.support[0]
-    stopped = relax_grid(unary, cells, (8, 8), r, iterations=3, tolerance=1e-4)
+    stopped = relax_grid(unary, cells, (8, 8), r, max_iterations=3, tolerance=1e-4)
     assert not stopped.converged
     assert stopped.iterations == 3
 
 
 def test_damping_slows_the_change() -> None:
     unary, cells, walls, r, _ = a_raster(2, (6, 6), 3)
-    free = relax_grid(unary, cells, (6, 6), r, walls=walls, iterations=1)
-    slow = relax_grid(unary, cells, (6, 6), r, walls=walls, iterations=1, damping=0.75)
+    free = relax_grid(unary, cells, (6, 6), r, walls=walls, max_iterations=1)
+    slow = relax_grid(unary, cells, (6, 6), r, walls=walls, max_iterations=1, damping=0.75)
     np.testing.assert_allclose(slow.max_change[0], 0.25 * free.max_change[0], rtol=1e-4)
 
 
@@ -341,7 +347,7 @@ def test_neighbours_count_alike_by_default() -> None:
     start, node, _ = adjacency(cells, (4, 5))
     degree = np.diff(start)
     default, given = (
-        relax_graph(unary, start, node, r[:, :3, :3], weight=weight, iterations=2, tolerance=0)
+        relax_graph(unary, start, node, r[:, :3, :3], weight=weight, max_iterations=2, tolerance=0)
         for weight in (None, np.repeat(1 / degree, degree))
     )
     np.testing.assert_array_equal(default.beliefs, given.beliefs)
@@ -358,7 +364,7 @@ def test_weights_sum_to_one() -> None:
     ("change", "message"),
     [
         ({"damping": 1.0}, "damping"),
-        ({"iterations": 0}, "iterations"),
+        ({"max_iterations": 0}, "max_iterations"),
         ({"tolerance": -1.0}, "tolerance"),
         ({"tolerance": float("nan")}, "tolerance"),
         ({"diagonal_weight": -1.0}, "diagonal_weight"),
