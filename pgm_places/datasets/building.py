@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.datasets.bending import shifted
-from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.filling import draw_floor
-from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
+from pgm_places.datasets.floor_plan import FloorPlan, Rect
 from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.large_furniture import furnish_largely
@@ -148,13 +148,13 @@ def generate_building(
     labels = _truth(margin, plan, shape, _HALL if halls == "hall" else LABEL_NAMES.index(halls))
     solid = _walls(plan, shape)
     glass = ~_open(plan.windows, shape) & solid
-    hang_doors(Dice(seed, 1), scale, plan, solid)
+    hang_doors(Dice(seed, 1, scale), plan, solid)
     if furniture:
-        furnish(Dice(seed, 2), scale, plan, solid)
+        furnish(Dice(seed, 2, scale), plan, solid)
         if drawn.large_furniture:
             amounts = [drawn.large_furniture] * len(plan.rooms)
-            furnish_largely(Dice(seed, 6), scale, plan, solid, amounts)
-    cells = survey(Dice(seed, 3), scale, plan, solid, glass, noise=slam_noise)
+            furnish_largely(Dice(seed, 6, scale), plan, solid, amounts)
+    cells = survey(Dice(seed, 3, scale), plan, solid, glass, noise=slam_noise)
     if slam_noise:
         cells, labels = shifted(Dice(seed, 4), cells, labels)
     kept = mapped_span(cells, scale.cells(_MARGIN_CM))
@@ -174,14 +174,12 @@ def _check(seed: int, wings: int, size: str, style: str, halls: str) -> None:
         raise InputError(f"seed must not be negative, got {seed}")
     if wings < 1:
         raise InputError(f"wings must be at least 1, got {wings}")
-    if size not in _SIZES:
-        raise InputError(f"size must be one of {', '.join(_SIZES)}, got {size!r}")
-    if style not in STYLES:
-        raise InputError(f"style must be one of {', '.join(STYLES)}, got {style!r}")
+    known = {"size": (size, _SIZES), "style": (style, STYLES), "halls": (halls, get_args(HallsAs))}
+    for name, (value, values) in known.items():
+        if value not in values:
+            raise InputError(f"{name} must be one of {', '.join(values)}, got {value!r}")
     if style != "office" and size != "floor":
         raise InputError(f"style {style!r} needs size 'floor', got size {size!r}")
-    if halls not in get_args(HallsAs):
-        raise InputError(f"halls must be one of {', '.join(get_args(HallsAs))}, got {halls!r}")
 
 
 def _millimetres(resolution_m: float | None, size: str) -> int:
@@ -200,34 +198,33 @@ def _draw_plan(
     """Shape of the raster, plan in its cells, split column of a building of wings, its style."""
     if style not in KINDS:
         drawn = OFFICE if style == "office" else draw_style(Dice(seed, 5))
-        return *_draw_wings(Dice(seed, 0), scale, drawn, size, wings), drawn
-    dice = Dice(seed, crc32(style.encode()))  # a school and a clinic of one seed are not alike
+        return *_draw_wings(Dice(seed, 0, scale), drawn, size, wings), drawn
+    dice = Dice(
+        seed, crc32(style.encode()), scale
+    )  # a school and a clinic of one seed are not alike
     kind = style_of_kind(dice, style)
     length = sum(dice.integer(*size.wing_cm) for _ in range(wings))
     layout = draw_layout(dice, kind, length * dice.integer(*kind.length_percent) // 100)
     width, height = (scale.cells(cm + kind.deepest_cm) for cm in layout.size)
-    plan = draw_floor(dice, scale, kind, layout, (height, width))
+    plan = draw_floor(dice, kind, layout, (height, width))
     margin = scale.cells(_MARGIN_CM)
     return (height + 2 * margin, width + 2 * margin), plan.moved(margin, margin), None, kind
 
 
 def _draw_wings(
-    dice: Dice, scale: Scale, style: Style, size: _Size, wings: int
+    dice: Dice, style: Style, size: _Size, wings: int
 ) -> tuple[tuple[int, int], FloorPlan, int]:
-    margin, height = scale.cells(_MARGIN_CM), scale.cells(style.height_cm or size.height_cm)
-    y = height // 2 - scale.cells(110)
+    margin, height = dice.cells(_MARGIN_CM), dice.cells(style.height_cm or size.height_cm)
+    y = height // 2 - dice.cells(110)
     x, plan, edges = 0, FloorPlan(), []
     for index, kind in enumerate(_kinds(dice, size.kinds, wings)):
         edges.append(x)
-        length, width = (
-            scale.cells(dice.integer(*size.wing_cm)),
-            scale.cells(dice.integer(*style.corridor_cm)),
-        )
-        wing = Wing(x, x + length, height, min(y, height - width), width, scale.cells(20))
-        drawn, y = draw_wing(dice, scale, style, wing, kind)
+        length, width = (dice.length(*size.wing_cm), dice.length(*style.corridor_cm))
+        wing = Wing(x, x + length, height, min(y, height - width), width, dice.cells(20))
+        drawn, y = draw_wing(dice, style, wing, kind)
         plan.add(drawn)
         if index and dice.chance(2, 3):
-            plan.add(partition(dice, scale, wing.entrance))
+            plan.add(partition(dice, wing.entrance))
         x += length
     split = edges[wings // 2] if wings > 1 else x // 2
     return (height + 2 * margin, x + 2 * margin), plan.moved(margin, margin), split + margin

@@ -1,6 +1,7 @@
 """Dice: random integers that are the same on every platform and with every NumPy version."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -10,6 +11,17 @@ T = TypeVar("T")
 
 _HALF_WORD = 32
 """The upper half of each 64-bit word is scaled: the better half, and the product fits 64 bits."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The size of a cell, and lengths in cells."""
+
+    mm_per_cell: int
+
+    def cells(self, cm: int) -> int:
+        """The length in whole cells, at least one."""
+        return max(1, (20 * cm + self.mm_per_cell) // (2 * self.mm_per_cell))
 
 
 class Dice:
@@ -22,15 +34,22 @@ class Dice:
     ----------
     seed, stream : int
         Different streams of one seed are independent: more furniture moves no wall.
+    scale : Scale
+        Of the raster that is drawn into; cells of a centimetre where there is none.
     """
 
-    def __init__(self, seed: int, stream: int) -> None:
+    def __init__(self, seed: int, stream: int, scale: Scale = Scale(10)) -> None:
         self._words = np.random.PCG64(np.random.SeedSequence([seed, stream]))
+        self.scale, self.cells = scale, scale.cells
 
     def integer(self, low: int, high: int) -> int:
         """A whole number, ``low`` and ``high`` included."""
         word = int(self._words.random_raw()) >> _HALF_WORD
         return low + (word * (high - low + 1) >> _HALF_WORD)
+
+    def length(self, low_cm: int, high_cm: int) -> int:
+        """A length of so many whole centimetres, in cells."""
+        return self.cells(self.integer(low_cm, high_cm))
 
     def chance(self, numerator: int, denominator: int) -> bool:
         """True in ``numerator`` of ``denominator`` cases."""

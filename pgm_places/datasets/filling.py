@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, row_of_rooms, sides
 from pgm_places.datasets.layout import Layout
 from pgm_places.datasets.style import OFFICE, Style
 from pgm_places.datasets.wings import partition
@@ -29,67 +29,51 @@ _STEP_CM = 120
 """Where the depth that is left changes by more, another row of rooms begins."""
 
 
-def draw_floor(
-    dice: Dice, scale: Scale, style: Style, layout: Layout, shape: tuple[int, int]
-) -> FloorPlan:
+def draw_floor(dice: Dice, style: Style, layout: Layout, shape: tuple[int, int]) -> FloorPlan:
     """The plan, in cells, of a floor of ``shape`` (H, W) whose corridors and halls are given.
 
     Every room has a door to one of them.
     """
-    site = Site(scale, shape, style.growth_cm)
+    site = Site(dice.scale, shape, style.growth_cm)
     plan = FloorPlan(
-        corridors=[_in_cells(scale, part) for part in layout.corridors],
-        halls=[_in_cells(scale, part) for part in layout.halls],
+        corridors=[_in_cells(dice.scale, part) for part in layout.corridors],
+        halls=[_in_cells(dice.scale, part) for part in layout.halls],
     )
     ways = plan.corridors + plan.halls
-    for part in (*ways, *(_in_cells(scale, court) for court in layout.courts)):
+    for part in (*ways, *(_in_cells(dice.scale, court) for court in layout.courts)):
         site.take(part)
     for part in layout.large_rooms:
-        plan.add(_large_room(dice, scale, style, _in_cells(scale, part), plan.corridors[0]))
+        plan.add(_large_room(dice, style, _in_cells(dice.scale, part), plan.corridors[0]))
         site.take(plan.rooms[-1])
     rows = []
-    for side in dice.shuffled([side for way in ways for side in _sides(way)]):
-        for frontage in site.frontages(side, scale.cells(style.deepest_cm)):
-            rows.append((frontage, row_of_rooms(dice, scale, style, frontage)))
+    for side in dice.shuffled([side for way in ways for side in sides(way)]):
+        for frontage in site.frontages(side, dice.cells(style.deepest_cm)):
+            rows.append((frontage, row_of_rooms(dice, style, frontage)))
             for room in rows[-1][1].rooms:
                 site.take(room)
     for frontage, row in rows:
         back = max((frontage.extent(room)[3] for room in row.rooms), default=0)
         row.rooms = [site.enlarged(dice, frontage, room, back) for room in row.rooms]
         if style.openings is not None:
-            _open_up(dice, scale, style, frontage, row)
-        _add_inner_rooms(dice, scale, style, frontage, row)
+            _open_up(dice, style, frontage, row)
+        _add_inner_rooms(dice, style, frontage, row)
         if style.back_rooms is not None:
-            _add_back_rooms(dice, scale, style.back_rooms, frontage, row)
+            _add_back_rooms(dice, style.back_rooms, frontage, row)
         plan.add(row)
     for corridor in plan.corridors:
         if dice.chance(1, 4):
-            plan.add(_fire_door(dice, scale, corridor, plan, site))
+            plan.add(_fire_door(dice, corridor, plan, site))
     if style.pilasters is not None:
         for corridor in plan.corridors:
             if dice.chance(*style.pilasters):
-                plan.walls += _pilasters(dice, scale, corridor, plan)
+                plan.walls += _pilasters(dice, corridor, plan)
     return plan
 
 
 def _in_cells(scale: Scale, part: Rect) -> Rect:
     """A rectangle given in centimetres; what touches there touches here."""
-    x0, y0, x1, y1 = (
-        (20 * cm + scale.mm_per_cell) // (2 * scale.mm_per_cell)
-        for cm in (part.x0, part.y0, part.x1, part.y1)
-    )
-    return Rect(x0, y0, x1, y1)
-
-
-def _sides(part: Rect) -> tuple[Frontage, ...]:
-    """The four sides of a corridor or a hall; how much depth there is is not known yet."""
-    columns, rows = part.size
-    return (
-        Frontage("x", (part.x0, part.y1), 1, columns, 0),
-        Frontage("x", (part.x0, part.y0), -1, columns, 0),
-        Frontage("y", (part.x1, part.y0), 1, rows, 0),
-        Frontage("y", (part.x0, part.y0), -1, rows, 0),
-    )
+    mm = scale.mm_per_cell
+    return Rect(*((20 * cm + mm) // (2 * mm) for cm in part))
 
 
 class Site:
@@ -190,16 +174,16 @@ class Site:
         return seen
 
 
-def _large_room(dice: Dice, scale: Scale, style: Style, room: Rect, corridor: Rect) -> FloorPlan:
+def _large_room(dice: Dice, style: Style, room: Rect, corridor: Rect) -> FloorPlan:
     """A gym or a lecture theatre at the right end of a corridor, and its door."""
-    width = min(scale.cells(dice.integer(*style.door_cm)), corridor.size[1] - 2)
+    width = min(dice.length(*style.door_cm), corridor.size[1] - 2)
     low = dice.integer(corridor.y0 + 1, corridor.y1 - 1 - width)
     return FloorPlan(
         rooms=[room], doors=[Door(Rect(corridor.x1, low, room.x0, low + width), (1, 0))]
     )
 
 
-def _open_up(dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: FloorPlan) -> None:
+def _open_up(dice: Dice, style: Style, frontage: Frontage, row: FloorPlan) -> None:
     """Make cased openings without leaves of some doors of a row, at times as wide as the room."""
     assert style.openings is not None
     for index, door in enumerate(row.doors):
@@ -208,25 +192,25 @@ def _open_up(dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: Fl
         u0, u1, v0, v1 = frontage.extent(door.gap)
         beyond = frontage.rect(u0, u1, v1, v1 + 1)
         spans = [frontage.extent(room)[:2] for room in row.rooms if room.overlaps(beyond)]
-        jamb = scale.cells(dice.choice((5, 10, 25)))
+        jamb = dice.cells(dice.choice((5, 10, 25)))
         low, high = (u0, u1)
         if spans:  # an enlarged room is longer than its side of the corridor
             low, high = max(spans[0][0], 0) + jamb, min(spans[0][1], frontage.length) - jamb
-        width = min(max(u1 - u0, scale.cells(dice.integer(*style.opening_cm))), high - low)
+        width = min(max(u1 - u0, dice.length(*style.opening_cm)), high - low)
         start = min(max(low, (u0 + u1 - width) // 2), high - width)
         if width >= u1 - u0:
             gap = frontage.rect(start, start + width, v0, v1)
             row.doors[index] = Door(gap, door.inward, has_leaf=False)
 
 
-def _pilasters(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan) -> list[Rect]:
+def _pilasters(dice: Dice, corridor: Rect, plan: FloorPlan) -> list[Rect]:
     """Blocks along the sides of a corridor, where it stays wide enough and no door is near."""
     along: Literal["x", "y"] = "x" if corridor.size[0] > corridor.size[1] else "y"
     long, wide = max(corridor.size), min(corridor.size)
     side = Frontage(along, (corridor.x0, corridor.y0), 1, long, wide)
-    pitch, length = scale.cells(dice.integer(250, 700)), scale.cells(dice.integer(20, 150))
-    deep = min(scale.cells(dice.integer(12, 45)), (wide - scale.cells(120)) // 2)
-    clear = scale.cells(25)
+    pitch, length = dice.length(250, 700), dice.length(20, 150)
+    deep = min(dice.length(12, 45), (wide - dice.cells(120)) // 2)
+    clear = dice.cells(25)
     ways = [part for part in plan.corridors + plan.halls if part != corridor]
     found = []
     for start in range(dice.integer(0, pitch), long - length, pitch):
@@ -239,20 +223,18 @@ def _pilasters(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan) -> lis
     return found
 
 
-def _add_inner_rooms(
-    dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: FloorPlan
-) -> None:
+def _add_inner_rooms(dice: Dice, style: Style, frontage: Frontage, row: FloorPlan) -> None:
     """Give some rooms of a row a washroom or a store in a corner.
 
     Leaves that would close it, or are wider than a door's, are taken off their hinges.
     """
-    inner, widest = FloorPlan(), scale.cells(_WIDEST_LEAF_CM)
+    inner, widest = FloorPlan(), dice.cells(_WIDEST_LEAF_CM)
     bare = [door for door in row.doors if max(door.gap.size) > widest]
     for room in row.rooms:
         if dice.chance(*style.inner_rooms):
-            drawn = _inner_room(dice, scale, frontage, room, row.doors)
+            drawn = _inner_room(dice, frontage, room, row.doors)
             if drawn.doors:
-                before = room.grown(scale.cells(40), scale.cells(40))
+                before = room.grown(dice.cells(40), dice.cells(40))
                 bare += [door for door in row.doors if door.gap.overlaps(before)]
             inner.add(drawn)
     row.doors = [replace(door, has_leaf=door.has_leaf and door not in bare) for door in row.doors]
@@ -261,16 +243,14 @@ def _add_inner_rooms(
     row.add(inner)
 
 
-def _inner_room(
-    dice: Dice, scale: Scale, frontage: Frontage, room: Rect, doors: list[Door]
-) -> FloorPlan:
+def _inner_room(dice: Dice, frontage: Frontage, room: Rect, doors: list[Door]) -> FloorPlan:
     """A small room in a front corner of a room, where there is space beside its doors."""
     u0, u1, v0, v1 = frontage.extent(room)
-    wide, deep = scale.cells(dice.integer(140, 200)), scale.cells(dice.integer(150, 260))
-    wall, clear = scale.cells(10), scale.cells(25)
-    gap = scale.cells(dice.integer(65, 80))
+    wide, deep = dice.length(140, 200), dice.length(150, 260)
+    wall, clear = dice.cells(10), dice.cells(25)
+    gap = dice.length(65, 80)
     at = dice.integer(v0 + wall, max(v0 + wall, v0 + deep - wall - gap))
-    if v1 - v0 < deep + scale.cells(200) or u1 - u0 < wide + scale.cells(120):
+    if v1 - v0 < deep + dice.cells(200) or u1 - u0 < wide + dice.cells(120):
         return FloorPlan()
     fronts = [frontage.extent(door.gap) for door in doors if door.inward == frontage.inward]
     for at_start in dice.shuffled([True, False]):
@@ -290,29 +270,25 @@ def _inner_room(
     return FloorPlan()
 
 
-def _add_back_rooms(
-    dice: Dice, scale: Scale, share: tuple[int, int], frontage: Frontage, row: FloorPlan
-) -> None:
+def _add_back_rooms(dice: Dice, share: tuple[int, int], frontage: Frontage, row: FloorPlan) -> None:
     """Give some large rooms of a row smaller ones along their back wall, with doors to them."""
     for room in row.rooms:
         u0, u1, v0, v1 = frontage.extent(room)
-        is_large = u1 - u0 >= scale.cells(800) and v1 - v0 >= scale.cells(700)
+        is_large = u1 - u0 >= dice.cells(800) and v1 - v0 >= dice.cells(700)
         if is_large and dice.chance(*share):
-            row.add(_back_rooms(dice, scale, frontage, (u0, u1), v1))
+            row.add(_back_rooms(dice, frontage, (u0, u1), v1))
 
 
-def _back_rooms(
-    dice: Dice, scale: Scale, frontage: Frontage, span: tuple[int, int], back: int
-) -> FloorPlan:
+def _back_rooms(dice: Dice, frontage: Frontage, span: tuple[int, int], back: int) -> FloorPlan:
     """A row of small rooms along ``span``, whose back wall is ``back`` cells from the corridor."""
-    plan, wall, narrowest = FloorPlan(), scale.cells(10), scale.cells(230)
-    front = back - scale.cells(dice.integer(240, 380))
+    plan, wall, narrowest = FloorPlan(), dice.cells(10), dice.cells(230)
+    front = back - dice.length(240, 380)
     start, end = span
     plan.walls.append(frontage.rect(start, end, front - wall, front))
     while start < end:
-        stop = min(end, start + scale.cells(dice.integer(250, 480)))
+        stop = min(end, start + dice.length(250, 480))
         stop = end if end - stop < narrowest else stop
-        width = scale.cells(dice.integer(75, 100))
+        width = dice.length(75, 100)
         low = dice.integer(start + wall, stop - wall - width)
         door = frontage.rect(low, low + width, front - wall, front)
         plan.doors.append(Door(door, frontage.inward, has_leaf=dice.chance(1, 2)))
@@ -322,12 +298,12 @@ def _back_rooms(
     return plan
 
 
-def _fire_door(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan, site: Site) -> FloorPlan:
+def _fire_door(dice: Dice, corridor: Rect, plan: FloorPlan, site: Site) -> FloorPlan:
     """A glazed wall with a door across a corridor, where there is space for one."""
-    clear = scale.cells(80)
+    clear = dice.cells(80)
     for _ in range(4):
         at = dice.integer(clear, max(clear, max(corridor.size) - 2 * clear))
-        drawn = partition(dice, scale, corridor, at)
+        drawn = partition(dice, corridor, at)
         around = drawn.walls[0].grown(clear, clear)
         if site.is_flanked(drawn.walls[0]) and not any(
             around.overlaps(door.gap) for door in plan.doors

@@ -3,25 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import Style
 
 
-@dataclass(frozen=True)
-class Scale:
-    """The size of a cell, and lengths in cells."""
-
-    mm_per_cell: int
-
-    def cells(self, cm: int) -> int:
-        """The length in whole cells, at least one."""
-        return max(1, (20 * cm + self.mm_per_cell) // (2 * self.mm_per_cell))
-
-
-@dataclass(frozen=True)
-class Rect:
+class Rect(NamedTuple):
     """Columns ``x0`` to ``x1`` and rows ``y0`` to ``y1`` of the grid, the ends excluded."""
 
     x0: int
@@ -45,12 +33,7 @@ class Rect:
 
     def cut(self, other: "Rect") -> "Rect":
         """What belongs to both; of no size, or less, where that is nothing."""
-        return Rect(
-            max(self.x0, other.x0),
-            max(self.y0, other.y0),
-            min(self.x1, other.x1),
-            min(self.y1, other.y1),
-        )
+        return Rect(*map(max, self[:2], other[:2]), *map(min, self[2:], other[2:]))
 
     def within(self, shape: tuple[int, ...]) -> "Rect":
         """The part inside a raster of that shape (H, W)."""
@@ -58,12 +41,7 @@ class Rect:
 
     def joined(self, other: "Rect") -> "Rect":
         """The smallest rectangle around both."""
-        return Rect(
-            min(self.x0, other.x0),
-            min(self.y0, other.y0),
-            max(self.x1, other.x1),
-            max(self.y1, other.y1),
-        )
+        return Rect(*map(min, self[:2], other[:2]), *map(max, self[2:], other[2:]))
 
     def grown(self, columns: int, rows: int) -> "Rect":
         """The rectangle with so many more columns and rows on either side."""
@@ -127,23 +105,20 @@ class FloorPlan:
 
     def add(self, other: Self) -> None:
         """Take over the parts of another plan."""
-        for part in fields(self):
-            getattr(self, part.name).extend(getattr(other, part.name))
+        for mine, theirs in zip(self._parts, other._parts, strict=True):
+            mine.extend(theirs)
+
+    @property
+    def _parts(self) -> list[list[Any]]:
+        return [getattr(self, part.name) for part in fields(self)]
 
     def flipped(self, height: int) -> "FloorPlan":
         """The plan in the map turned upside down."""
-        return FloorPlan(
-            *([item.flipped(height) for item in getattr(self, part.name)] for part in fields(self))
-        )
+        return FloorPlan(*([item.flipped(height) for item in items] for items in self._parts))
 
     def moved(self, columns: int, rows: int) -> "FloorPlan":
         """The plan so many columns to the right and rows up."""
-        return FloorPlan(
-            *(
-                [item.moved(columns, rows) for item in getattr(self, part.name)]
-                for part in fields(self)
-            )
-        )
+        return FloorPlan(*([item.moved(columns, rows) for item in items] for items in self._parts))
 
 
 @dataclass(frozen=True)
@@ -164,20 +139,20 @@ class Frontage:
     def rect(self, u0: int, u1: int, v0: int, v1: int) -> Rect:
         """The cells from ``u0`` to ``u1`` along the corridor and ``v0`` to ``v1`` away from it."""
         x, y = self.corner
-        across = y if self.along == "x" else x
-        low, high = sorted((across + self.side * v0, across + self.side * v1))
+        low, high = sorted((self.side * v0, self.side * v1))
         if self.along == "x":
-            return Rect(x + u0, low, x + u1, high)
-        return Rect(low, y + u0, high, y + u1)
+            return Rect(x + u0, y + low, x + u1, y + high)
+        return Rect(x + low, y + u0, x + high, y + u1)
 
     def extent(self, rect: Rect) -> tuple[int, int, int, int]:
         """``u0, u1, v0, v1`` of a rectangle: what :meth:`rect` makes it of."""
         x, y = self.corner
-        along, across = (rect.x0 - x, rect.x1 - x), (rect.y0 - y, rect.y1 - y)
+        moved = rect.moved(-x, -y)
+        along, across = (moved.x0, moved.x1), (moved.y0, moved.y1)
         if self.along == "y":
-            along, across = (rect.y0 - y, rect.y1 - y), (rect.x0 - x, rect.x1 - x)
+            along, across = across, along
         low, high = sorted((self.side * across[0], self.side * across[1]))
-        return along[0], along[1], low, high
+        return *along, low, high
 
     @property
     def inward(self) -> tuple[int, int]:
@@ -190,67 +165,71 @@ class Frontage:
         return (1, 0) if self.along == "x" else (0, 1)
 
 
-def row_of_rooms(dice: Dice, scale: Scale, style: Style, frontage: Frontage) -> FloorPlan:
+def sides(part: Rect) -> tuple[Frontage, ...]:
+    """The four sides of a rectangle, seen from inside; how deep it is beyond is not known yet."""
+    columns, rows = part.size
+    return (
+        Frontage("x", (part.x0, part.y1), 1, columns, 0),
+        Frontage("x", (part.x0, part.y0), -1, columns, 0),
+        Frontage("y", (part.x1, part.y0), 1, rows, 0),
+        Frontage("y", (part.x0, part.y0), -1, rows, 0),
+    )
+
+
+def row_of_rooms(dice: Dice, style: Style, frontage: Frontage) -> FloorPlan:
     """Rooms of varying size side by side along a corridor, each with a door to it."""
     plan = FloorPlan()
-    front = scale.cells(dice.choice((10, 15, 15, 20, 20, 35)))
-    if frontage.depth < front + scale.cells(250):
+    front = dice.cells(dice.choice((10, 15, 15, 20, 20, 35)))
+    if frontage.depth < front + dice.cells(250):
         return plan
     previous: Rect | None = None
-    for start, end in _slots(dice, scale, style, frontage.length):
+    for start, end in _slots(dice, style, frontage.length):
         if dice.chance(*style.vacant) and previous is not None:
             previous = None  # a shaft, a staircase, a room that stayed locked
             continue
-        wall = scale.cells(dice.choice((10, 15, 15, 20)))
-        depth = min(frontage.depth - front - wall, _depth(dice, scale, style, end - start))
+        wall = dice.cells(dice.choice((10, 15, 15, 20)))
+        depth = min(frontage.depth - front - wall, _depth(dice, style, end - start))
         room = frontage.rect(start, end - wall, front, front + depth)
         plan.rooms.append(room)
-        plan.doors.extend(_front_doors(dice, scale, style, frontage, front, (start, end - wall)))
-        plan.windows.extend(windows(dice, scale, frontage, (start, end - wall), front + depth))
+        plan.doors.extend(_front_doors(dice, style, frontage, front, (start, end - wall)))
+        plan.windows.extend(windows(dice, frontage, (start, end - wall), front + depth))
         if previous is not None and dice.chance(*style.side_doors):
             shallower = min(previous.size[1 - "xy".index(frontage.along)], depth)
-            plan.doors.append(
-                _side_door(dice, scale, style, frontage, front, start, shallower, previous)
-            )
+            plan.doors.append(_side_door(dice, style, frontage, front, start, shallower, previous))
         previous = room
     return plan
 
 
-def _slots(dice: Dice, scale: Scale, style: Style, length: int) -> Iterator[tuple[int, int]]:
+def _slots(dice: Dice, style: Style, length: int) -> Iterator[tuple[int, int]]:
     """Start and end of each room along the corridor, its dividing wall included."""
-    start, narrowest = 0, scale.cells(style.narrowest_cm)
+    start, narrowest = 0, dice.cells(style.narrowest_cm)
     while length - start >= narrowest:
         low, high = dice.choice(style.fronts_cm)
-        end = min(length, start + scale.cells(dice.integer(low, high)))
+        end = min(length, start + dice.length(low, high))
         if length - end < narrowest:
-            end = length if length - start < scale.cells(900) else start + (length - start) // 2
+            end = length if length - start < dice.cells(900) else start + (length - start) // 2
         yield start, end
         start = end
 
 
-def _depth(dice: Dice, scale: Scale, style: Style, width: int) -> int:
+def _depth(dice: Dice, style: Style, width: int) -> int:
     """How far a room of this width reaches away from its corridor."""
-    wide = width > scale.cells(500)
-    return scale.cells(dice.integer(*(style.large_depth_cm if wide else style.small_depth_cm)))
+    wide = width > dice.cells(500)
+    return dice.length(*(style.large_depth_cm if wide else style.small_depth_cm))
 
 
 def _front_doors(
-    dice: Dice,
-    scale: Scale,
-    style: Style,
-    frontage: Frontage,
-    front: int,
-    slot: tuple[int, int],
+    dice: Dice, style: Style, frontage: Frontage, front: int, slot: tuple[int, int]
 ) -> list[Door]:
     """One door from the corridor, or more where the room is large."""
-    width, post = scale.cells(dice.integer(*style.door_cm)), scale.cells(25)
+    width, post = dice.length(*style.door_cm), dice.cells(25)
     start, end = slot
     spans = [slot]
-    if end - start > scale.cells(620) and dice.chance(2, 3):
+    if end - start > dice.cells(620) and dice.chance(2, 3):
         third = (end - start) // 3
         spans = [(start, start + third), (end - third, end)]
     if style.doors_apart_cm is not None:
-        n_doors = max(1, (end - start) // scale.cells(style.doors_apart_cm))
+        n_doors = max(1, (end - start) // dice.cells(style.doors_apart_cm))
         ends = [start + (end - start) * number // n_doors for number in range(n_doors + 1)]
         spans = list(pairwise(ends))
     doors = []
@@ -261,31 +240,22 @@ def _front_doors(
 
 
 def _side_door(
-    dice: Dice,
-    scale: Scale,
-    style: Style,
-    frontage: Frontage,
-    front: int,
-    start: int,
-    depth: int,
-    previous: Rect,
+    dice: Dice, style: Style, frontage: Frontage, front: int, start: int, depth: int, previous: Rect
 ) -> Door:
     """A door in the wall between a room that begins at ``start`` and the one before it."""
-    width = scale.cells(dice.integer(*style.side_door_cm))
-    low, high = front + scale.cells(60), front + depth - scale.cells(30) - width
+    width = dice.length(*style.side_door_cm)
+    low, high = front + dice.cells(60), front + depth - dice.cells(30) - width
     at = dice.integer(low, max(low, high))
     x, y = frontage.corner
     end = previous.x1 - x if frontage.along == "x" else previous.y1 - y
     return Door(frontage.rect(end, start, at, at + width), frontage.onward)
 
 
-def windows(
-    dice: Dice, scale: Scale, frontage: Frontage, span: tuple[int, int], back: int
-) -> list[Rect]:
+def windows(dice: Dice, frontage: Frontage, span: tuple[int, int], back: int) -> list[Rect]:
     """Panes in the wall ``back`` cells from the front, along ``span``; one in three is clear."""
-    panes, at, pane = [], span[0] + scale.cells(40), scale.cells(110)
+    panes, at, pane = [], span[0] + dice.cells(40), dice.cells(110)
     while at + pane < span[1]:
         if dice.chance(1, 3):
-            panes.append(frontage.rect(at, at + pane, back, back + scale.cells(20)))
-        at += pane + scale.cells(dice.integer(30, 120))
+            panes.append(frontage.rect(at, at + pane, back, back + dice.cells(20)))
+        at += pane + dice.length(30, 120)
     return panes

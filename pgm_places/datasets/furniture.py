@@ -6,21 +6,21 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect
 
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
 """Where a leaf points from its hinge: (across the gap, into the room)."""
 
 
-def hang_doors(dice: Dice, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
+def hang_doors(dice: Dice, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
     """Draw the leaf of each door into ``solid`` (H, W), more or less open, never across the gap."""
     for door in plan.doors:
         if door.has_leaf and dice.chance(3, 4):
-            _hang(dice, scale, door, solid)
+            _hang(dice, door, solid)
 
 
-def _hang(dice: Dice, scale: Scale, door: Door, solid: NDArray[np.bool_]) -> None:
+def _hang(dice: Dice, door: Door, solid: NDArray[np.bool_]) -> None:
     gap, (dx, dy) = door.gap, door.inward
     across, into = dice.choice(_SLANTS)
     columns, rows = gap.size
@@ -35,7 +35,7 @@ def _hang(dice: Dice, scale: Scale, door: Door, solid: NDArray[np.bool_]) -> Non
         step = (turn * across, dy * into)
     reach = width * 2 // 3 if across and into == across else width
     longest = max(abs(step[0]), abs(step[1]))
-    thick = max(1, scale.cells(10) // 2)
+    thick = max(1, dice.cells(10) // 2)
     for t in range(reach):
         column, row = x + t * step[0] // longest, y + t * step[1] // longest
         stop_x, stop_y = column + (thick if dy else 1), row + (thick if dx else 1)
@@ -48,7 +48,6 @@ FULL = 1000
 
 def furnish(
     dice: Dice,
-    scale: Scale,
     plan: FloorPlan,
     solid: NDArray[np.bool_],
     *,
@@ -60,14 +59,14 @@ def furnish(
     The way through each door stays free. ``in_rooms`` and ``in_corridors`` are the amounts in each
     room and in the corridors, in thousandths of what is usual.
     """
-    put = Mover.of_plan(scale, plan, solid)
+    put = Mover.of_plan(dice.scale, plan, solid)
     for index, room in enumerate(plan.rooms):
-        _furnish_room(dice, scale, room, put, FULL if in_rooms is None else in_rooms[index])
+        _furnish_room(dice, room, put, FULL if in_rooms is None else in_rooms[index])
     for corridor in plan.corridors:
-        for _ in range(max(corridor.size) * in_corridors // (FULL * scale.cells(900))):
-            _along_wall(dice, scale, corridor, put, (40, 120), (20, 35))
+        for _ in range(max(corridor.size) * in_corridors // (FULL * dice.cells(900))):
+            _along_wall(dice, corridor, put, (40, 120), (20, 35))
     for hall in plan.halls:
-        _furnish_hall(dice, scale, hall, put)
+        _furnish_hall(dice, hall, put)
 
 
 class Mover:
@@ -96,59 +95,54 @@ class Mover:
         return True
 
 
-def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: Mover, amount: int) -> None:
+def _furnish_room(dice: Dice, room: Rect, put: Mover, amount: int) -> None:
     if amount == 0:
         return
     columns, rows = room.size
-    square_metres = columns * rows // scale.cells(100) ** 2
+    square_metres = columns * rows // dice.cells(100) ** 2
 
     def each(area_m2: int) -> range:
         return range((1 + square_metres // area_m2) * amount // FULL)
 
     for _ in each(7):
-        _along_wall(dice, scale, room, put, (40, 180), (25, 50))
+        _along_wall(dice, room, put, (40, 180), (25, 50))
     for _ in range(dice.integer(0, 2)):
-        _pillar(dice, scale, room, put)
+        _pillar(dice, room, put)
     if square_metres > 28 and dice.chance(1, 2):
-        _rows_of_tables(dice, scale, room, put)
+        _rows_of_tables(dice, room, put)
     else:
         for _ in each(9):
-            _desk(dice, scale, room, put)
+            _desk(dice, room, put)
     for _ in each(5):
-        _thing(dice, scale, room, put)
+        _thing(dice, room, put)
 
 
-def _furnish_hall(dice: Dice, scale: Scale, hall: Rect, put: Mover) -> None:
+def _furnish_hall(dice: Dice, hall: Rect, put: Mover) -> None:
     """Benches along the walls, pillars, a counter, plants: much of a hall is empty."""
-    square_metres = hall.size[0] * hall.size[1] // scale.cells(100) ** 2
+    square_metres = hall.size[0] * hall.size[1] // dice.cells(100) ** 2
     for _ in range(square_metres // 12):
-        _along_wall(dice, scale, hall, put, (60, 240), (35, 60))
+        _along_wall(dice, hall, put, (60, 240), (35, 60))
     for _ in range(dice.integer(0, 1 + square_metres // 30)):
-        x, y = _spot(dice, scale, hall)
-        side = scale.cells(dice.integer(25, 60))
+        x, y = _spot(dice, hall)
+        side = dice.length(25, 60)
         put(Rect(x, y, x + side, y + side), hall)
     for _ in range(square_metres // 20):
-        _thing(dice, scale, hall, put)
+        _thing(dice, hall, put)
 
 
-def _spot(dice: Dice, scale: Scale, room: Rect) -> tuple[int, int]:
-    edge = scale.cells(20)
+def _spot(dice: Dice, room: Rect) -> tuple[int, int]:
+    edge = dice.cells(20)
     x = dice.integer(room.x0 + edge, max(room.x0 + edge, room.x1 - edge))
     y = dice.integer(room.y0 + edge, max(room.y0 + edge, room.y1 - edge))
     return x, y
 
 
 def _along_wall(
-    dice: Dice,
-    scale: Scale,
-    room: Rect,
-    put: Mover,
-    length_cm: tuple[int, int],
-    depth_cm: tuple[int, int],
+    dice: Dice, room: Rect, put: Mover, length_cm: tuple[int, int], depth_cm: tuple[int, int]
 ) -> None:
     """A cupboard or a shelf with its back to a wall."""
-    length, depth = scale.cells(dice.integer(*length_cm)), scale.cells(dice.integer(*depth_cm))
-    x, y = _spot(dice, scale, room)
+    length, depth = dice.length(*length_cm), dice.length(*depth_cm)
+    x, y = _spot(dice, room)
     pieces = (
         Rect(x, room.y0, x + length, room.y0 + depth),
         Rect(x, room.y1 - depth, x + length, room.y1),
@@ -158,66 +152,66 @@ def _along_wall(
     put(dice.choice(pieces[:2] if room.size[0] > room.size[1] and depth < 8 else pieces), room)
 
 
-def _pillar(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _pillar(dice: Dice, room: Rect, put: Mover) -> None:
     """A pillar or a duct in a corner."""
-    side, other = scale.cells(dice.integer(25, 60)), scale.cells(dice.integer(20, 45))
+    side, other = dice.length(25, 60), dice.length(20, 45)
     x = dice.choice((room.x0, room.x1 - side))
     y = dice.choice((room.y0, room.y1 - other))
     put(Rect(x, y, x + side, y + other), room)
 
 
-def _legs(dice: Dice, scale: Scale, table: Rect, room: Rect, put: Mover) -> None:
+def _legs(dice: Dice, table: Rect, room: Rect, put: Mover) -> None:
     """The four legs of a table, one of them at times hidden."""
-    leg = scale.cells(5)
+    leg = dice.cells(5)
     for x in (table.x0, table.x1 - leg):
         for y in (table.y0, table.y1 - leg):
             if dice.chance(7, 8):
                 put(Rect(x, y, x + leg, y + leg), room)
 
 
-def _chair(dice: Dice, scale: Scale, x: int, y: int, room: Rect, put: Mover) -> None:
+def _chair(dice: Dice, x: int, y: int, room: Rect, put: Mover) -> None:
     """The feet of a swivel chair: specks on a small circle, some of them run together."""
-    radius = scale.cells(20)
+    radius = dice.cells(20)
     feet = ((0, 0), (2, 0), (1, 2), (-2, 1), (-2, -1), (1, -2))
     for fx, fy in feet:
         if dice.chance(4, 5):
             px, py = x + fx * radius // 2, y + fy * radius // 2
-            wide, long = scale.cells(dice.integer(4, 14)), scale.cells(dice.integer(4, 12))
+            wide, long = dice.length(4, 14), dice.length(4, 12)
             put(Rect(px, py, px + wide, py + long), room)
 
 
-def _desk(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _desk(dice: Dice, room: Rect, put: Mover) -> None:
     """A desk: legs and mostly a pedestal of drawers under it, and a chair before it."""
-    x, y = _spot(dice, scale, room)
-    length, depth = scale.cells(dice.integer(120, 180)), scale.cells(dice.integer(60, 80))
+    x, y = _spot(dice, room)
+    length, depth = dice.length(120, 180), dice.length(60, 80)
     if dice.chance(1, 2):
         length, depth = depth, length
     x, y = min(x, max(room.x0, room.x1 - length)), min(y, max(room.y0, room.y1 - depth))
     table = Rect(x, y, x + length, y + depth)
-    _legs(dice, scale, table, room, put)
+    _legs(dice, table, room, put)
     if dice.chance(2, 3):
-        wide, long = scale.cells(dice.integer(30, 50)), scale.cells(dice.integer(40, 65))
+        wide, long = dice.length(30, 50), dice.length(40, 65)
         put(Rect(x, y, x + wide, y + long), room)
-    _chair(dice, scale, (table.x0 + table.x1) // 2, table.y1 + scale.cells(15), room, put)
+    _chair(dice, (table.x0 + table.x1) // 2, table.y1 + dice.cells(15), room, put)
 
 
-def _rows_of_tables(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _rows_of_tables(dice: Dice, room: Rect, put: Mover) -> None:
     """A seminar room: tables in a grid with chairs between them."""
-    pitch_x, pitch_y = scale.cells(dice.integer(150, 190)), scale.cells(dice.integer(140, 170))
-    edge, length, depth = scale.cells(110), scale.cells(120), scale.cells(60)
+    pitch_x, pitch_y = dice.length(150, 190), dice.length(140, 170)
+    edge, length, depth = dice.cells(110), dice.cells(120), dice.cells(60)
     for x in range(room.x0 + edge, room.x1 - edge - length, pitch_x):
         for y in range(room.y0 + edge, room.y1 - edge - depth, pitch_y):
-            _legs(dice, scale, Rect(x, y, x + length, y + depth), room, put)
+            _legs(dice, Rect(x, y, x + length, y + depth), room, put)
             for seat in (x + length // 4, x + 3 * length // 4):
                 if dice.chance(1, 2):
-                    _chair(dice, scale, seat, y + depth + scale.cells(20), room, put)
+                    _chair(dice, seat, y + depth + dice.cells(20), room, put)
 
 
-def _thing(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _thing(dice: Dice, room: Rect, put: Mover) -> None:
     """A bin, a box, a bag, a heap: lumps that touch."""
-    x, y = _spot(dice, scale, room)
-    spread = scale.cells(15)
+    x, y = _spot(dice, room)
+    spread = dice.cells(15)
     for _ in range(dice.choice((1, 1, 2, 3, 6))):
-        wide, long = scale.cells(dice.integer(8, 30)), scale.cells(dice.integer(8, 25))
+        wide, long = dice.length(8, 30), dice.length(8, 25)
         put(Rect(x, y, x + wide, y + long), room)
         x, y = x + dice.integer(-spread, spread), y + dice.integer(-spread, spread)

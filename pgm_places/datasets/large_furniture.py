@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect, Scale
+from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect
 from pgm_places.datasets.furniture import FULL, Mover
 
 _LARGE_M2 = 30
@@ -18,33 +18,27 @@ _AISLE_CM = 90
 
 
 def furnish_largely(
-    dice: Dice,
-    scale: Scale,
-    plan: FloorPlan,
-    solid: NDArray[np.bool_],
-    amounts: Sequence[int],
+    dice: Dice, plan: FloorPlan, solid: NDArray[np.bool_], amounts: Sequence[int]
 ) -> None:
     """Put large pieces into the rooms of ``solid`` (H, W); the way through each door stays free.
 
     ``amounts`` are those in each room, in thousandths of what is usual.
     """
-    put = Mover.of_plan(scale, plan, solid)
+    put = Mover.of_plan(dice.scale, plan, solid)
     for room, amount in zip(plan.rooms, amounts, strict=True):
         columns, rows = room.size
-        square_metres = columns * rows // scale.cells(100) ** 2
+        square_metres = columns * rows // dice.cells(100) ** 2
         if square_metres < _LARGE_M2:
-            _furnish_small(dice, scale, room, put, (2 + square_metres // 7) * amount // FULL)
+            _furnish_small(dice, room, put, (2 + square_metres // 7) * amount // FULL)
         else:
-            _furnish_large(dice, scale, room, put, square_metres * amount // FULL)
+            _furnish_large(dice, room, put, square_metres * amount // FULL)
 
 
-def _furnish_small(dice: Dice, scale: Scale, room: Rect, put: Mover, n_pieces: int) -> None:
+def _furnish_small(dice: Dice, room: Rect, put: Mover, n_pieces: int) -> None:
     """Wardrobes, beds, sofas and counters along the walls."""
     for _ in range(n_pieces):
         length, depth = dice.choice(_ALONG_WALLS)
-        _at_wall(
-            dice, room, put, scale.cells(dice.integer(*length)), scale.cells(dice.integer(*depth))
-        )
+        _at_wall(dice, room, put, dice.length(*length), dice.length(*depth))
 
 
 _ALONG_WALLS = (
@@ -57,20 +51,20 @@ _ALONG_WALLS = (
 """Lengths along the wall, and depths, in centimetres."""
 
 
-def _furnish_large(dice: Dice, scale: Scale, room: Rect, put: Mover, square_metres: int) -> None:
+def _furnish_large(dice: Dice, room: Rect, put: Mover, square_metres: int) -> None:
     """Rows of benches, islands of desks, cabinets along the walls, screens that stand out."""
     kind = dice.integer(0, 3)
     if kind == 0:
-        _rows_of_benches(dice, scale, room, put)
+        _rows_of_benches(dice, room, put)
     elif kind == 1:
         for _ in range(square_metres // 14):
-            _island(dice, scale, room, put)
+            _island(dice, room, put)
     for _ in range(square_metres // 12):
-        length, depth = scale.cells(dice.integer(80, 320)), scale.cells(dice.integer(40, 90))
+        length, depth = dice.length(80, 320), dice.length(40, 90)
         _at_wall(dice, room, put, length, depth)
     for _ in range(dice.integer(0, square_metres // 25)):
-        length, depth = scale.cells(8), scale.cells(dice.integer(100, 350))
-        _at_wall(dice, room, put, length, depth, beyond=scale.cells(120))
+        length, depth = dice.cells(8), dice.length(100, 350)
+        _at_wall(dice, room, put, length, depth, beyond=dice.cells(120))
 
 
 def _at_wall(
@@ -91,24 +85,24 @@ def _at_wall(
         put(side.rect(at, at + length, 0, depth), room)
 
 
-def _rows_of_benches(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _rows_of_benches(dice: Dice, room: Rect, put: Mover) -> None:
     """Benches side by side across the room, closed down to the floor or with gaps for legs."""
     columns, rows = room.size
     along: Literal["x", "y"] = "x" if columns > rows else "y"
     side = Frontage(along, (room.x0, room.y0), 1, max(room.size), min(room.size))
-    aisle = scale.cells(_AISLE_CM)
-    thick, pitch = scale.cells(dice.integer(60, 160)), scale.cells(dice.integer(230, 420))
-    piece, gap = scale.cells(dice.integer(60, 500)), scale.cells(dice.choice((5, 10, 40)))
-    high = side.depth - scale.cells(dice.integer(_AISLE_CM, 250))
+    aisle = dice.cells(_AISLE_CM)
+    thick, pitch = dice.length(60, 160), dice.length(230, 420)
+    piece, gap = dice.length(60, 500), dice.cells(dice.choice((5, 10, 40)))
+    high = side.depth - dice.length(_AISLE_CM, 250)
     for start in range(aisle + pitch // 3, side.length - aisle - thick, pitch):
         for low in range(aisle, high, piece + gap):
             put(side.rect(start, start + thick, low, min(high, low + piece)), room)
 
 
-def _island(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
+def _island(dice: Dice, room: Rect, put: Mover) -> None:
     """Desks or machines that stand together, away from the walls."""
-    aisle = scale.cells(_AISLE_CM)
-    width, length = scale.cells(dice.integer(80, 320)), scale.cells(dice.integer(70, 320))
+    aisle = dice.cells(_AISLE_CM)
+    width, length = dice.length(80, 320), dice.length(70, 320)
     inner = room.grown(-aisle, -aisle)
     if inner.size[0] > width and inner.size[1] > length:
         x = dice.integer(inner.x0, inner.x1 - width)

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import largest_rectangle
-from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
+from pgm_places.datasets.dice import Scale
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, sides
 from pgm_places.maps.components import connected_components
 
 _LEAST_SIDE_CM, _LEAST_SHARE, _MOST_RECTANGLES = 60, 25, 12
@@ -113,21 +114,20 @@ def _doors(
         box = Rect(columns.start, rows.start, columns.stop, rows.stop)
         filled = int(parts.size[index])
         straight = filled * _LEAST_FILLING[1] >= box.size[0] * box.size[1] * _LEAST_FILLING[0]
-        ways = [((1, 0), (-1, 0)), ((0, 1), (0, -1))]
-        through = max(ways, key=lambda steps: sum(_beside(~solid, box, step) for step in steps))
-        inward = max(through, key=lambda step: _beside(is_room, box, step))
-        gap = _gap(solid, box, along_x=inward[0] != 0)
+        up, down, right, left = sides(box)
+        ways = [(right, left), (up, down)]
+        through = max(ways, key=lambda way: sum(_beyond(~solid, side) for side in way))
+        inner = max(through, key=lambda side: _beyond(is_room, side))
+        gap = _gap(solid, box, along_x=inner.along == "y")
         narrow = gap is not None and max(gap.size) <= scale.cells(_WIDEST_LEAF_CM)
-        leads_in = _beside(is_room, box, inward) > 0
-        found.append(Door(gap or box, inward, has_leaf=straight and narrow and leads_in))
+        leads_in = _beyond(is_room, inner) > 0
+        found.append(Door(gap or box, inner.inward, has_leaf=straight and narrow and leads_in))
     return found
 
 
-def _beside(mask: NDArray[np.bool_], box: Rect, step: tuple[int, int]) -> int:
-    """How many cells of a mask lie right beside a rectangle, where ``step`` leads out of it."""
-    shifted = box.moved(*step).within(mask.shape)
-    inside = box.cut(shifted)
-    return int(mask[shifted.slices].sum()) - int(mask[inside.slices].sum())
+def _beyond(mask: NDArray[np.bool_], side: Frontage) -> int:
+    """How many cells of a mask lie right beyond a side."""
+    return int(mask[side.rect(0, side.length, 0, 1).within(mask.shape).slices].sum())
 
 
 def _gap(solid: NDArray[np.bool_], box: Rect, *, along_x: bool) -> Rect | None:

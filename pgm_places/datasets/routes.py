@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import drive, steps_from
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.raster import main_component
 from pgm_places.datasets.survey import crowded, grid_in
 from pgm_places.errors import InputError
@@ -48,7 +48,6 @@ class Routes:
 
 def draw_routes(
     dice: Dice,
-    scale: Scale,
     solid: NDArray[np.bool_],
     rooms: Sequence[Sequence[Rect]],
     passages: Sequence[Sequence[Rect]],
@@ -72,14 +71,14 @@ def draw_routes(
     coverage : float
         The share of the places to visit; those farthest from the start are left out.
     """
-    stride = max(1, scale.cells(_PLANNING_CM))
-    drivable = np.ascontiguousarray(~crowded(scale, solid)[::stride, ::stride])
+    stride = max(1, dice.cells(_PLANNING_CM))
+    drivable = np.ascontiguousarray(~crowded(dice.scale, solid)[::stride, ::stride])
     ground = main_component(drivable)
-    in_passages, in_rooms = _all_stops(scale, ground, rooms, passages, stride)
+    in_passages, in_rooms = _all_stops(dice.scale, ground, rooms, passages, stride)
     if len(in_passages) + len(in_rooms) == 0:  # the largest piece may lie behind closed doors
-        in_passages, in_rooms = _all_stops(scale, drivable, rooms, passages, stride)
+        in_passages, in_rooms = _all_stops(dice.scale, drivable, rooms, passages, stride)
         ground = _piece_with(drivable, in_passages if len(in_passages) else in_rooms)
-        in_passages, in_rooms = _all_stops(scale, ground, rooms, passages, stride)
+        in_passages, in_rooms = _all_stops(dice.scale, ground, rooms, passages, stride)
     stops = np.union1d(in_passages, in_rooms)
     if len(stops) == 0:
         raise InputError("the robot fits into no labelled place of the plan; check its resolution")
@@ -89,7 +88,7 @@ def draw_routes(
     nearest_first = stops[np.lexsort((stops, steps.ravel()[stops]))]
     visited = nearest_first[: max(1, round(coverage * len(stops)))]
     shared = np.intersect1d(in_passages, visited)
-    spacing = max(1, scale.cells(_STATION_CM) // stride)
+    spacing = max(1, dice.cells(_STATION_CM) // stride)
     drives = []
     for index, part in enumerate(np.array_split(visited, n_routes)):
         again = dice.integers(1, _AGAIN, len(shared)) == 1 if index else np.zeros(len(shared), bool)

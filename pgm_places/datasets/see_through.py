@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Frontage, Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Frontage, Rect, sides
 from pgm_places.datasets.survey import wider
 from pgm_places.maps.components import connected_components
 
@@ -26,63 +26,55 @@ _SHORTEST_CM = 80
 """No windows in a wall that is shorter."""
 
 
-def open_ground(dice: Dice, scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def open_ground(dice: Dice, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) the ground outside a building and in its courtyards, less what stands on it.
 
     ``solid`` (H, W) is what is not inside the building.
     """
-    beyond = solid & ~wider(~solid, scale.cells(_WALL_CM))
+    beyond = solid & ~wider(~solid, dice.cells(_WALL_CM))
     parts = connected_components(beyond, connectivity=4)
-    large = parts.size >= _COURT_M2 * scale.cells(100) ** 2
+    large = parts.size >= _COURT_M2 * dice.cells(100) ** 2
     for edge in (parts.piece[0], parts.piece[-1], parts.piece[:, 0], parts.piece[:, -1]):
         large[edge[edge >= 0]] = True
     ground = beyond & parts.on_cells(large, False)
     rows, columns = np.nonzero(ground)
     if len(rows):
-        for _ in range(len(rows) // (_OBSTACLE_M2 * scale.cells(100) ** 2)):
+        for _ in range(len(rows) // (_OBSTACLE_M2 * dice.cells(100) ** 2)):
             at = dice.integer(0, len(rows) - 1)
-            wide, long = (scale.cells(dice.integer(15, dice.choice((60, 300)))) for _ in range(2))
+            wide, long = (dice.length(15, dice.choice((60, 300))) for _ in range(2))
             x, y = int(columns[at]), int(rows[at])
             ground[Rect(x, y, x + wide, y + long).within(ground.shape).slices] = False
     return ground
 
 
 def windows_out(
-    dice: Dice,
-    scale: Scale,
-    places: Sequence[Sequence[Rect]],
-    ground: NDArray[np.bool_],
-    share: int,
+    dice: Dice, places: Sequence[Sequence[Rect]], ground: NDArray[np.bool_], share: int
 ) -> NDArray[np.bool_]:
     """(H, W) gaps for rays in the outer walls of ``share`` places of a thousand."""
     gaps = np.zeros_like(ground)
-    depth = scale.cells(_WALL_CM) + 3
+    depth = dice.cells(_WALL_CM) + 3
     for place in places:
         if not dice.chance(share, 1000):
             continue
-        for side in _walls(scale, place):
+        for side in _walls(dice.scale, place):
             if dice.chance(1, 3):
                 continue
-            panes = _front(dice, scale, side) if dice.chance(1, 8) else _row(dice, scale, side)
+            panes = _front(dice, side) if dice.chance(1, 8) else _row(dice, side)
             for start, end in panes:
                 _open_to(gaps, ground, side.rect(start, end, 0, depth), side)
     return gaps
 
 
 def fronts(
-    dice: Dice,
-    scale: Scale,
-    rooms: Sequence[Sequence[Rect]],
-    passage: NDArray[np.bool_],
-    share: int,
+    dice: Dice, rooms: Sequence[Sequence[Rect]], passage: NDArray[np.bool_], share: int
 ) -> NDArray[np.bool_]:
     """(H, W) gaps for rays in the walls between ``share`` rooms of a thousand and passages."""
     gaps = np.zeros_like(passage)
-    depth = scale.cells(_WALL_CM) + 3
+    depth = dice.cells(_WALL_CM) + 3
     for room in rooms:
         if dice.chance(share, 1000):
-            for side in _walls(scale, room):
-                for start, end in _front(dice, scale, side):
+            for side in _walls(dice.scale, room):
+                for start, end in _front(dice, side):
                     _open_to(gaps, passage, side.rect(start, end, 0, depth), side)
     return gaps
 
@@ -90,40 +82,32 @@ def fronts(
 def _walls(scale: Scale, place: Sequence[Rect]) -> Iterator[Frontage]:
     """The four sides of a place's largest rectangle, where they are long enough."""
     for rect in place[:1]:
-        columns, rows = rect.size
-        for side in (
-            Frontage("x", (rect.x0, rect.y1), 1, columns, 0),
-            Frontage("x", (rect.x0, rect.y0), -1, columns, 0),
-            Frontage("y", (rect.x1, rect.y0), 1, rows, 0),
-            Frontage("y", (rect.x0, rect.y0), -1, rows, 0),
-        ):
-            if side.length >= scale.cells(_SHORTEST_CM):
-                yield side
+        yield from (side for side in sides(rect) if side.length >= scale.cells(_SHORTEST_CM))
 
 
-def _row(dice: Dice, scale: Scale, side: Frontage) -> Iterator[tuple[int, int]]:
+def _row(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
     """Where along a wall rays get through its windows: all of a pane, or slits of it."""
-    wide = scale.cells(dice.integer(60, 200))
-    apart = scale.cells(dice.integer(40, 350))
-    at = dice.integer(scale.cells(10), wide)
+    wide = dice.length(60, 200)
+    apart = dice.length(40, 350)
+    at = dice.integer(dice.cells(10), wide)
     slits = dice.chance(3, 4)
     while at + wide < side.length:
         if slits:
             for _ in range(dice.integer(1, 4)):
                 slit = at + dice.integer(0, wide - 1)
-                yield slit, slit + dice.integer(1, max(1, scale.cells(10)))
+                yield slit, slit + dice.integer(1, max(1, dice.cells(10)))
         elif dice.chance(2, 3):
             yield at, at + wide
         at += wide + apart
 
 
-def _front(dice: Dice, scale: Scale, side: Frontage) -> Iterator[tuple[int, int]]:
+def _front(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
     """Where along a glass front rays get through: all but posts and what reflects."""
-    at = dice.integer(0, scale.cells(60))
+    at = dice.integer(0, dice.cells(60))
     while at < side.length:
-        end = min(side.length, at + scale.cells(dice.integer(10, 150)))
+        end = min(side.length, at + dice.length(10, 150))
         yield at, end
-        at = end + dice.integer(1, scale.cells(dice.choice((10, 10, 80))))
+        at = end + dice.integer(1, dice.cells(dice.choice((10, 10, 80))))
 
 
 def _open_to(

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets.bending import pushed
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect, Scale, windows
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import FloorPlan, Rect, sides, windows
 from pgm_places.datasets.furniture import FULL, furnish, hang_doors
 from pgm_places.datasets.large_furniture import furnish_largely
 from pgm_places.datasets.map_simulation import MapSimulation
@@ -95,21 +95,22 @@ def simulate_map(
     read = read_plan(scale, labels, solid, passages=passages, doorways=doorways)
     is_doorway, is_passage = np.isin(labels, doorways), np.isin(labels, passages)
     is_room = (labels >= 0) & ~is_doorway & ~is_passage
-    seen_through = _gaps(Dice(seed, 27), scale, read, solid, is_passage, options)
+    seen_through = _gaps(Dice(seed, 27, scale), read, solid, is_passage, options)
     if options.closed_doors[1] > 0:
-        dice = Dice(seed, 25)
+        dice = Dice(seed, 25, scale)
         share = round(1000 * _between(dice, options.closed_doors))
-        doors = close_doors(dice, scale, read.doors, solid, labels, is_doorway, share)
+        doors = close_doors(dice, read.doors, solid, labels, is_doorway, share)
         read = replace(read, doors=doors)
-    _furnish(Dice(seed, 21), scale, read, solid, options)
-    _furnish_largely(Dice(seed, 26), scale, read, solid, options)
+    _furnish(Dice(seed, 21, scale), read, solid, options)
+    _furnish_largely(Dice(seed, 26, scale), read, solid, options)
     found = _survey(seed, scale, read, solid, seen_through, options)
     if options.least_seen > 0:
         forget_glimpses(labels, found, is_room, is_doorway, options.least_seen)
     _add_specks(Dice(seed, 23), found, options)
-    found, labels = _bent(Dice(seed, 24), scale, found, labels, options)
+    found, labels = _bent(Dice(seed, 24, scale), found, labels, options)
     labels[~main_component(found == FREE)] = -1
-    kept = _known_part(found, scale.cells(_MARGIN_CM))
+    margin = scale.cells(_MARGIN_CM)
+    kept = mapped_span(found, margin), mapped_span(found.T, margin)
     return LabelledMap(
         OccupancyGrid(found[kept], resolution_m),
         labels[kept],
@@ -180,9 +181,7 @@ def _centres(length: int, factor: float) -> NDArray[np.int64]:
     return np.minimum(at, length - 1)
 
 
-def _furnish(
-    dice: Dice, scale: Scale, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
-) -> None:
+def _furnish(dice: Dice, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation) -> None:
     """Hang the doors, furnish some rooms, and put something into the corridors."""
     empty, usual = (
         round(FULL * _between(dice, span)) for span in (options.empty_rooms, options.furniture)
@@ -192,25 +191,24 @@ def _furnish(
         amount = 0 if dice.chance(empty, FULL) else usual * dice.integer(500, 1500) // 1000
         in_rooms += [amount] * len(room)
     plan = read.floor_plan()
-    hang_doors(dice, scale, plan, solid)
+    hang_doors(dice, plan, solid)
     in_corridors = round(FULL * _between(dice, options.corridor_furniture))
-    furnish(dice, scale, plan, solid, in_rooms=in_rooms, in_corridors=in_corridors)
+    furnish(dice, plan, solid, in_rooms=in_rooms, in_corridors=in_corridors)
 
 
 def _furnish_largely(
-    dice: Dice, scale: Scale, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
+    dice: Dice, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
 ) -> None:
     """Put furniture that looks like walls into the largest rectangle of each room."""
     usual = round(FULL * _between(dice, options.large_furniture))
     if usual:
         rooms = [room[0] for room in read.rooms if room]
         amounts = [usual * dice.integer(0, 1500) // 1000 for _ in rooms]
-        furnish_largely(dice, scale, FloorPlan(rooms=rooms, doors=read.doors), solid, amounts)
+        furnish_largely(dice, FloorPlan(rooms=rooms, doors=read.doors), solid, amounts)
 
 
 def _gaps(
     dice: Dice,
-    scale: Scale,
     read: ReadPlan,
     solid: NDArray[np.bool_],
     is_passage: NDArray[np.bool_],
@@ -222,10 +220,10 @@ def _gaps(
     )
     gaps = np.zeros_like(solid)
     if inner:
-        gaps |= fronts(dice, scale, read.rooms, is_passage, inner)
+        gaps |= fronts(dice, read.rooms, is_passage, inner)
     if outer:
-        ground = open_ground(dice, scale, solid)
-        gaps |= windows_out(dice, scale, (*read.rooms, *read.passages), ground, outer) | ground
+        ground = open_ground(dice, solid)
+        gaps |= windows_out(dice, (*read.rooms, *read.passages), ground, outer) | ground
     return gaps
 
 
@@ -238,11 +236,10 @@ def _survey(
     options: MapSimulation,
 ) -> NDArray[np.int8]:
     """(H, W) cells as the robot maps them; its laser sees through ``gaps``."""
-    dice = Dice(seed, 22)
+    dice = Dice(seed, 22, scale)
     enters = round(1000 * _between(dice, options.entered_rooms))
     routes = draw_routes(
         dice,
-        scale,
         solid,
         [room for room in read.rooms if dice.chance(enters, 1000)],
         read.passages,
@@ -253,37 +250,31 @@ def _survey(
     glazed = round(1000 * _between(dice, options.glass))
     tour = Tour(
         routes.stations,
-        _pose_errors(dice, scale, routes, _between(dice, options.pose_noise_m))
-        + _slip(Dice(seed, 28), scale, len(routes.stations), options),
-        budgets(dice, scale, n_rays, opacity=dice.integer(1, 6)),
-        _range_errors(dice, scale, n_rays, _between(dice, options.range_noise_m)),
+        _pose_errors(dice, routes, _between(dice, options.pose_noise_m))
+        + _slip(Dice(seed, 28, scale), len(routes.stations), options),
+        budgets(dice, n_rays, opacity=dice.integer(1, 6)),
+        _range_errors(dice, n_rays, _between(dice, options.range_noise_m)),
     )
-    glass = _panes(dice, scale, read.rooms, glazed, solid)
+    glass = _panes(dice, read.rooms, glazed, solid)
     reach = scale.cells(round(100 * _between(dice, options.reach_m)))
     return mapped(tour, solid & ~gaps, glass & ~gaps, reach=reach)
 
 
 def _panes(
-    dice: Dice, scale: Scale, rooms: Sequence[list[Rect]], glazed: int, solid: NDArray[np.bool_]
+    dice: Dice, rooms: Sequence[list[Rect]], glazed: int, solid: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """(H, W) panes in the walls of ``glazed`` rooms of a thousand."""
     glass = np.zeros_like(solid)
     for rect in (room[0] for room in rooms if room and dice.chance(glazed, 1000)):
-        columns, rows = rect.size
-        for side in (
-            Frontage("x", (rect.x0, rect.y1), 1, columns, 0),
-            Frontage("x", (rect.x0, rect.y0), -1, columns, 0),
-            Frontage("y", (rect.x1, rect.y0), 1, rows, 0),
-            Frontage("y", (rect.x0, rect.y0), -1, rows, 0),
-        ):
-            for pane in windows(dice, scale, side, (0, side.length), 0):
+        for side in sides(rect):
+            for pane in windows(dice, side, (0, side.length), 0):
                 glass[pane.within(glass.shape).slices] = True
     return glass & solid
 
 
-def _pose_errors(dice: Dice, scale: Scale, routes: Routes, most_m: float) -> NDArray[np.int64]:
+def _pose_errors(dice: Dice, routes: Routes, most_m: float) -> NDArray[np.int64]:
     """(S, 2) columns and rows by which the robot errs: a walk that starts over with each route."""
-    most = round(1000 * most_m / scale.mm_per_cell)
+    most = round(1000 * most_m / dice.scale.mm_per_cell)
     n_stations = len(routes.route)
     steps = dice.integers(-_SELDOM, _SELDOM, 2 * n_stations).reshape(-1, 2)
     moves = (steps == _SELDOM).astype(np.int64) - (steps == -_SELDOM)
@@ -297,9 +288,9 @@ def _pose_errors(dice: Dice, scale: Scale, routes: Routes, most_m: float) -> NDA
     return offsets
 
 
-def _slip(dice: Dice, scale: Scale, n_stations: int, options: MapSimulation) -> NDArray[np.int64]:
+def _slip(dice: Dice, n_stations: int, options: MapSimulation) -> NDArray[np.int64]:
     """(S, 2) columns and rows by which a part of the drive, from somewhere on, is displaced."""
-    most = round(1000 * _between(dice, options.slip_m) / scale.mm_per_cell)
+    most = round(1000 * _between(dice, options.slip_m) / dice.scale.mm_per_cell)
     offsets = np.zeros((n_stations, 2), np.int64)
     if most:
         first, last = sorted(dice.integer(0, n_stations) for _ in range(2))
@@ -312,10 +303,10 @@ _SELDOM = 6
 """At two in 13 stations the error of the pose grows or shrinks by a cell in each direction."""
 
 
-def _range_errors(dice: Dice, scale: Scale, n_rays: int, sigma_m: float) -> NDArray[np.int64]:
+def _range_errors(dice: Dice, n_rays: int, sigma_m: float) -> NDArray[np.int64]:
     """(R,) cells by which a ray is reported too long: nearly gaussian, the sum of four dice."""
     total = dice.integers(-_DIE, _DIE, 4 * n_rays).reshape(4, -1).sum(axis=0)
-    sigma = round(_DIE * 1000 * sigma_m / scale.mm_per_cell)  # of a die's side to a cell's
+    sigma = round(_DIE * 1000 * sigma_m / dice.scale.mm_per_cell)  # of a die's side to a cell's
     # Four dice of -n to n have a variance of 4 n (n + 1) / 3, about (1.155 n)^2.
     return (2 * total * sigma * 1000 + 1155 * _DIE * _DIE) // (2 * 1155 * _DIE * _DIE)
 
@@ -336,11 +327,7 @@ def _add_specks(dice: Dice, cells: NDArray[np.int8], options: MapSimulation) -> 
 
 
 def _bent(
-    dice: Dice,
-    scale: Scale,
-    cells: NDArray[np.int8],
-    labels: NDArray[np.int16],
-    options: MapSimulation,
+    dice: Dice, cells: NDArray[np.int8], labels: NDArray[np.int16], options: MapSimulation
 ) -> tuple[NDArray[np.int8], NDArray[np.int16]]:
     """Cells and labels, bent and turned alike."""
     turn, quarters = _between(dice, options.turn_degrees), 0
@@ -349,7 +336,7 @@ def _bent(
     bend = pushed(
         dice,
         cells.shape,
-        knot=scale.cells(_KNOT_CM),
+        knot=dice.cells(_KNOT_CM),
         bend=_between(dice, options.bend),
         turn_degrees=turn,
     )
@@ -357,8 +344,3 @@ def _bent(
         np.rot90(bend.apply(cells, UNKNOWN), quarters).copy(),
         np.rot90(bend.apply(labels, -1), quarters).copy(),
     )
-
-
-def _known_part(cells: NDArray[np.int8], margin: int) -> tuple[slice, slice]:
-    """The rows and columns with anything known, and a margin."""
-    return mapped_span(cells, margin), mapped_span(cells.T, margin)

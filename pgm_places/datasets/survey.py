@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, convolve
 
 from pgm_places._core import follow_rays
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import FloorPlan, Rect
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 SOLID, GLASS, RIM = 1, 2, 4
@@ -49,13 +50,7 @@ class Tour:
 
 
 def survey(
-    dice: Dice,
-    scale: Scale,
-    plan: FloorPlan,
-    solid: NDArray[np.bool_],
-    glass: NDArray[np.bool_],
-    *,
-    noise: bool,
+    dice: Dice, plan: FloorPlan, solid: NDArray[np.bool_], glass: NDArray[np.bool_], *, noise: bool
 ) -> NDArray[np.int8]:
     """(H, W) int8 cells that are free, occupied or unknown after a tour of corridors and rooms.
 
@@ -63,16 +58,16 @@ def survey(
     occupancy-mapping robot does; what no ray reached stays unknown. ``noise`` lets ranges and poses
     err by a cell and lets some rays through the panes of ``glass``.
     """
-    stations = _stations(scale, plan, solid)
+    stations = _stations(dice.scale, plan, solid)
     n_rays = len(stations) * N_RAYS
     tour = Tour(
         stations,
         _pose_errors(dice, len(stations)) if noise else np.zeros((len(stations), 2), np.int64),
-        budgets(dice, scale, n_rays) if noise else np.zeros(n_rays, np.int64),
+        budgets(dice, n_rays) if noise else np.zeros(n_rays, np.int64),
         _range_errors(dice, n_rays) if noise else np.zeros(n_rays, np.int64),
     )
     share = _OCCUPIED_SHARE if noise else _OCCUPIED_SHARE**2
-    return mapped(tour, solid, glass, reach=scale.cells(_REACH_CM), occupied_share=share)
+    return mapped(tour, solid, glass, reach=dice.cells(_REACH_CM), occupied_share=share)
 
 
 def mapped(
@@ -137,14 +132,7 @@ def crowded(scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def wider(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     """The mask and all cells that are reached from it in so many steps to the four sides."""
-    for _ in range(steps):
-        grown = mask.copy()
-        grown[1:] |= mask[:-1]
-        grown[:-1] |= mask[1:]
-        grown[:, 1:] |= mask[:, :-1]
-        grown[:, :-1] |= mask[:, 1:]
-        mask = grown
-    return mask
+    return np.asarray(binary_dilation(mask, iterations=steps))
 
 
 def _fan() -> NDArray[np.int64]:
@@ -174,13 +162,11 @@ def _range_errors(dice: Dice, n_rays: int) -> NDArray[np.int64]:
     return (drawn < 5).astype(np.int64) - (drawn == 19)
 
 
-def budgets(
-    dice: Dice, scale: Scale, n_rays: int, opacity: int = _GLASS_OPACITY
-) -> NDArray[np.int64]:
+def budgets(dice: Dice, n_rays: int, opacity: int = _GLASS_OPACITY) -> NDArray[np.int64]:
     """(R,) steps that each ray may go on behind a pane; all but one in ``opacity`` stop at it."""
     passes = dice.integers(1, opacity, n_rays) == 1
-    far = dice.integers(0, scale.cells(110), n_rays)
-    return np.where(passes, far * far // scale.cells(110) + 2, 0)
+    far = dice.integers(0, dice.cells(110), n_rays)
+    return np.where(passes, far * far // dice.cells(110) + 2, 0)
 
 
 def _decide(passed: NDArray[np.int32], ended: NDArray[np.int32], share: int) -> NDArray[np.int8]:
@@ -188,10 +174,7 @@ def _decide(passed: NDArray[np.int32], ended: NDArray[np.int32], share: int) -> 
     cells = np.full(passed.shape, UNKNOWN, np.int8)
     cells[passed > 0] = FREE
     cells[(ended > 0) & (share * ended >= passed)] = OCCUPIED
-    neighbours = np.zeros(passed.shape, np.int8)
-    free = np.pad(cells == FREE, 1)
-    for dy in (0, 1, 2):
-        for dx in (0, 1, 2):
-            neighbours += free[dy : dy + passed.shape[0], dx : dx + passed.shape[1]]
+    free = (cells == FREE).astype(np.int8)
+    neighbours = convolve(free, np.ones((3, 3), np.int8), mode="constant")
     cells[(cells == UNKNOWN) & (neighbours >= 5)] = FREE
     return cells

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Door, Rect, Scale
+from pgm_places.datasets.floor_plan import Door, Frontage, Rect, sides
 from pgm_places.datasets.survey import wider
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE
@@ -15,7 +15,6 @@ _WIDEST_CM = 260
 
 def close_doors(
     dice: Dice,
-    scale: Scale,
     doors: list[Door],
     solid: NDArray[np.bool_],
     labels: NDArray[np.int16],
@@ -30,52 +29,36 @@ def close_doors(
     left = []
     windows = connected_components(is_doorway, connectivity=4).windows()
     for door, (rows, columns) in zip(doors, windows, strict=True):
-        narrow = max(door.gap.size) <= scale.cells(_WIDEST_CM)
+        narrow = max(door.gap.size) <= dice.cells(_WIDEST_CM)
         if not (dice.chance(share, 1000) and narrow):
             left.append(door)
             continue
         box = Rect(columns.start, rows.start, columns.stop, rows.stop)
-        leaf = _leaf(dice, scale, door)
-        for part, step in _halves(box, door.inward):
-            mine = is_doorway[part.slices]
-            labels[part.slices][mine] = _beside(labels, box, step)
+        leaf = _leaf(dice, door)
+        for side in sides(box):
+            if side.inward in (door.inward, (-door.inward[0], -door.inward[1])):
+                deep = box.size["xy".index(side.along) - 1]
+                half = side.rect(0, side.length, -((deep + max(side.side, 0)) // 2), 0)
+                labels[half.slices][is_doorway[half.slices]] = _beside(labels, side)
         solid[leaf.slices] = True
         labels[leaf.slices] = -1
     return left
 
 
-def _leaf(dice: Dice, scale: Scale, door: Door) -> Rect:
+def _leaf(dice: Dice, door: Door) -> Rect:
     """The leaf across a gap, flush with one side of the wall or within it."""
     gap, across = door.gap, door.inward[0] != 0
     deep = gap.size[0] if across else gap.size[1]
-    thick = min(deep, max(2, scale.cells(8)))
+    thick = min(deep, max(2, dice.cells(8)))
     at = dice.choice((0, (deep - thick) // 2, deep - thick))
     if across:
         return Rect(gap.x0 + at, gap.y0, gap.x0 + at + thick, gap.y1)
     return Rect(gap.x0, gap.y0 + at, gap.x1, gap.y0 + at + thick)
 
 
-def _halves(box: Rect, inward: tuple[int, int]) -> list[tuple[Rect, tuple[int, int]]]:
-    """The two halves of a doorway, and the steps that lead out of it from them."""
-    if inward[0]:
-        middle = (box.x0 + box.x1) // 2
-        low, high = Rect(box.x0, box.y0, middle, box.y1), Rect(middle, box.y0, box.x1, box.y1)
-        return [(low, (-1, 0)), (high, (1, 0))]
-    middle = (box.y0 + box.y1) // 2
-    low, high = Rect(box.x0, box.y0, box.x1, middle), Rect(box.x0, middle, box.x1, box.y1)
-    return [(low, (0, -1)), (high, (0, 1))]
-
-
-def _beside(labels: NDArray[np.int16], box: Rect, step: tuple[int, int]) -> int:
-    """The most frequent label right beside a rectangle, where ``step`` leads out of it; or -1."""
-    beside = {
-        (1, 0): Rect(box.x1, box.y0, box.x1 + 1, box.y1),
-        (-1, 0): Rect(box.x0 - 1, box.y0, box.x0, box.y1),
-        (0, 1): Rect(box.x0, box.y1, box.x1, box.y1 + 1),
-        (0, -1): Rect(box.x0, box.y0 - 1, box.x1, box.y0),
-    }
-    edge = beside[step].within(labels.shape)
-    found = labels[edge.slices]
+def _beside(labels: NDArray[np.int16], side: Frontage) -> int:
+    """The most frequent label right beyond a side; -1 for none."""
+    found = labels[side.rect(0, side.length, 0, 1).within(labels.shape).slices]
     found = found[found >= 0]
     return int(np.bincount(found).argmax()) if len(found) else -1
 

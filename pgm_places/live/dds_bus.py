@@ -17,20 +17,8 @@ PURPOSE = "speaking DDS"
 
 _BLOCKED_MS = 100
 
-_PLAIN = {
-    "byte": "byte",
-    "char": "uint8",
-    "int8": "int8",
-    "uint8": "uint8",
-    "int16": "int16",
-    "uint16": "uint16",
-    "int32": "int32",
-    "uint32": "uint32",
-    "int64": "int64",
-    "uint64": "uint64",
-    "float32": "float32",
-    "float64": "float64",
-}
+_OTHERWISE = {"bool": bool, "string": str}
+"""Plain types that are not among Cyclone's own of the same name."""
 
 
 class DdsBus:
@@ -234,9 +222,10 @@ class _IdlTypes:
         kind, rest = described
         if kind == self._nodes.BASE:
             name, bound = rest
-            if name == "string":
-                return self._kinds.bounded_str[bound] if bound else str
-            return bool if name == "bool" else getattr(self._kinds, _PLAIN[name])
+            if bound:
+                return self._kinds.bounded_str[bound]
+            name = "uint8" if name == "char" else name  # as ROS 2 has it
+            return _OTHERWISE.get(name) or getattr(self._kinds, name)
         if kind == self._nodes.NAME:
             return self.declared(rest)
         inner, size = rest

@@ -10,12 +10,13 @@ from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
 from pgm_places.kernels.threads import run_tasks
-from pgm_places.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.kept_table import KeptTable
 
-__all__ = ["GrowingFeatures", "Update", "raster_shift"]
+__all__ = ["GrowingFeatures", "Update"]
 
 MOST_SECTORS = 72
 """Sectors whose longest range is kept: with 72, a tenth more is cast than has changed."""
@@ -24,8 +25,6 @@ SQUARE = 4
 MOST_SQUARES = 256
 """and how many there may be: with more, looking for stale scans takes as long as casting them."""
 
-_SAME_CELL = 1e-3
-"""Origins that differ by a whole number of cells, but for this much of one, are one raster."""
 
 _AT_ONCE = 32_768
 _CELLS_PER_TASK = 8192
@@ -104,22 +103,17 @@ class GrowingFeatures:
         if not len(cells_rc):
             raise InputError("the map has no free cell whose features could be computed")
         kept_row, n_changed = self._unchanged(grid, cells_rc)
-        self._seen = (
-            None  # if casting fails, some rows are neither of this map nor of the one before
-        )
+        # If casting fails, some rows are neither of this map nor of the one before.
+        self._seen = None
         fresh = self._table.assign(kept_row)
-        self._make_room()
-        self._cast(grid, cells_rc, fresh)
-        self._seen = _Seen(grid, self._table.row_of)
-        self.last = Update(len(cells_rc), len(fresh), n_changed)
-        return self._table
-
-    def _make_room(self) -> None:
-        """As many rows of ranges as there are of features."""
         missing = self._table.n_rows - len(self._reach)
         if missing:
             self._reach = np.pad(self._reach, ((0, missing), (0, 0)))
             self._farthest = np.pad(self._farthest, (0, missing))
+        self._cast(grid, cells_rc, fresh)
+        self._seen = _Seen(grid, self._table.row_of)
+        self.last = Update(len(cells_rc), len(fresh), n_changed)
+        return self._table
 
     def _unchanged(
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]
@@ -186,27 +180,6 @@ class GrowingFeatures:
                 self._reach[rows], self._farthest[rows] = reach, reach.max(axis=1)
 
 
-def raster_shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | None:
-    """(2,) rows and columns from a cell of the old map to the same in the new; None if none is."""
-    if old.resolution_m != new.resolution_m or old.yaw_rad != new.yaw_rad:
-        return None
-    cos, sin = np.cos(old.yaw_rad), np.sin(old.yaw_rad)
-    offset = np.subtract(old.origin_xy_m, new.origin_xy_m)
-    columns_rows = offset @ np.array([[cos, -sin], [sin, cos]]) / old.resolution_m
-    whole = np.rint(columns_rows)
-    if np.abs(columns_rows - whole).max() > _SAME_CELL:
-        return None
-    return whole[::-1].astype(np.int64)
-
-
-def _blocked(grid: OccupancyGrid, sensor: Sensor) -> NDArray[np.bool_]:
-    """(H, W) the cells that end a beam."""
-    blocked = grid.cells == OCCUPIED
-    if sensor.stop_at_unknown:
-        blocked |= grid.cells == UNKNOWN
-    return blocked
-
-
 def _changed(
     old: OccupancyGrid, new: OccupancyGrid, shift: NDArray[np.int64], sensor: Sensor
 ) -> tuple[NDArray[np.int64], int]:
@@ -217,13 +190,13 @@ def _changed(
     and was open: the others need not be looked for. Cells are numbered as in the new map.
     """
     low = np.minimum(shift, 0)
-    high = np.maximum(shift + old.shape, new.shape)
-    both = np.ones((2, *(high - low)), np.bool_)
-    for raster, grid, corner in ((both[0], old, shift - low), (both[1], new, -low)):
-        ends = corner + grid.shape
-        raster[corner[0] : ends[0], corner[1] : ends[1]] = _blocked(grid, sensor)
-    changed = both[0] != both[1]
-    beside = binary_dilation(~both[0] & ~changed, np.ones((3, 3), np.bool_))
+    shape = tuple(np.maximum(shift + old.shape, new.shape) - low)
+    before, after = (
+        shifted(~grid.free if sensor.stop_at_unknown else grid.occupied, corner, shape, fill=True)
+        for grid, corner in ((old, shift - low), (new, -low))
+    )
+    changed = before != after
+    beside = binary_dilation(~before & ~changed, np.ones((3, 3), np.bool_))
     return np.argwhere(changed & beside) + low, int(changed.sum())
 
 

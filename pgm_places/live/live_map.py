@@ -134,12 +134,7 @@ class LiveMap:
             )
             self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
         self._settled, self.memory = SettledMap(few_cells, few_maps), memory or PlaceMemory()
-        self._current: LiveLabels | None = None
-
-    @property
-    def current(self) -> LiveLabels | None:
-        """The latest labelled map; None before the first."""
-        return self._current
+        self.current: LiveLabels | None = None
 
     def on_map(self, grid: OccupancyGrid) -> LiveLabels:
         """The labels and places of a map that has come.
@@ -155,8 +150,16 @@ class LiveMap:
                 "MAP')"
             )
         grid = self._settled(grid)
-        if self._current is not None and _is_same(self._current.topology.grid, grid):
-            return self._nothing_new(self._current)
+        before, map_seq = self.current, self.memory.n_maps + 1
+        if before is None or not _is_same(before.topology.grid, grid):
+            self.current = self._labelled(grid, map_seq)
+        else:
+            update = before.update and Update(before.update.n_cells, 0, 0)
+            self.current = LiveLabels(map_seq, before.labels, before.topology, (), (), {}, update)
+        self.memory.n_maps = map_seq
+        return self.current
+
+    def _labelled(self, grid: OccupancyGrid, map_seq: int) -> LiveLabels:
         labels = label_map(
             self.labeler,
             grid,
@@ -178,30 +181,11 @@ class LiveMap:
             known=self.memory,
             own_names=self.own_names,
         )
-        appeared, vanished, moved = _differences(self.memory, topology)
+        differences = _differences(self.memory, topology)
         self.memory.learn(topology)
-        self.memory.n_maps += 1
-        self._current = LiveLabels(
-            self.memory.n_maps,
-            labels,
-            topology,
-            appeared,
-            vanished,
-            moved,
-            None if self._features is None else self._features.last,
-            dict(self.memory.merged),
-            dict(self.memory.parted),
-        )
-        return self._current
-
-    def _nothing_new(self, before: LiveLabels) -> LiveLabels:
-        """What is known of a map that has come again."""
-        update = before.update and Update(before.update.n_cells, 0, 0)
-        self.memory.n_maps += 1
-        self._current = LiveLabels(
-            self.memory.n_maps, before.labels, before.topology, (), (), {}, update
-        )
-        return self._current
+        update = None if self._features is None else self._features.last
+        changes = dict(self.memory.merged), dict(self.memory.parted)
+        return LiveLabels(map_seq, labels, topology, *differences, update, *changes)
 
 
 def _is_same(before: OccupancyGrid, now: OccupancyGrid) -> bool:

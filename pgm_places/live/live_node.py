@@ -125,6 +125,7 @@ class LiveNode:
             self._on_odom(message)
         else:
             self._on_transforms(message, clock_s, is_static=what == "tf_static")
+        self._drain()
 
     def turn(self, now_s: float) -> None:
         """Take what the labelling of maps has found, and hand in the latest map.
@@ -133,8 +134,7 @@ class LiveNode:
         """
         self._now_s = now_s
         self._drain()
-        silent_s = now_s - self._health.heard_s
-        if SILENT_S < silent_s < np.inf:
+        if silent_s := self._silence_s():
             topic = self._options.full_name(self._options.scan_topic)
             self._complain("silent", f"no scan on {topic} for {silent_s:.0f} s")
         self._tell_health()
@@ -147,17 +147,19 @@ class LiveNode:
             for what, raw in answer.messages.items():
                 self._publish(what, raw)
         since = now_s - self._submitted_s
-        is_early = since < self._live.relabel_min_period_s
-        if not self._map_is_new or not self._desk.is_idle or is_early:
-            return
+        is_due = since >= self._live.relabel_min_period_s
+        if self._map_is_new and self._desk.is_idle and is_due:
+            self._submit(since)
+
+    def _submit(self, since: float) -> None:
+        """Hand in the latest map, so many seconds after the one before."""
         if self._n_skipped:
             self._complain(
                 "slow",
                 f"labelling a map took {since:.1f} s, and {self._n_skipped} that came meanwhile "
                 "were skipped; the latest is labelled now",
             )
-        self._map_is_new, self._n_skipped = False, 0
-        self._submitted_s = now_s
+        self._map_is_new, self._n_skipped, self._submitted_s = False, 0, self._now_s
         self._desk.submit(self._map.raw())
 
     def where(self, x_m: float, y_m: float) -> PlaceOfMap | None:
@@ -195,7 +197,6 @@ class LiveNode:
                 # Dated ahead, so that it may be used until then: it already holds.
                 self._frames.add(parent, child, clock_s, place, is_static=is_static)
             self._frames.add(parent, child, time_s, place, is_static=is_static)
-        self._drain()
 
     def _on_odom(self, message: Any) -> None:
         parent, child = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
@@ -204,7 +205,6 @@ class LiveNode:
         self._from_odometry.add(child)
         place = planar(message.pose.pose.position, message.pose.pose.orientation)
         self._frames.add(parent, child, _stamp_s(message.header), place)
-        self._drain()
 
     def _on_scan(self, message: Any, clock_s: float | None) -> None:
         time_s = _stamp_s(message.header)
@@ -236,14 +236,17 @@ class LiveNode:
             topic = self._options.full_name(self._options.map_topic)
             self._complain("no map", f"no map on {topic} yet: places are told by the scans alone")
         self._waiting.append((self._now_s, message))
-        self._drain()
 
     def _hear(self) -> None:
         """Note that the robot is there; say so if it had fallen silent."""
-        silent_s = self._now_s - self._health.heard_s
-        if SILENT_S < silent_s < np.inf:
+        if silent_s := self._silence_s():
             self._say(f"scans come again after {silent_s:.0f} s")
         self._health.heard_s = self._now_s
+
+    def _silence_s(self) -> float:
+        """For how long a robot that was there has been silent; 0 where it is not."""
+        silent_s = self._now_s - self._health.heard_s
+        return silent_s if SILENT_S < silent_s < np.inf else 0.0
 
     def _begin_anew(self, time_s: float, back_s: float) -> None:
         self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")

@@ -6,7 +6,6 @@ lower priority, which writes what it found into files; the first maps them into 
 only the cells that it looks up.
 """
 
-import argparse
 import contextlib
 import json
 import os
@@ -17,14 +16,12 @@ import threading
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
-from typing import IO, TYPE_CHECKING, Protocol
+from typing import IO, Protocol
 
 from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
+from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.session_file import read_session, write_session
-
-if TYPE_CHECKING:
-    from pgm_places.live.live_map import LiveMap
 
 SESSION = "session.json"
 NICENESS = 10
@@ -93,13 +90,16 @@ class MapProcess:
             read_session(session)  # said now, and not with the first map
         self._folder = TemporaryDirectory(prefix="pgm-places-live-", ignore_cleanup_errors=True)
         self._answers: SimpleQueue[dict[str, str]] = SimpleQueue()
-        self._count, self._is_idle = 0, True
-        threads = n_threads or max((os.cpu_count() or 2) - 1, 1)
-        self._command = [sys.executable, "-P", "-m", "pgm_places.live.map_process"]
-        self._command += ["--model", str(model), "--threads", str(threads)]
-        self._command += ["--folder", self._folder.name]
-        self._command += ["--session", str(session or Path(self._folder.name) / SESSION)]
-        self._command += [] if method is None else ["--method", method]
+        self._count, self.is_idle = 0, True
+        order = {
+            "model": str(model),
+            "method": method,
+            "n_threads": n_threads or max((os.cpu_count() or 2) - 1, 1),
+            "folder": self._folder.name,
+            "session": str(session or Path(self._folder.name) / SESSION),
+        }
+        module = "pgm_places.live.map_process"
+        self._command = [sys.executable, "-P", "-m", module, json.dumps(order)]
         self._n_starts, self._busy_with = 0, ""
         self._start()
 
@@ -111,14 +111,9 @@ class MapProcess:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether the next map can be handed in."""
-        return self._is_idle
-
     def submit(self, raw: bytes) -> None:
         """Hand in the bytes of a map."""
-        self._count, self._is_idle = self._count + 1, False
+        self._count, self.is_idle = self._count + 1, False
         folder = Path(self._folder.name) / str(self._count)
         folder.mkdir()
         (folder / "map.cdr").write_bytes(raw)
@@ -137,7 +132,7 @@ class MapProcess:
             return None
         if "folder" not in found:
             return self._after_end(found["error"])
-        self._is_idle, self._n_starts = True, 1
+        self.is_idle, self._n_starts = True, 1
         folder = Path(found["folder"])
         try:
             if "error" in found:
@@ -154,7 +149,7 @@ class MapProcess:
         self._end()
         self._start()
         again = f"{error}; it is started again, and places keep their ids"
-        if self._is_idle:
+        if self.is_idle:
             return again
         self._hand_over()
         return f"{again}; the map is labelled now"
@@ -186,22 +181,16 @@ def _pipe(stream: IO[str] | None) -> IO[str]:
 
 def main() -> None:
     """Label map after map: a folder per line comes in, and goes out again when it is done."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--model", required=True)
-    parser.add_argument("--method")
-    parser.add_argument("--threads", type=int)
-    parser.add_argument("--folder")
-    parser.add_argument("--session", type=Path)
-    options = parser.parse_args()
+    order = json.loads(sys.argv[1])
     if hasattr(os, "nice"):
         os.nice(NICENESS)
+    folder = order.pop("folder")
     with contextlib.suppress(BrokenPipeError):
-        _label_maps(options)
-    if options.folder is not None:  # the node has ended, perhaps killed: leave nothing behind
-        shutil.rmtree(options.folder, ignore_errors=True)
+        _label_maps(**order)
+    shutil.rmtree(folder, ignore_errors=True)  # the node has ended, perhaps killed
 
 
-def _label_maps(options: argparse.Namespace) -> None:
+def _label_maps(model: str, method: str | None, n_threads: int, session: str) -> None:
     from pgm_places.live.live_map import LiveMap
     from pgm_places.trained import trained_labeler
 
@@ -210,25 +199,21 @@ def _label_maps(options: argparse.Namespace) -> None:
         folder, answer = Path(line.rstrip("\n")), {"folder": line.rstrip("\n")}
         try:
             if labeller is None:
-                places = trained_labeler(options.model)
-                memory = read_session(options.session) if options.session else None
-                live_map = LiveMap(
-                    places, method=options.method, memory=memory, n_threads=options.threads
+                places, memory = trained_labeler(model), read_session(session)
+                labeller = MapLabeller(
+                    LiveMap(places, method=method, memory=memory, n_threads=n_threads)
                 )
-                labeller = MapLabeller(live_map)
             labeller.label((folder / "map.cdr").read_bytes()).write(folder)
-            if options.session:
-                _keep(options.session, live_map)
+            _keep(session, memory)
         except PgmPlacesError as error:
             answer["error"] = str(error)
-        sys.stdout.write(json.dumps(answer) + "\n")
-        sys.stdout.flush()
+        print(json.dumps(answer), flush=True)  # noqa: T201  the node reads it
 
 
-def _keep(session: Path, live_map: "LiveMap") -> None:
+def _keep(session: str, memory: PlaceMemory) -> None:
     """Renew the file; a full disk costs the ids of the next session, and not this map."""
     try:
-        write_session(session, live_map.memory)
+        write_session(session, memory)
     except OutputError as error:
         sys.stderr.write(f"the places of the session are not kept: {error}\n")
 

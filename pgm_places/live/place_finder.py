@@ -81,15 +81,10 @@ class PlaceFinder:
 
     def __init__(self, labeler: TrajectoryLabeler, options: LiveOptions | None = None) -> None:
         self._labeler, self._options = labeler, options or LiveOptions()
-        self._view: MapView | None = None
+        self.view: MapView | None = None
         self._geometry: ScanGeometry | None = None
         self._online: OnlineLabeler | None = None
         self.forget()
-
-    @property
-    def view(self) -> MapView | None:
-        """The labelled map that is asked."""
-        return self._view
 
     def forget(self) -> None:
         """Start over, as after a jump of the clock; the labelled map stays."""
@@ -106,7 +101,7 @@ class PlaceFinder:
 
     def use(self, view: MapView | None) -> None:
         """Ask another labelled map from the next scan on."""
-        self._view = view
+        self.view = view
         if self._online is not None:
             self._ask_map(self._online)
 
@@ -139,7 +134,7 @@ class PlaceFinder:
         if self._label is None or belief[best] >= self._options.min_probability:
             self._label = best
         x, y, heading = (scan.pose if robot is None else robot).tolist()
-        region = None if self._view is None else self._view.place_at(x, y)
+        region = None if self.view is None else self.view.place_at(x, y)
         label = names[self._label]
         return FoundPlace(
             scan.time_s,
@@ -147,7 +142,7 @@ class PlaceFinder:
             label,
             dict(zip(names, belief.tolist(), strict=True)),
             region,
-            0 if self._view is None else self._view.map_seq,
+            0 if self.view is None else self.view.map_seq,
             self._has_changed(scan.time_s if now_s is None else now_s, label, region),
         )
 
@@ -169,5 +164,5 @@ class PlaceFinder:
         return known is not None and (geometry is known or geometry.same_as(known))
 
     def _ask_map(self, online: OnlineLabeler) -> None:
-        same = self._view is not None and len(self._view.shares) == len(online.label_names)
-        online.use_map(self._view if same else None)
+        same = self.view is not None and len(self.view.shares) == len(online.label_names)
+        online.use_map(self.view if same else None)

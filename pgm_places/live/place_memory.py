@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.live.growing_features import raster_shift
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.raster_shift import raster_shift
 from pgm_places.topology.naming import SAME_PLACE, middles, number_on
 from pgm_places.topology.topological_map import TopologicalMap
 

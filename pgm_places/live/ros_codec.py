@@ -63,13 +63,13 @@ class RosCodec:
         """Its bytes."""
         return bytes(self.store.serialize_cdr(message, TYPES[what]))
 
-    def header(self, time_s: float, frame: str = "") -> Any:
-        """A ``std_msgs/Header``."""
+    def header(self, time_s: float) -> Any:
+        """A ``std_msgs/Header`` of no frame."""
         types = self.store.types
         seconds = max(math.floor(time_s), 0)
         nanoseconds = min(max(round(1e9 * (time_s - seconds)), 0), 999_999_999)
         stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
-        return types["std_msgs/msg/Header"](stamp, frame)
+        return types["std_msgs/msg/Header"](stamp, "")
 
     def text(self, text: str, what: str) -> bytes:
         """The bytes of a ``std_msgs/String``."""

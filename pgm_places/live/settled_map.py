@@ -1,15 +1,11 @@
 """SettledMap: changes of a few cells count once further maps have confirmed them."""
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.live.growing_features import raster_shift
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
-
-T = TypeVar("T", bound=np.generic)
+from pgm_places.maps.raster_shift import raster_shift, shifted
 
 
 class SettledMap:
@@ -50,9 +46,9 @@ class SettledMap:
         if taken is not None and sent is not None and self.few_cells > 1:
             shift = raster_shift(taken, grid)
             if shift is not None:
-                again = _moved(sent.cells, grid, shift, UNKNOWN) == grid.cells
-                self._times += np.where(again, _moved(times, grid, shift, 0), 0)
-                cells = self._settled(_moved(taken.cells, grid, shift, UNKNOWN), grid)
+                again = shifted(sent.cells, shift, grid.shape, UNKNOWN) == grid.cells
+                self._times += np.where(again, shifted(times, shift, grid.shape, 0), 0)
+                cells = self._settled(shifted(taken.cells, shift, grid.shape, UNKNOWN), grid)
                 grid = grid if cells is None else grid.with_cells(cells)
         self._taken = grid
         return grid
@@ -66,17 +62,3 @@ class SettledMap:
         few = found.size < self.few_cells
         waits = changed & few[found.piece] & (self._times < self.few_maps)
         return np.where(waits, taken, grid.cells) if waits.any() else None
-
-
-def _moved(
-    old: NDArray[T], new: OccupancyGrid, shift: NDArray[np.int64], missing: int
-) -> NDArray[T]:
-    """(H, W) an old map's raster on that of the new one, ``missing`` where it has none."""
-    cells = np.full(new.shape, missing, old.dtype)
-    low = np.maximum(shift, 0)
-    high = np.minimum(shift + old.shape, new.shape)
-    if (high > low).all():
-        part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
-        source = tuple(slice(a, b) for a, b in zip(low - shift, high - shift, strict=True))
-        cells[part] = old[source]
-    return cells

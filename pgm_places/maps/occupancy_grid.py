@@ -126,10 +126,14 @@ class OccupancyGrid:
 
     def cells_at_m(self, positions_m: ArrayLike) -> NDArray[np.int64]:
         """(N, 2) row and column of the cells that hold map-frame positions; may lie outside."""
-        offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(self.origin_xy_m)
-        local = offset @ self._rotation / self.resolution_m
+        rows_columns = self.points_at_m(positions_m)[:, ::-1]
         farthest = 2.0**40  # cells, beyond every map
-        return np.floor(local[:, ::-1]).clip(-farthest, farthest).astype(np.int64)
+        return np.floor(rows_columns).clip(-farthest, farthest).astype(np.int64)
+
+    def points_at_m(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) map-frame positions, x before y, in cells from the corner of the raster."""
+        offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(self.origin_xy_m)
+        return np.asarray(offset @ self._rotation / self.resolution_m)
 
     @property
     def _rotation(self) -> NDArray[np.float64]:

@@ -63,11 +63,8 @@ class View:
 
     def pixels_at_m(self, grid: OccupancyGrid, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(n, 2) pixels of map-frame positions, x to the right and y down."""
-        cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-        turn = np.array([[cos, -sin], [sin, cos]])
-        offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(grid.origin_xy_m)
         corner = np.array([self.columns.start, self.rows.start])
-        x, y = ((offset @ turn / grid.resolution_m - corner) / self.shrink).T
+        x, y = ((grid.points_at_m(positions_m) - corner) / self.shrink).T
         return np.stack([x, self.shape[0] - y], axis=1)
 
 

@@ -43,11 +43,11 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     difference has those of each. ``splits`` has what each split tested on, ``by_split`` of each
     method its accuracies there.
     """
-    return {
+    record = {
         "schema": SCHEMA,
         "title": comparison.title,
-        "labels": list(comparison.label_names),
-        "seeds": list(comparison.seeds),
+        "labels": comparison.label_names,
+        "seeds": comparison.seeds,
         "splits": {
             name: [comparison.maps[k].name for k in items]
             for name, items in comparison.splits.items()
@@ -56,26 +56,23 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
             {
                 "name": item.name,
                 f"{item.unit}s_labelled": len(item.layout.cells_rc),
-                f"{item.unit}s_evaluated": int((item.node_truth >= 0).sum()),
+                f"{item.unit}s_evaluated": (item.node_truth >= 0).sum(),
             }
             | ({} if item.unit == "node" else {"resolution_m": item.grid.resolution_m})
             for item in comparison.maps
         ],
-        "methods": {
-            method.id: _method_record(method, [item.name for item in comparison.maps])
-            | _record_by_unit(comparison, method)
-            | _record_by_run(comparison, method)
-            for method in comparison.methods
-        },
+        "methods": {method.id: _method_record(comparison, method) for method in comparison.methods},
         "differences": [_difference_record(item) for item in comparison.judgement.differences],
         "best": {figure: comparison.judgement.best(figure) for figure in TESTED},
-        "stage_seconds": _plain(comparison.stage_seconds),
-        "config": _plain(comparison.config),
-        "selection": _plain(comparison.selection),
-        "versions": dict(comparison.versions),
-        "inputs": dict(comparison.inputs),
-        "warnings": list(comparison.warnings),
+        "stage_seconds": comparison.stage_seconds,
+        "config": comparison.config,
+        "selection": comparison.selection,
+        "versions": comparison.versions,
+        "inputs": comparison.inputs,
+        "warnings": comparison.warnings,
     }
+    plain: dict[str, Any] = _plain(record)
+    return plain
 
 
 def _difference_record(found: Difference) -> dict[str, Any]:
@@ -94,52 +91,42 @@ def _difference_record(found: Difference) -> dict[str, Any]:
             "p": signs.p_value,
         },
         "better": found.winner,
-    } | ({"by_seed": list(found.by_seed), "spread": found.spread} if found.by_seed else {})
+    } | ({"by_seed": found.by_seed, "spread": found.spread} if found.by_seed else {})
 
 
-def _record_by_unit(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
-    """``cells`` and ``steps`` apart, where both were labelled."""
-    found = comparison.by_unit(method)
-    return {f"{unit}s": _plain(part.to_dict()) for unit, part in found.items() if len(found) > 1}
-
-
-def _record_by_run(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
-    """Accuracies with each seed, and of each split."""
-    runs: dict[str, dict[str, Evaluation]] = {
-        "by_seed": {str(seed): item.evaluation for seed, item in method.by_seed.items()},
-        "by_split": comparison.by_split(method),
-    }
-    return {
-        kind: {
-            name: {figure: _plain(getattr(item, figure)) for figure in TESTED}
-            for name, item in found.items()
-        }
-        for kind, found in runs.items()
-        if found
-    }
-
-
-def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]:
-    record: dict[str, Any] = dict(_plain(method.evaluation.to_dict()))
-    record["seconds"] = {**_plain(method.seconds), "total": float(sum(method.seconds.values()))}
+def _method_record(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
+    names = [item.name for item in comparison.maps]
+    record: dict[str, Any] = method.evaluation.to_dict()
+    record["seconds"] = {**method.seconds, "total": float(sum(method.seconds.values()))}
     record["intervals"] = {
         key: {"low": item.low, "high": item.high} for key, item in method.intervals.items()
     }
     if method.learned_with is not None:
         record["learned_with"] = method.learned_with
-    record["method"] = method.name
-    record["options"] = _plain(method.options)
-    record["learned"] = _plain(method.learned)
+    record |= {"method": method.name, "options": method.options, "learned": method.learned}
     record["maps"] = {
-        name: {**_plain(evaluation.to_dict()), **_labeling_record(labeling)}
+        name: {**evaluation.to_dict(), **_labeling_record(labeling)}
         for name, evaluation, labeling in zip(
-            map_names, method.evaluations, method.labelings, strict=True
+            names, method.evaluations, method.labelings, strict=True
         )
     }
     if method.doors:
         record["doors"] = _door_record(DoorScores.total(method.doors))
-        for name, doors in zip(map_names, method.doors, strict=True):
+        for name, doors in zip(names, method.doors, strict=True):
             record["maps"][name]["doors"] = _door_record(doors)
+    if comparison.is_mixed:  # cells and steps apart
+        by_unit = comparison.by_unit(method).items()
+        record |= {f"{unit}s": found.to_dict() for unit, found in by_unit}
+    runs: dict[str, Mapping[Any, Evaluation]] = {
+        "by_seed": {seed: item.evaluation for seed, item in method.by_seed.items()},
+        "by_split": comparison.by_split(method),
+    }
+    for kind, evaluations in runs.items():
+        if evaluations:
+            record[kind] = {
+                name: {figure: getattr(item, figure) for figure in TESTED}
+                for name, item in evaluations.items()
+            }
     return record
 
 
@@ -149,13 +136,8 @@ def _door_record(doors: DoorScores) -> dict[str, Any]:
 
 
 def _labeling_record(labeling: Labeling) -> dict[str, Any]:
-    return {
-        "status": str(labeling.status),
-        "score": labeling.score,
-        "bound": labeling.bound,
-        "gap": labeling.gap,
-        "info": _plain(labeling.info),
-    }
+    names = ("score", "bound", "gap", "info")
+    return {"status": str(labeling.status)} | {name: getattr(labeling, name) for name in names}
 
 
 def _plain(value: Any) -> Any:

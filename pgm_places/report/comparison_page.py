@@ -111,42 +111,38 @@ def report_page(comparison: Comparison) -> str:
     anything else. Every text from configurations, maps and label names is escaped.
     """
     labels = label_swatches(comparison.label_names)
-    on_maps = any(item.unit != "node" for item in comparison.maps)
+    units = [item.unit for item in comparison.maps]
     config = json.dumps(comparison.config, indent=2, ensure_ascii=False, default=str)
     return render(
         "comparison.html",
         script="viewer.js",
-        title=comparison.title,
-        methods=comparison.methods,
-        maps=comparison.maps,
+        **vars(comparison) | {"config": config},
         labels=labels,
-        n_maps=sum(item.unit == "cell" for item in comparison.maps),
-        n_drives=sum(item.unit == "step" for item in comparison.maps),
-        n_graphs=sum(item.unit == "node" for item in comparison.maps),
+        n_maps=units.count("cell"),
+        n_drives=units.count("step"),
+        n_graphs=units.count("node"),
         unit=comparison.unit,
         n_nodes=comparison.n_evaluated,
         seeds=comparison.seeds,
         by_split=_by_split(comparison),
-        warnings=comparison.warnings,
         glance=glance_of(comparison),
         differences=_differences(comparison),
         figures=_FIGURES,
         results=[(method, _row(method, comparison)) for method in comparison.methods],
-        results_by_label=[
-            (method, _row_by_label(method, comparison)) for method in comparison.methods
-        ],
+        results_by_label=[(item, _row_by_label(item, comparison)) for item in comparison.methods],
         doors=[
             (method, DoorScores.total(method.doors), method.doors)
             for method in comparison.methods
             if method.doors
         ],
-        by_unit=[(method, comparison.by_unit(method)) for method in comparison.methods]
-        if comparison.is_mixed
-        else [],
-        blocks=_blocks(comparison),
+        by_unit=[
+            (method, comparison.by_unit(method))
+            for method in comparison.methods
+            if comparison.is_mixed
+        ],
+        blocks=_MIXED_BLOCKS if comparison.is_mixed else _BLOCKS[comparison.unit],
         truth=_truth(comparison, labels),
-        stage_seconds=comparison.stage_seconds,
-        legend=(*labels, Swatch("error", ERROR), *(GROUND_SWATCHES if on_maps else ())),
+        legend=(*labels, Swatch("error", ERROR), *(GROUND_SWATCHES if {*units} - {"node"} else ())),
         map_layers=label_layers(comparison),
         reliability=reliability_chart(comparison),
         histories=history_charts(comparison),
@@ -155,14 +151,7 @@ def report_page(comparison: Comparison) -> str:
         certificates=list(_certificates(comparison)),
         statuses=_statuses(comparison),
         learned_certificates=_learned_certificates(comparison),
-        config=config,
-        versions=comparison.versions,
-        inputs=comparison.inputs,
     )
-
-
-def _blocks(comparison: Comparison) -> str:
-    return _MIXED_BLOCKS if comparison.is_mixed else _BLOCKS[comparison.unit]
 
 
 def _mean_iou(evaluation: Evaluation) -> float | None:

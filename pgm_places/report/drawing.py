@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _FINER = 4
 """Shapes are drawn this many times as large and averaged, which gives them smooth edges."""
 
+_RIM = 1.4
+"""Width of the rim of discs and squares in pixels."""
+
 _Scaling: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -134,19 +137,15 @@ class Drawing:
 
         self._stamp(outer, 0.0, fill, paint)
 
-    def disc(
-        self, at: ArrayLike, *, diameter: float, fill: str, edge: str, edge_width: float = 1.4
-    ) -> None:
+    def disc(self, at: ArrayLike, *, diameter: float, fill: str, edge: str) -> None:
         """A disc with a rim."""
-        for colour, size in ((edge, diameter + edge_width), (fill, diameter - edge_width)):
+        for colour, size in ((edge, diameter + _RIM), (fill, diameter - _RIM)):
             self.line(at, colour=colour, width=size)
 
-    def square(
-        self, at: ArrayLike, *, side: float, fill: str, edge: str, edge_width: float = 1.4
-    ) -> None:
+    def square(self, at: ArrayLike, *, side: float, fill: str, edge: str) -> None:
         """A square with a rim."""
         corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-        for colour, size in ((edge, side + edge_width), (fill, side - edge_width)):
+        for colour, size in ((edge, side + _RIM), (fill, side - _RIM)):
             self.polygon([np.asarray(at) + size * corners], fill=colour)
 
     def png(self) -> bytes:

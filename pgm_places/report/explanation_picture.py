@@ -1,6 +1,6 @@
 """Why a cell has its label, as a picture: its scan on the map, and the votes of its features."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,12 +14,12 @@ from pgm_places.teaching.taught import Taught
 
 _EDGE, _MAP, _ROW, _PANEL = 24, 560, 21, 500
 _BAR = 110
-_MOST_VOTES = 7
+_MOST_VOTES, _MOST_LINES = 7, 5
 _FOR, _AGAINST = "#2f7d4f", "#b5482a"
 _BEAM = "#1f5fa8"
 
 
-def explanation_lines(found: CellExplanation, most_votes: int = 5) -> list[str]:
+def explanation_lines(found: CellExplanation) -> list[str]:
     """The explanation in words, a line each."""
     alone = "" if found.label == found.alone else f"; without its neighbours {found.alone}"
     painted = " (painted)" if found.painted else ""
@@ -30,20 +30,18 @@ def explanation_lines(found: CellExplanation, most_votes: int = 5) -> list[str]:
         ("before the graph", found.probabilities_alone),
     ):
         if values is not None:
-            shares = ", ".join(f"{label} {100 * p:.1f} %" for label, p in values.items())
-            lines.append(f"{name}: {shares}")
+            lines.append(f"{name}: {_shares(values)}")
     for question in found.questions:
         lines.append(_headline(question))
         lines += [
             f"  {vote.log_odds:+.2f}  {vote.name} = {vote.value:.3g} (threshold "
             f"{vote.threshold:.3g})"
-            for vote in question.votes[:most_votes]
+            for vote in question.votes[:_MOST_LINES]
         ]
     if found.gate_probability is not None:
         lines.append(f"doorway here: {_gate_text(found)}")
     if found.networks is not None:
-        shares = ", ".join(f"{label} {100 * p:.1f} %" for label, p in found.networks.items())
-        lines.append(f"networks that see the whole floor: {shares}")
+        lines.append(f"networks that see the whole floor: {_shares(found.networks)}")
     towards = sum(item.towards for item in found.neighbours)
     if found.label != found.alone:
         lines.append(
@@ -51,6 +49,10 @@ def explanation_lines(found: CellExplanation, most_votes: int = 5) -> list[str]:
             f"rather than {found.alone}"
         )
     return lines
+
+
+def _shares(probabilities: Mapping[str, float]) -> str:
+    return ", ".join(f"{label} {100 * p:.1f} %" for label, p in probabilities.items())
 
 
 def _headline(question: Question) -> str:

@@ -28,8 +28,6 @@ class Standing:
     method : MethodResult
     low, high : float
         The 95 % interval of its accuracy.
-    left_percent, width_percent, dot_percent : float
-        Where the interval and the accuracy lie on the scale.
     words : str
         How it compares with the method that is right most often.
     learning : str
@@ -38,22 +36,16 @@ class Standing:
         Whether it is better than all others beyond chance.
     labels, errors : Layer
         The first map as it labels it, and where that is wrong.
-    seeds_percent : sequence of float
-        Where the accuracy with each seed lies on the scale.
     """
 
     method: MethodResult
     low: float
     high: float
-    left_percent: float
-    width_percent: float
-    dot_percent: float
     words: str
     learning: str
     is_best: bool
     labels: Layer
     errors: Layer
-    seeds_percent: Sequence[float] = ()
 
 
 @dataclass(frozen=True)
@@ -68,8 +60,7 @@ class Glance:
         The first map with its true labels.
     standings : sequence of Standing
         The most accurate first.
-    ticks : sequence of (float, str)
-        The scale: where, in percent of its width, and what.
+    scale : Scale
     n_more : int
         Methods that are not drawn.
     """
@@ -78,7 +69,7 @@ class Glance:
     cost: str
     truth: Layer
     standings: Sequence[Standing]
-    ticks: Sequence[tuple[float, str]]
+    scale: "Scale"
     n_more: int
 
 
@@ -93,38 +84,15 @@ def glance_of(comparison: Comparison) -> Glance | None:
     ends = [_ends(item) for item in shown]
     drawn = [end for pair in ends for end in pair]
     drawn += [found.evaluation.accuracy for item in shown for found in item.by_seed.values()]
-    scale = _Scale.over(min(drawn), max(drawn))
     truth, pictures = thumbnails(comparison, [item.id for item in shown])
     standings = []
-    for item, (low, high), (labels, errors) in zip(shown, ends, pictures, strict=True):
+    for item, interval, layers in zip(shown, ends, pictures, strict=True):
         is_best = comparison.judgement.best("accuracy") == item.id
         words = _standing_words(comparison, ranked[0], item, is_best=is_best)
-        left, right = scale.percent(low), scale.percent(high)
-        dot = scale.percent(item.evaluation.accuracy)
-        standings.append(
-            Standing(
-                item,
-                low,
-                high,
-                left,
-                right - left,
-                dot,
-                words,
-                _learning(item),
-                is_best,
-                labels,
-                errors,
-                [scale.percent(found.evaluation.accuracy) for found in item.by_seed.values()],
-            )
-        )
-    return Glance(
-        _headline(comparison, first, second),
-        f"{_cost(first)}; {_cost(second)}.",
-        truth,
-        standings,
-        scale.ticks(),
-        len(ranked) - len(shown),
-    )
+        standings.append(Standing(item, *interval, words, _learning(item), is_best, *layers))
+    headline, cost = _headline(comparison, first, second), f"{_cost(first)}; {_cost(second)}."
+    scale = Scale.over(min(drawn), max(drawn))
+    return Glance(headline, cost, truth, standings, scale, len(ranked) - len(shown))
 
 
 def _pair(ranked: Sequence[MethodResult]) -> tuple[MethodResult, MethodResult]:
@@ -145,23 +113,17 @@ def _ends(method: MethodResult) -> tuple[float, float]:
 def _headline(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
     found = comparison.judgement.between(first.id, second.id)
     unit = comparison.unit
-    values = (
-        f"{100 * first.evaluation.accuracy:.1f} against {100 * second.evaluation.accuracy:.1f} %"
-    )
-    points = difference_words(found)
-    if found.winner is None:
-        return (
-            f"No difference is shown between {first.id} and {second.id}: {values} of the "
-            f"{unit}s are right, {points}"
-        )
-    return f"{first.id} labels more {unit}s correctly than {second.id}: {values}, {points}"
+    one, other = (100 * item.evaluation.accuracy for item in (first, second))
+    values, points = f"{one:.1f} against {other:.1f} %", difference_words(found)
+    if found.winner is not None:
+        return f"{first.id} labels more {unit}s correctly than {second.id}: {values}, {points}"
+    pair = f"{first.id} and {second.id}"
+    return f"No difference is shown between {pair}: {values} of the {unit}s are right, {points}"
 
 
 def difference_words(found: Difference) -> str:
     """A difference with its interval and its buildings, in words."""
-    low, high = (100 * value for value in (found.interval.low, found.interval.high))
-    text = f"a difference of {_points(100 * found.interval.estimate)} "
-    text += f"(95 %: {_signed(low)} to {_signed(high)})"
+    text = f"a difference of {_points(100 * found.interval.estimate)} (95 %: {_span(found)})"
     signs = found.buildings
     if signs.n_buildings > 1:
         text += f", ahead in {signs.better} and behind in {signs.worse} of {signs.n_buildings} "
@@ -184,20 +146,23 @@ def _standing_words(
     ):
         return f"the same labels as {top.id}"
     found = comparison.judgement.between(top.id, method.id)
-    low, high = (100 * value for value in (found.interval.low, found.interval.high))
-    behind = f"{_points(100 * found.interval.estimate)} behind {top.id} "
-    behind += f"({_signed(low)} to {_signed(high)})"
+    behind = f"{_points(100 * found.interval.estimate)} behind {top.id} ({_span(found)})"
     return behind if found.winner == top.id else f"{behind}: not beyond chance"
 
 
+def _number(value: float) -> str:
+    return f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
+
+
 def _points(value: float) -> str:
-    shown = f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
+    shown = _number(value)
     return f"{shown} point{'' if shown == '1.0' else 's'}"
 
 
-def _signed(value: float) -> str:
-    shown = f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
-    return shown.replace("-", "−")
+def _span(found: Difference) -> str:
+    """The ends of the interval of a difference, with a proper minus sign."""
+    low, high = found.interval.low, found.interval.high
+    return f"{_number(100 * low)} to {_number(100 * high)}".replace("-", "−")
 
 
 def _cost(method: MethodResult) -> str:
@@ -221,7 +186,7 @@ def _duration(seconds: float) -> str:
 
 
 @dataclass(frozen=True)
-class _Scale:
+class Scale:
     """Shares from ``low`` to ``high`` in steps of ``step``."""
 
     low: float
@@ -229,7 +194,7 @@ class _Scale:
     step: float
 
     @classmethod
-    def over(cls, low: float, high: float) -> "_Scale":
+    def over(cls, low: float, high: float) -> "Scale":
         """At most five steps that hold both ends."""
         for step in STEPS:
             first = np.floor(low / step + 1e-9) * step

@@ -110,28 +110,31 @@ def thumbnails(
     comparison: Comparison, methods: Sequence[str]
 ) -> tuple[Layer, list[tuple[Layer, Layer]]]:
     """The first test map small: its truth, and the labels and errors of each method by its id."""
-    item, names = comparison.maps[0], comparison.label_names
-    view = _view(item, _THUMBNAIL_PIXELS)
-    truth = item.layout.to_raster(item.node_truth, fill=-1)
-    canvas = label_canvas(item.grid, truth, names, view)
-    by_id = {method.id: method for method in comparison.methods}
-    pairs = [_pair(0, item, by_id[name], (truth, names), view) for name in methods]
-    return Layer(0, "Ground truth", f"{item.name}: ground truth", "ground truth", canvas), pairs
+    truth, pairs = _pictures(comparison, 0, _THUMBNAIL_PIXELS)
+    by_id = dict(pairs)
+    return truth, [by_id[name] for name in methods]
 
 
 def _layers(comparison: Comparison, index: int, most_pixels: int) -> MapLayers:
+    item = comparison.maps[index]
+    truth, methods = _pictures(comparison, index, most_pixels)
+    along_path = list(_along_path(comparison, index, item))
+    return MapLayers(item.name, _facts(item), truth, methods, along_path)
+
+
+def _pictures(
+    comparison: Comparison, index: int, most_pixels: int
+) -> tuple[Layer, list[tuple[str, tuple[Layer, Layer]]]]:
+    """The truth of a map, and for each method by its id its labels and its errors."""
     item, names = comparison.maps[index], comparison.label_names
     view = _view(item, most_pixels)
     truth = item.layout.to_raster(item.node_truth, fill=-1)
     canvas = label_canvas(item.grid, truth, names, view)
     first = Layer(index, "Ground truth", f"{item.name}: ground truth", "ground truth", canvas)
-    methods = [
+    return first, [
         (method.id, _pair(index, item, method, (truth, names), view))
         for method in comparison.methods
     ]
-    return MapLayers(
-        item.name, _facts(item), first, methods, list(_along_path(comparison, index, item))
-    )
 
 
 def _along_path(comparison: Comparison, index: int, item: TestItem) -> Iterator[tuple[str, str]]:
@@ -185,11 +188,7 @@ def _facts(item: TestItem) -> list[tuple[str, str]]:
     if isinstance(item, TestDrive):
         path = item.trajectory
         labelled = f"{len(path):,} steps over {path.path_length_m:,.0f} m"
-    return [
-        ("map", size),
-        ("labelled", labelled),
-        evaluated,
-    ]
+    return [("map", size), ("labelled", labelled), evaluated]
 
 
 def probability_layers(comparison: Comparison) -> list[tuple[str, list[Layer]]]:

@@ -1,11 +1,11 @@
 """The route graph of a topological map: its files, its picture, and a summary."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.places.exports import ROUTE_FILE
@@ -74,9 +74,7 @@ _MOST_PIXELS = 1_000_000
 _LINE, _DISC, _DOOR, _DOT, _NAME = 2.0, 13.0, 9.0, 4.0, 13
 
 
-def route_drawing(
-    topology: TopologicalMap, routes: RouteGraph, *, title: str | None = None
-) -> Drawing:
+def route_drawing(topology: TopologicalMap, routes: RouteGraph) -> Drawing:
     """Nodes and edges over the places; places that cannot be reached are named in red.
 
     Places that the robot keeps out of are hatched.
@@ -97,28 +95,29 @@ def route_drawing(
     canvas = paled_canvas(topology.grid, labels, topology.label_names, view)
 
     def draw(panel: Drawing, scale: int) -> None:
-        points = [node.point_m for node in routes.nodes]
-        at = scale * view.pixels_at_m(topology.grid, np.reshape(points, (-1, 2)))
+        def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
+            return scale * view.pixels_at_m(topology.grid, points_m)
+
+        at = pixels([node.point_m for node in routes.nodes])
         for edge in routes.edges:
             panel.line(at[[edge.first, edge.second]], colour=INK, width=_LINE)
         _draw_nodes(panel, topology, routes, at)
-        lost = [topology.place(number) for number in routes.unreachable]
-        crossed = [region.anchor_m for region in lost]
-        spots = scale * view.pixels_at_m(topology.grid, np.reshape(crossed, (-1, 2)))
-        _draw_lost(panel, spots)
-        shut = [topology.place(number).anchor_m for number in routes.closed]
-        closed = scale * view.pixels_at_m(topology.grid, np.reshape(shut, (-1, 2)))
-        _draw_names(panel, topology, routes, at, {"lost": spots, "closed": closed})
+        for x, y in pixels([topology.place(n).anchor_m for n in routes.unreachable]).tolist():
+            for slope in (-1, 1):
+                ends = [[x - 6, y - 6 * slope], [x + 6, y + 6 * slope]]
+                panel.line(ends, colour=ERROR, width=3)
+        _draw_names(panel, topology, routes, at, pixels)
 
-    n_nodes, n_edges = len(routes.nodes), len(routes.edges)
-    line = f"{n_nodes} nodes, {n_edges} edges, for a robot with a radius of "
+    line = (
+        f"{len(routes.nodes)} nodes, {len(routes.edges)} edges, for a robot with a radius of "
+        f"{routes.robot_radius_m:g} m"
+    )
     entries = [*label_swatches(topology.label_names)]
     if routes.unreachable:
         entries.append(Swatch("cannot be reached", ERROR))
     if routes.closed:
         entries.append(Swatch("to keep out of", IGNORED, hatched=True))
-    panel = Panel(canvas, f"{line}{routes.robot_radius_m:g} m", draw)
-    return sheet([panel], title=title, legend=entries, long_side=1800)
+    return sheet([Panel(canvas, line, draw)], legend=entries, long_side=1800)
 
 
 def _draw_nodes(
@@ -135,22 +134,15 @@ def _draw_nodes(
             panel.disc((x, y), diameter=_DISC, fill=colours[label], edge=INK)
 
 
-def _draw_lost(panel: Drawing, spots: NDArray[np.float64]) -> None:
-    for x, y in spots.tolist():
-        for slope in (-1, 1):
-            ends = np.array([[x - 6, y - 6 * slope], [x + 6, y + 6 * slope]])
-            panel.line(ends, colour=ERROR, width=3)
-
-
 def _draw_names(
     panel: Drawing,
     topology: TopologicalMap,
     routes: RouteGraph,
     at: NDArray[np.float64],
-    spots_of: Mapping[str, NDArray[np.float64]],
+    pixels: Callable[[ArrayLike], NDArray[np.float64]],
 ) -> None:
     """The names of places other than doorways, and of all that it cannot or must not reach."""
-    doors, names, discs, colours = [], [], [], []
+    doors, named = [], []
     for node, point in zip(routes.nodes, at, strict=True):
         region = topology.place(node.region)
         if not node.is_anchor or region.id in routes.unreachable:
@@ -158,17 +150,13 @@ def _draw_names(
         if region.label == topology.doorway_label:
             doors.append(point)
         else:
-            names.append(region.name)
-            discs.append(point)
-            colours.append(INK)
-    for numbers, kind, colour in (
-        (routes.unreachable, "lost", ERROR),
-        (routes.closed, "closed", INK),
-    ):
-        for number, point in zip(numbers, spots_of[kind], strict=True):
-            names.append(topology.place(number).name)
-            discs.append(point)
-            colours.append(colour)
+            named.append((region.name, point, INK))
+    for numbers, colour in ((routes.unreachable, ERROR), (routes.closed, INK)):
+        places = map(topology.place, numbers)
+        named += [(item.name, pixels(item.anchor_m)[0], colour) for item in places]
+    if not named:
+        return
+    names, discs, colours = zip(*named, strict=True)
     spots = name_spots(names, discs, doors, size=_NAME, radius=_DISC / 2)
     for name, colour, (x, y) in zip(names, colours, spots.tolist(), strict=True):
         panel.text(x, y, name, size=_NAME, centred=True, halo=2, colour=colour)

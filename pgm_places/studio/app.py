@@ -4,7 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Mapping
-from importlib.resources import files
+from pathlib import Path, PurePath
 from typing import Any
 
 from starlette.applications import Starlette
@@ -20,6 +20,7 @@ from pgm_places.studio.guard import Guard
 from pgm_places.studio.reasons import reasons_record
 from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
 from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.tiles import Theme
 
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -33,12 +34,8 @@ WAIT_S, LOOK_S = 20.0, 0.04
 
 def static_files() -> dict[str, bytes]:
     """The page's own files by name: nothing else on the disk is ever sent."""
-    folder = files("pgm_places.studio") / "static"
-    return {
-        item.name: item.read_bytes()
-        for item in folder.iterdir()
-        if item.is_file() and "." + item.name.rpartition(".")[2] in KINDS
-    }
+    folder = Path(__file__).parent / "static"
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in KINDS}
 
 
 class _Files:
@@ -47,22 +44,16 @@ class _Files:
     def __init__(self, page: str) -> None:
         self.static, self._page = static_files(), page
 
-    def page(self, _: Request) -> Response:
-        return self._static(self._page)
-
     def file(self, request: Request) -> Response:
-        return self._static(request.path_params["name"])
-
-    def _static(self, name: str) -> Response:
-        content = self.static.get(name)
-        if content is None:
+        name = request.path_params.get("name", self._page)
+        if name not in self.static:
             return PlainTextResponse("no such file", 404)
-        kind = KINDS["." + name.rpartition(".")[2]]
-        return Response(content, headers={"content-type": kind, "cache-control": "no-cache"})
+        headers = {"content-type": KINDS[PurePath(name).suffix], "cache-control": "no-cache"}
+        return Response(self.static[name], headers=headers)
 
     @property
     def routes(self) -> list[Route]:
-        return [Route("/", self.page), Route("/static/{name}", self.file)]
+        return [Route("/", self.file), Route("/static/{name}", self.file)]
 
 
 class _Overview(_Files):
@@ -131,10 +122,7 @@ class _Answers(_Files):
         return _json({} if taught is None else places_record(taught))
 
     def cell(self, request: Request) -> Response:
-        point = [float(request.query_params[name]) for name in ("x", "y")]
-        if not all(abs(value) < 1e9 for value in point):
-            raise InputError("x and y must be finite numbers of cells")
-        return _json(cell_record(self.desk, *point))
+        return _json(cell_record(self.desk, *_numbers(request, "x", "y")))
 
     async def parts(self, request: Request) -> Response:
         """How many places a place looks like."""
@@ -143,32 +131,22 @@ class _Answers(_Files):
 
     def door_line(self, request: Request) -> Response:
         """Where a doorway would end that is drawn along two points."""
-        x1, y1, x2, y2 = (float(request.query_params[name]) for name in ("x1", "y1", "x2", "y2"))
-        if not all(abs(value) < 1e9 for value in (x1, y1, x2, y2)):
-            raise InputError("x1, y1, x2 and y2 must be finite numbers of cells")
+        x1, y1, x2, y2 = _numbers(request, "x1", "y1", "x2", "y2")
         return _json({"ends": self.desk.door_line([(x1, y1), (x2, y2)])})
 
     def reasons(self, request: Request) -> Response:
         taught = self.desk.taught
         if taught is None:
             raise InputError("there are no labels yet; wait until the map has been labelled")
-        x_m, y_m = (float(request.query_params[name]) for name in ("x_m", "y_m"))
-        return _json(reasons_record(taught, x_m, y_m))
+        return _json(reasons_record(taught, *_numbers(request, "x_m", "y_m")))
 
     def drive(self, _: Request) -> Response:
         return _json(drive_record(self.desk))
 
     def tile(self, request: Request) -> Response:
-        where = request.path_params
-        theme = request.query_params.get("theme")
-        content = self.desk.layers.tile(
-            where["layer"],
-            where["level"],
-            where["row"],
-            where["column"],
-            classes=self.desk.painting.classes,
-            theme="dark" if theme == "dark" else "light",
-        )
+        theme: Theme = "dark" if request.query_params.get("theme") == "dark" else "light"
+        classes = self.desk.painting.classes
+        content = self.desk.layers.tile(**request.path_params, classes=classes, theme=theme)
         headers = {"cache-control": "private, max-age=3600, immutable"}  # addresses have a version
         return Response(content, media_type="image/png", headers=headers)
 
@@ -176,8 +154,8 @@ class _Answers(_Files):
         body = await _body(request)
         desk = await run_in_threadpool(lambda: self.desk)
         remark = await run_in_threadpool(desk.edit, body)
-        answer = {"tick": desk.tick, "revision": desk.painting.revision}
-        return _json({**answer, "remark": remark})
+        revision = desk.painting.revision
+        return _json({"tick": desk.tick, "revision": revision, "remark": remark})
 
     def exports(self, request: Request) -> Response:
         """What can be written into a folder, and what of it is older than the paint."""
@@ -212,6 +190,14 @@ class _Answers(_Files):
             Route("/exports", self.exports),
             Route("/export", self.export, methods=["POST"]),
         ]
+
+
+def _numbers(request: Request, *names: str) -> list[float]:
+    """Numbers from the address."""
+    values = [float(request.query_params[name]) for name in names]
+    if not all(abs(value) < 1e9 for value in values):
+        raise InputError(f"{', '.join(names)} must be finite numbers")
+    return values
 
 
 async def _body(request: Request) -> Mapping[str, Any]:

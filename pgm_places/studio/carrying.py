@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.staging import as_output_errors
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.raster_shift import overlap, shifted
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.journal import Journal, subject_of
 from pgm_places.studio.painting import Painting
@@ -144,32 +144,6 @@ def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int,
         new.rename((x, y), name, [])
     kept = new.n_painted
     return kept, was_painted - kept
-
-
-def shifted(
-    raster: NDArray[np.int16], shift: tuple[int, int], shape: tuple[int, int], fill: int
-) -> NDArray[np.int16]:
-    """(H, W) a raster moved by rows and columns onto another shape, ``fill`` where it is not."""
-    found = np.full(shape, fill, raster.dtype)
-    here, there = overlap(shift, raster.shape, shape)
-    found[there] = raster[here]
-    return found
-
-
-Window = tuple[slice, slice]
-
-
-def overlap(
-    shift: tuple[int, int], before: tuple[int, ...], after: tuple[int, ...]
-) -> tuple[Window, Window]:
-    """The window of a raster that a shift moves into another, and where it is there."""
-    here, there = [], []
-    for step, n_before, n_after in zip(shift, before, after, strict=True):
-        first, last = max(0, -step), min(n_before, n_after - step)
-        last = max(first, last)
-        here.append(slice(first, last))
-        there.append(slice(first + step, last + step))
-    return (here[0], here[1]), (there[0], there[1])
 
 
 def map_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int] | None:

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 
+LEAST_M2 = 0.5
+"""Less is not worth a word."""
+
 
 @dataclass(frozen=True, eq=False)
 class Changes:
@@ -44,7 +47,7 @@ class Changes:
         area_m2 = counts * resolution_m**2
         return cls(cells, {int(k): float(area_m2[k]) for k in np.flatnonzero(counts)})
 
-    def words(self, names: Sequence[str], least_m2: float = 0.5) -> str:
+    def words(self, names: Sequence[str]) -> str:
         """What became what, the most first; empty where it is hardly anything.
 
         Examples
@@ -55,7 +58,7 @@ class Changes:
         '3.0 m² became room, 1.0 m² lab'
         """
         listed = sorted(self.became_m2.items(), key=lambda item: -item[1])
-        told = [(k, area) for k, area in listed if area >= least_m2]
+        told = [(k, area) for k, area in listed if area >= LEAST_M2]
         return ", ".join(
             f"{area:.1f} m²{'' if number else ' became'} {names[k]}"
             for number, (k, area) in enumerate(told)

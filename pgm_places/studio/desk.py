@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
+
+Point = tuple[float, float]
+"""x and y, in cells or in metres."""
 
 NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it from wall to wall."
 
@@ -170,20 +174,20 @@ class Desk:
         OutputError
             The journal cannot be written; nothing has changed then.
         """
-        kind = request.get("kind")
-        if not isinstance(kind, str) or kind not in _EDITS:
-            raise InputError(f"unknown edit {str(kind)[:40]!r}")
-        values = {key: value for key, value in request.items() if key != "kind"}
+        values = dict(request)
+        kind = str(values.pop("kind", None))
+        edit = getattr(self, f"_edit_{kind}", None)
+        if edit is None:
+            raise InputError(f"unknown edit {kind[:40]!r}")
         with self._lock:
-            before = self.painting.labels, self.painting.classes.names
+            before = self.painting.classes.names
             self._remark = ""
-            part = _EDITS[kind](self, **_arguments(kind, values))
+            part = edit(**_arguments(kind, edit, values))
             if part is not None:
                 self.layers.painted(part)
-            self._renumber(before[1], self.painting.classes.names)
+            self._renumber(before, self.painting.classes.names)
             self.moved()
-            relearn = part is not None or before[1] != self.painting.classes.names
-            if relearn or kind == "learn":
+            if part is not None or before != self.painting.classes.names or kind == "learn":
                 self._ask()
             return self._remark
 
@@ -209,14 +213,12 @@ class Desk:
 
     @property
     def _limits(self) -> Limits:
-        names = self.painting.classes.names
-        doorway = (
-            names.index(self.rules.doorway_label) if self.rules.doorway_label in names else None
-        )
+        names, door = self.painting.classes.names, self.rules.doorway_label
         topology = None if self.lesson is None else self.lesson.taught.topology
+        doorway = names.index(door) if door in names else None
         return Limits(self.painting.labels, doorway, topology)
 
-    def _stroke(
+    def _edit_stroke(
         self, label: int, stroke: Mapping[str, Any], over: int | None = None
     ) -> PaintedPart | None:
         drawn = from_mapping(Stroke, stroke, path="stroke")
@@ -232,18 +234,18 @@ class Desk:
             self._remark = NOTHING_PARTED
         return self.painting.paint_runs(runs, label)
 
-    def _fill(self, label: int, point: tuple[float, float]) -> PaintedPart | None:
-        topology = None if self.lesson is None else self.lesson.taught.topology
-        kept = self._limits.doorway
+    def _edit_fill(self, label: int, point: Point) -> PaintedPart | None:
+        limits = self._limits
+        kept = limits.doorway
         doorway = None if kept is None or label == kept else self._shown_labels == kept
-        runs = fill_cells(self.grid, self.painting.labels, topology, point, doorway)
+        runs = fill_cells(self.grid, limits.paint, limits.topology, point, doorway)
         return self.painting.paint_runs(runs, label)
 
-    def _merge(self, first: int, second: int) -> PaintedPart | None:
+    def _edit_merge(self, first: int, second: int) -> PaintedPart | None:
         runs, name = merge_cells(self._topology.topology, first, second)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
-    def _split(self, region: int) -> PaintedPart | None:
+    def _edit_split(self, region: int) -> PaintedPart | None:
         rooms = self._rooms_in(region)
         if rooms is None:
             raise InputError("this place looks like one; draw a doorway to split it")
@@ -266,49 +268,47 @@ class Desk:
         found = () if lesson is None else hidden_rooms(lesson.taught.topology)
         return next((item for item in found if item.place.id == region), None)
 
-    def _rename(self, point_m: tuple[float, float], name: str) -> None:
-        taught = self._topology
-        region = taught.topology.region_at(*point_m)
+    def _edit_rename(self, point_m: Point, name: str) -> None:
+        topology = self._topology.topology
+        region = topology.region_at(*point_m)
         if region is None:
             raise InputError("there is no place")
-        same = [list(at) for at in self.painting.names if taught.topology.region_at(*at) == region]
-        others = [r.name for r in taught.topology.regions if r.id != region.id]
-        if name in others:
+        if name in [other.name for other in topology.regions if other.id != region.id]:
             raise InputError(f"another place is called {name!r}; choose another name")
+        same = [list(at) for at in self.painting.names if topology.region_at(*at) == region]
         self.painting.rename(point_m, name, same)
 
-    def _class(self, index: int, name: str, colour: str) -> None:
+    def _edit_class(self, index: int, name: str, colour: str) -> None:
         own = () if self.labeler is None else self.labeler.label_names_
         names = self.painting.classes.names
         if index < len(own) and names[index] != name:
             raise InputError(f"the model knows this class as {names[index]!r}; add a new one")
         self.painting.set_class(index, name, colour)
 
-    def _drop(self, index: int) -> PaintedPart | None:
+    def _edit_drop(self, index: int) -> PaintedPart | None:
         if index < self.n_fixed:
             name = self.painting.classes.names[max(0, index)]
             raise InputError(f"{name!r} belongs to the model or to the labels to compare with")
         return self.painting.drop_class(index)
 
-    def _undo(self) -> PaintedPart | None:
+    def _edit_undo(self) -> PaintedPart | None:
         return self.painting.undo()
 
-    def _redo(self) -> PaintedPart | None:
+    def _edit_redo(self) -> PaintedPart | None:
         return self.painting.redo()
 
-    def _version(self, name: str) -> None:
+    def _edit_version(self, name: str) -> None:
         self.painting.save_version(name)
 
-    def _restore(self, revision: int) -> PaintedPart | None:
+    def _edit_restore(self, revision: int) -> PaintedPart | None:
         return self.painting.restore(revision)
 
-    def _learn(self, on: bool) -> None:
+    def _edit_learn(self, on: bool) -> None:
         self.learns = on
 
     @property
     def _topology(self) -> Taught:
-        taught = self.taught
-        if taught is None:
+        if (taught := self.taught) is None:
             raise InputError("there are no places yet; wait until the map has been labelled")
         return taught
 
@@ -344,53 +344,34 @@ class Desk:
         self.moved()
 
 
-_EDITS: dict[str, Callable[..., PaintedPart | None]] = {
-    "stroke": Desk._stroke,
-    "fill": Desk._fill,
-    "merge": Desk._merge,
-    "split": Desk._split,
-    "rename": Desk._rename,
-    "class": Desk._class,
-    "drop": Desk._drop,
-    "undo": Desk._undo,
-    "redo": Desk._redo,
-    "version": Desk._version,
-    "restore": Desk._restore,
-    "learn": Desk._learn,
-}
-_WANTED: dict[str, dict[str, type]] = {
-    "stroke": {"label": int, "stroke": dict},
-    "fill": {"label": int, "point": tuple},
-    "merge": {"first": int, "second": int},
-    "split": {"region": int},
-    "rename": {"point_m": tuple, "name": str},
-    "class": {"index": int, "name": str, "colour": str},
-    "drop": {"index": int},
-    "version": {"name": str},
-    "restore": {"revision": int},
-    "learn": {"on": bool},
-}
+_TYPES: dict[Any, type] = {Mapping[str, Any]: dict, int | None: int}
+"""What comes for the arguments whose annotation is not a type itself."""
 
 
-_OPTIONAL: dict[str, dict[str, type]] = {"stroke": {"over": int}}
-
-
-def _arguments(kind: str, values: dict[str, Any]) -> dict[str, Any]:
+def _arguments(
+    kind: str, edit: Callable[..., PaintedPart | None], values: Mapping[str, Any]
+) -> dict[str, Any]:
     """The arguments of an edit, each of the type that it wants."""
-    wanted, optional = _WANTED.get(kind, {}), _OPTIONAL.get(kind, {})
-    if not wanted.keys() <= values.keys() <= wanted.keys() | optional.keys():
-        raise InputError(f"{kind!r} takes {', '.join([*wanted, *optional]) or 'nothing'}")
+    parameters = signature(edit).parameters
+    wanted = {name for name, item in parameters.items() if item.default is item.empty}
+    if not wanted <= values.keys() <= parameters.keys():
+        raise InputError(f"{kind!r} takes {', '.join(parameters) or 'nothing'}")
     found = {}
     for name, value in values.items():
-        kind_of = (wanted | optional)[name]
-        if kind_of is tuple:
-            numbers = isinstance(value, list) and len(value) == 2
-            if not numbers or not all(type(part) in (int, float) for part in value):
-                raise InputError(f"{name} must be two numbers")
-            if not all(abs(part) <= 1e9 for part in value):  # nor NaN
-                raise InputError(f"{name} must be two finite numbers")
-            value = (float(value[0]), float(value[1]))
-        elif type(value) is not kind_of:
-            raise InputError(f"{name} must be of the type {kind_of.__name__}")
+        annotation = parameters[name].annotation
+        if annotation is Point:
+            found[name] = _point(name, value)
+            continue
+        expected = _TYPES.get(annotation, annotation)
+        if type(value) is not expected:
+            raise InputError(f"{name} must be of the type {expected.__name__}")
         found[name] = value
     return found
+
+
+def _point(name: str, value: Any) -> Point:
+    if not isinstance(value, list) or [type(part) in (int, float) for part in value] != [True] * 2:
+        raise InputError(f"{name} must be two numbers")
+    if not all(abs(part) <= 1e9 for part in value):  # nor NaN
+        raise InputError(f"{name} must be two finite numbers")
+    return float(value[0]), float(value[1])

@@ -9,10 +9,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.studio.runs import mask_of_runs
 from pgm_places.topology.topological_map import TopologicalMap
 
 LONGEST_SNAP_M = 2.0
@@ -118,27 +120,9 @@ def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
     """
     if not len(runs):
         return False
-    margin = int(np.ceil(AROUND_M / grid.resolution_m))
-    first = np.maximum(runs[:, :2].min(axis=0) - margin, 0)
-    ends = np.array([runs[:, 0].max() + 1, (runs[:, 1] + runs[:, 2]).max()])
-    last = np.minimum(ends + margin, grid.shape)
-    window = (slice(first[0], last[0]), slice(first[1], last[1]))
-    line = np.zeros(tuple(last - first), np.bool_)
-    for row, column, length in (runs - [*first, 0]).tolist():
-        line[row, column : column + length] = True
+    window, line = mask_of_runs(runs, grid.shape, int(np.ceil(AROUND_M / grid.resolution_m)))
     pieces = connected_components(grid.free[window] & ~line & ~limits.doorways(*window))
-    beside = pieces.piece[_grown(line)]
+    beside = pieces.piece[binary_dilation(line, np.ones((3, 3), np.bool_))]
     touching = np.unique(beside[beside >= 0])
     large = pieces.size[touching] * grid.resolution_m**2 >= LEAST_M2
     return bool(large.sum() >= 2)
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The cells of a mask and their eight neighbours."""
-    padded = np.pad(mask, 1)
-    rows, columns = mask.shape
-    found = np.zeros_like(mask)
-    for dr in range(3):
-        for dc in range(3):
-            found |= padded[dr : dr + rows, dc : dc + columns]
-    return found

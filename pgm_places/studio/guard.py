@@ -6,9 +6,11 @@ token in the address, nor can it send its own name as ``Host`` or ``Origin`` wit
 
 import asyncio
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 MOST_BYTES = 4 << 20
 """The largest body of a request; an outline with 100 000 points is smaller."""
@@ -31,10 +33,8 @@ HEADERS = {
     "x-frame-options": "DENY",
 }
 
-Message: TypeAlias = MutableMapping[str, Any]
-Receive: TypeAlias = Callable[[], Awaitable[Message]]
-Send: TypeAlias = Callable[[Message], Awaitable[None]]
-Application: TypeAlias = Callable[[Message, Receive, Send], Awaitable[None]]
+_SINGLE = ("host", "origin", "content-type", "content-length", "sec-fetch-site")
+_TOO_LARGE = (413, f"the request is larger than {MOST_BYTES} bytes")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Guard:
         The port that the studio listens on.
     """
 
-    inner: Application
+    inner: ASGIApp
     token: str
     port: int
 
@@ -60,35 +60,36 @@ class Guard:
         """The names under which a browser on this computer may call the studio."""
         return (f"127.0.0.1:{self.port}", f"localhost:{self.port}")
 
-    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one connection."""
         if scope["type"] == "lifespan":
             await self.inner(scope, receive, send)
             return
         if scope["type"] != "http":
             return
+        send, body = _with_headers(send), b""
         problem = self._problem(scope)
-        if problem:
-            await _refuse(send, *problem)
+        if problem is None:
+            try:
+                async with asyncio.timeout(BODY_S):
+                    body = await _whole_body(receive)
+            except TimeoutError:
+                problem = 408, f"the request did not arrive within {BODY_S:.0f} seconds"
+            if len(body) > MOST_BYTES:
+                problem = _TOO_LARGE
+        if problem is not None:
+            status, reason = problem
+            refusal = PlainTextResponse(reason, status, {"connection": "close"})
+            await refusal(scope, receive, send)
             return
-        try:
-            async with asyncio.timeout(BODY_S):
-                body = await _whole_body(receive)
-        except TimeoutError:
-            await _refuse(send, 408, f"the request did not arrive within {BODY_S:.0f} seconds")
-            return
-        if body is None:
-            await _refuse(send, 413, f"the request is larger than {MOST_BYTES} bytes")
-            return
-        prefix = f"/{self.token}"
-        inner = {**scope, "path": scope["path"][len(prefix) :]}
-        inner["raw_path"] = inner["path"].encode()
-        await self.inner(inner, _given(body, receive), _with_headers(send))
+        path = scope["path"].removeprefix(f"/{self.token}")
+        inner = {**scope, "path": path, "raw_path": path.encode()}
+        await self.inner(inner, _given(body, receive), send)
 
-    def _problem(self, scope: Message) -> tuple[int, str] | None:
+    def _problem(self, scope: Scope) -> tuple[int, str] | None:
         """The status and the reason to refuse a request; None where it is good."""
-        headers = _single(scope["headers"])
-        if headers is None:
+        headers = Headers(scope=scope)
+        if any(len(headers.getlist(name)) > 1 for name in _SINGLE):
             return 400, "a header that must be given once was given twice"
         if headers.get("host") not in self.hosts:
             return 403, f"the studio answers only as {self.hosts[0]}; open the address it printed"
@@ -109,31 +110,19 @@ class Guard:
             return 415, "a request must be JSON; files cannot be uploaded"
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length) > MOST_BYTES:
-            return 413, f"the request is larger than {MOST_BYTES} bytes"
+            return _TOO_LARGE
         return None
 
 
-def _single(headers: list[tuple[bytes, bytes]]) -> dict[str, str] | None:
-    """Headers by lower-case name; None where one that the guard looks at stands there twice."""
-    names = [name.lower() for name, _ in headers]
-    for name in (b"host", b"origin", b"content-type", b"content-length", b"sec-fetch-site"):
-        if names.count(name) > 1:
-            return None
-    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in headers}
-
-
-async def _whole_body(receive: Receive) -> bytes | None:
-    """The body; None where it is too large, whatever its length was said to be."""
-    body = b""
-    more = True
-    while more:
+async def _whole_body(receive: Receive) -> bytes:
+    """The body, or more than is allowed of one that is too large, whatever it was said to be."""
+    body, more = b"", True
+    while more and len(body) <= MOST_BYTES:
         message = await receive()
         if message["type"] == "http.disconnect":
             return b""
         body += message.get("body", b"")
         more = message.get("more_body", False)
-        if len(body) > MOST_BYTES:
-            return None
     return body
 
 
@@ -150,15 +139,7 @@ def _given(body: bytes, receive: Receive) -> Receive:
 def _with_headers(send: Send) -> Send:
     async def sent(message: Message) -> None:
         if message["type"] == "http.response.start":
-            extra = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
-            message = {**message, "headers": [*message.get("headers", []), *extra]}
+            MutableHeaders(scope=message).update(HEADERS)
         await send(message)
 
     return sent
-
-
-async def _refuse(send: Send, status: int, reason: str) -> None:
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
-    send = _with_headers(send)
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": reason.encode()})

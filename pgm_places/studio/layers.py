@@ -24,7 +24,6 @@ from pgm_places.studio.tiles import (
     encode_labels,
     encode_map,
     hatched,
-    label_palette,
     png,
     value_colours,
 )
@@ -61,13 +60,13 @@ class Layers:
         self.n_levels = n_levels(grid.shape)
         self._map = Pyramid(grid.cells, encode_map)
         self._paint = Pyramid(paint, encode_labels)
-        self._labels: dict[str, Pyramid] = {}
+        self._labels = {
+            f"{FILE}{k}": Pyramid(labels, encode_labels) for k, labels in enumerate(given.values())
+        }
+        self._given = dict(zip(self._labels, given, strict=True))
         self._values: dict[str, Pyramid] = {}
         self._lesson: Lesson | None = None
         self._changes: Pyramid | None = None
-        self._given = {f"{FILE}{k}": title for k, title in enumerate(given)}
-        for name, labels in zip(self._given, given.values(), strict=True):
-            self._labels[name] = Pyramid(labels, encode_labels)
         self._lock, self._making = threading.Lock(), threading.Lock()
 
     def painted(self, part: PaintedPart) -> None:
@@ -82,14 +81,11 @@ class Layers:
     def learned(self, lesson: Lesson, changes: Changes | None = None) -> None:
         """Labels have changed."""
         with self._lock:
-            for name in [name for name in self._labels if name.startswith(METHOD)]:
-                del self._labels[name]
             self._labels["taught"] = Pyramid(lesson.labels, encode_labels)
             self._labels["unary"] = Pyramid(lesson.unary_labels, encode_labels)
             self._labels.setdefault("before", self._labels["taught"])
-            self._lesson = lesson
-            self._values = {}
             self._changes = None if changes is None else Pyramid(changes.cells, _as_bytes)
+            self._use(lesson)
 
     def renumbered(self, table: NDArray[np.int16], lesson: Lesson) -> None:
         """Classes have other numbers: ``table`` has each, and -1 at its end."""
@@ -97,9 +93,13 @@ class Layers:
             for name in LESSON_SOURCES:
                 if name in self._labels:
                     self._labels[name] = Pyramid(table[self._labels[name].raster], encode_labels)
-            for name in [name for name in self._labels if name.startswith(METHOD)]:
-                del self._labels[name]
-            self._lesson, self._values = lesson, {}
+            self._use(lesson)
+
+    def _use(self, lesson: Lesson) -> None:
+        """Take an answer, and forget what was made of the one before."""
+        self._lesson, self._values = lesson, {}
+        for name in [name for name in self._labels if name.startswith(METHOD)]:
+            del self._labels[name]
 
     @property
     def sources(self) -> dict[str, str]:
@@ -144,27 +144,26 @@ class Layers:
             return png(ground, GROUNDS[theme])
         colours = [item.colour for item in classes.items]
         kind, _, name = layer.partition("-")
-        if layer == "paint":
-            tile = self._on_free(self._paint.tile(*where), ground)
-            lines = [_line_colour(colour) for colour in colours]
-            return png(hatched(tile, len(colours)), [*label_palette(colours), *lines])
-        if kind == "labels":
-            tile = self._on_free(self._labels_of(name).tile(*where), ground)
-            return png(tile, label_palette(colours))
         if kind == "errors" and self.truth is not None:
             return png(self._errors(name, where, ground), ERRORS)
-        if layer == "changes":
+        if layer == "paint":
+            pyramid = self._paint
+        elif kind == "labels":
+            pyramid = self._labels_of(name)
+        elif layer == "changes":
             if self._changes is None:
                 raise InputError("no labels have changed yet")
-            return png(self._on_free(self._changes.tile(*where), ground), [CLEAR, FLASH])
-        if layer == "entropy" or kind == "probability":
-            tile = self._on_free(self._value(layer, name).tile(*where), ground)
-            return png(tile, [CLEAR, *value_colours(kind, theme)[1:]])
-        raise InputError(f"there is no layer {layer[:40]!r}")
-
-    def _on_free(self, tile: NDArray[np.uint8], ground: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """A tile without what its larger pixels spread over walls."""
-        return np.where(ground == FREE_VALUE, tile, np.uint8(0))
+            pyramid, colours = self._changes, [FLASH]
+        elif layer == "entropy" or kind == "probability":
+            pyramid, colours = self._value(layer, name), value_colours(kind, theme)[1:]
+        else:
+            raise InputError(f"there is no layer {layer[:40]!r}")
+        # Without what larger pixels spread over walls.
+        tile = np.where(ground == FREE_VALUE, pyramid.tile(*where), np.uint8(0))
+        if layer == "paint":
+            tile = hatched(tile, len(colours))
+            colours += [_line_colour(colour) for colour in colours]
+        return png(tile, [CLEAR, *colours])
 
     def _errors(
         self, name: str, where: tuple[int, int, int], ground: NDArray[np.uint8]

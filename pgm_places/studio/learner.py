@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from pgm_places.errors import PgmPlacesError, SolverError
+from pgm_places.errors import PgmPlacesError
 
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
@@ -126,12 +126,11 @@ class Learner(Generic[Question, Answer]):
         try:
             self._done(self._work(question, reported))
         except _Superseded:
-            return ""
+            pass
         except (PgmPlacesError, MemoryError) as error:
             return str(error) or "out of memory"
         except Exception as error:  # noqa: BLE001  the thread must live on, and say what happened
-            kind = SolverError.__name__ if isinstance(error, ArithmeticError) else "internal error"
-            return f"{kind}: {error}; the paint is kept"
+            return f"internal error: {error}; the paint is kept"
         return ""
 
     def _show(self, state: LearnerState) -> None:

@@ -56,12 +56,13 @@ class Pyramid:
         """(256, 256) values of a tile; 0 beyond the raster."""
         if level == 0:
             return self._lowest(row, column)
+        side = TILE << level
+        if row * side >= self.shape[0] or column * side >= self.shape[1]:
+            return np.zeros((TILE, TILE), np.uint8)
         key = (level, row, column)
-        found = self._kept.get(key)
-        if found is None:
-            found = self._reduced(level, row, column)
-            self._kept[key] = found
-        return found
+        if key not in self._kept:
+            self._kept[key] = self._reduced(level, row, column)
+        return self._kept[key]
 
     def changed(self, rows: slice, columns: slice) -> None:
         """Forget the tiles that show a part of the raster, which has been written to."""
@@ -81,24 +82,10 @@ class Pyramid:
         stop = height - row * TILE
         part = self.raster[max(0, stop - TILE) : max(0, stop)][::-1]
         part = self._encode(part[:, column * TILE : (column + 1) * TILE])
-        if part.shape == (TILE, TILE):
-            return part
-        tile = np.zeros((TILE, TILE), np.uint8)
-        tile[: part.shape[0], : part.shape[1]] = part
-        return tile
+        return np.pad(part, [(0, TILE - length) for length in part.shape])
 
     def _reduced(self, level: int, row: int, column: int) -> NDArray[np.uint8]:
-        half = TILE // 2
-        tile = np.zeros((TILE, TILE), np.uint8)
-        side = TILE << (level - 1)
-        for down in range(2):
-            for right in range(2):
-                y, x = 2 * row + down, 2 * column + right
-                if y * side >= self.shape[0] or x * side >= self.shape[1]:
-                    continue
-                below = self.tile(level - 1, y, x)
-                pairs = np.maximum(below[::2], below[1::2])
-                tile[down * half :, right * half :][:half, :half] = np.maximum(
-                    pairs[:, ::2], pairs[:, 1::2]
-                )
-        return tile
+        rows, columns = (2 * row, 2 * row + 1), (2 * column, 2 * column + 1)
+        below = np.block([[self.tile(level - 1, y, x) for x in columns] for y in rows])
+        pairs = np.maximum(below[::2], below[1::2])
+        return np.maximum(pairs[:, ::2], pairs[:, 1::2])

@@ -1,5 +1,6 @@
 """Reasons: why a cell has its label, as plain data for the browser."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def reasons_record(taught: Taught, x_m: float, y_m: float) -> dict[str, Any]:
                 "log_odds": question.log_odds,
                 "from_scan": question.from_scan,
                 "from_spaces": question.from_spaces,
-                "votes": [_vote(vote) for vote in _strongest(question.votes)],
+                "votes": [asdict(vote) for vote in _strongest(question.votes)],
             }
             for question in found.questions
         ],
@@ -52,13 +53,3 @@ def _strongest(votes: tuple[FeatureVote, ...]) -> list[FeatureVote]:
     """The strongest votes for and against, those for first."""
     signs = ([v for v in votes if v.log_odds > 0], [v for v in votes if v.log_odds < 0])
     return [vote for same in signs for vote in same[:MOST_VOTES]]
-
-
-def _vote(vote: FeatureVote) -> dict[str, Any]:
-    return {
-        "name": vote.name,
-        "of_space": vote.of_space,
-        "value": float(vote.value),
-        "threshold": float(vote.threshold),
-        "log_odds": vote.log_odds,
-    }

@@ -1,10 +1,14 @@
 """What the browser is told about the desk, as plain data."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from pgm_places.io.places.region_features import gate_record, region_features
+from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.maps.coarsening import Coarsening
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.pyramid import TILE
 from pgm_places.studio.tiles import GROUNDS, value_colours
@@ -17,12 +21,13 @@ LEAST_M2 = 0.05
 """Nothing smaller is shown to be checked: it would read 0.0 m², as doorways without cells do."""
 
 MOST_PATH_POINTS = 20_000
+PLACE_KEYS = ("id", "name", "label", "anchor_m", "box_m")
+"""What the page is told of a place that is to be checked."""
 
 
 def state_record(desk: Desk) -> dict[str, Any]:
     """All that changes, apart from pictures and places."""
-    grid, painting, learner = desk.grid, desk.painting, desk.learner.state
-    lesson = desk.lesson
+    grid, painting, lesson = desk.grid, desk.painting, desk.lesson
     own = () if desk.labeler is None else desk.labeler.label_names_
     return {
         "tick": desk.tick,
@@ -51,18 +56,9 @@ def state_record(desk: Desk) -> dict[str, Any]:
         "painted": painting.n_painted,
         "can_undo": painting.can_undo,
         "can_redo": painting.can_redo,
-        "versions": [
-            {"revision": item.revision, "name": item.name, "saved_at": item.saved_at}
-            for item in painting.versions
-        ],
+        "versions": [asdict(item) for item in painting.versions],
         "learns": desk.learns,
-        "learner": {
-            "working": learner.working,
-            "stage": learner.stage,
-            "fraction": learner.fraction,
-            "stages": learner.stages,
-            "problem": learner.problem,
-        },
+        "learner": asdict(desk.learner.state),
         "lesson": None
         if lesson is None
         else {
@@ -115,32 +111,23 @@ def places_record(taught: Taught) -> dict[str, Any]:
                 "probabilities": region.probabilities,
             }
         )
-    gates = [
-        {**gate_record(gate), "probability": round(probability, 4)}
-        for gate, probability in taught.gates
-    ]
-    checks = [
-        {
-            "id": check.place.id,
-            "name": check.place.name,
-            "label": check.place.label,
-            "anchor_m": list(check.place.anchor_m),
-            "box_m": list(check.place.box_m),
-            "doubt": check.doubt,
-            "doubtful_m2": check.doubtful_m2,
-            "second_label": _second_label(check, topology),
-        }
-        for check in taught.unanswered[:MOST_CHECKS]
-        if min(check.place.area_m2, check.doubtful_m2) >= LEAST_M2
-    ]
     return {
         "regions": regions,
-        "gates": gates,
-        "connections": [
-            {"first": c.first, "second": c.second, "point_m": list(c.point_m), "width_m": c.width_m}
-            for c in topology.connections
+        "gates": [
+            {**gate_record(gate), "probability": round(probability, 4)}
+            for gate, probability in taught.gates
         ],
-        "checks": checks,
+        "connections": [asdict(item) for item in topology.connections],
+        "checks": [
+            {
+                **{name: getattr(check.place, name) for name in PLACE_KEYS},
+                "doubt": check.doubt,
+                "doubtful_m2": check.doubtful_m2,
+                "second_label": _second_label(check, topology),
+            }
+            for check in taught.unanswered[:MOST_CHECKS]
+            if min(check.place.area_m2, check.doubtful_m2) >= LEAST_M2
+        ],
     }
 
 
@@ -174,8 +161,8 @@ def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:
     record["unary"] = _name(names, int(lesson.unary_labels[row, column]))
     region = int(taught.topology.region[row, column])
     record["region"] = region or None
-    record["probabilities"] = _beliefs(taught, row, column, unary=False)
-    record["unary_probabilities"] = _beliefs(taught, row, column, unary=True)
+    for key, found in (("probabilities", taught.labelled), ("unary_probabilities", taught.unary)):
+        record[key] = _beliefs(found, taught.label_names, row, column)
     return record
 
 
@@ -192,18 +179,15 @@ def _name(names: tuple[str, ...], label: int) -> str | None:
     return names[label] if 0 <= label < len(names) else None
 
 
-def _beliefs(taught: Taught, row: int, column: int, *, unary: bool) -> dict[str, float] | None:
-    found = taught.unary if unary else taught.labelled
+def _beliefs(
+    found: LabelledPlaces, names: Sequence[str], row: int, column: int
+) -> dict[str, float] | None:
     beliefs = found.labeling.beliefs
     if beliefs is None:
         return None
-    from pgm_places.maps.coarsening import Coarsening
-
     cell = Coarsening.behind(found.layout, found.grid).holders(np.array([[row, column]]))
     [node] = found.layout.nodes_at(cell).tolist()
     if node < 0:
         return None
-    return {
-        name: round(float(value), 4)
-        for name, value in zip(taught.label_names, beliefs[node], strict=True)
-    }
+    shares = zip(names, beliefs[node].tolist(), strict=True)
+    return {name: round(value, 4) for name, value in shares}

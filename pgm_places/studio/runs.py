@@ -41,13 +41,23 @@ def runs_over(runs: NDArray[np.int64], labels: NDArray[np.int16], label: int) ->
     """
     if not len(runs):
         return runs
-    first = runs[:, :2].min(axis=0)
-    last = (int(runs[:, 0].max()) + 1, int((runs[:, 1] + runs[:, 2]).max()))
-    window = labels[first[0] : last[0], first[1] : last[1]]
-    mask = np.zeros(window.shape, np.bool_)
-    for row, column, length in (runs - [*first, 0]).tolist():
+    window, mask = mask_of_runs(runs, labels.shape)
+    rows, columns = window
+    return runs_of_mask(mask & (labels[window] == label), (rows.start, columns.start))
+
+
+def mask_of_runs(
+    runs: NDArray[np.int64], shape: tuple[int, ...], margin: int = 0
+) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
+    """The window of a raster around some runs, and what is theirs in it."""
+    low = np.maximum(runs[:, :2].min(axis=0) - margin, 0)
+    ends = np.array([runs[:, 0].max() + 1, (runs[:, 1] + runs[:, 2]).max()])
+    high = np.minimum(ends + margin, shape)
+    mask = np.zeros(high - low, np.bool_)
+    for row, column, length in (runs - [*low, 0]).tolist():
         mask[row, column : column + length] = True
-    return runs_of_mask(mask & (window == label), (int(first[0]), int(first[1])))
+    (bottom, left), (top, right) = low.tolist(), high.tolist()
+    return (slice(bottom, top), slice(left, right)), mask
 
 
 def checked_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:

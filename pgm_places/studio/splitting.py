@@ -18,17 +18,7 @@ def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -
     radius = max(1.0, HALF_DEPTH_M / grid.resolution_m)
     found = [np.empty((0, 3), np.int64)]
     for line in lines:
-        (x0, y0), (x1, y1) = (_in_cells(point, grid) for point in line)
-        stroke = Stroke(tool="doorway", points=((x0, y0), (x1, y1)), radius=radius)
+        points = tuple(map(tuple, grid.points_at_m(line).tolist()))
+        stroke = Stroke(tool="doorway", points=points, radius=radius)
         found.append(stroke_cells(stroke, grid, limits))
     return np.concatenate(found)
-
-
-def _in_cells(point_m: tuple[float, float], grid: OccupancyGrid) -> tuple[float, float]:
-    """A point, x before y, in cells from the map's corner."""
-    offset = np.subtract(point_m, grid.origin_xy_m) / grid.resolution_m
-    cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-    return (
-        float(cos * offset[0] + sin * offset[1]),
-        float(cos * offset[1] - sin * offset[0]),
-    )

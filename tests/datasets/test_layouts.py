@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.plan_reading import read_plan
 from pgm_places.datasets.routes import draw_routes
 from pgm_places.datasets.survey import N_RAYS, Tour, mapped
@@ -31,7 +31,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     ),
     "drives": (
         lambda solid: draw_routes(
-            Dice(3, 0), SCALE, solid, ROOMS, PASSAGES, n_routes=1, coverage=1.0
+            Dice(3, 0, SCALE), solid, ROOMS, PASSAGES, n_routes=1, coverage=1.0
         ),
         (SOLID,),
     ),

@@ -9,8 +9,8 @@ from scipy import ndimage
 
 from pgm_places import LabelledMap, OccupancyGrid
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
-from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Rect, Scale
+from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.plan_reading import read_plan
 from pgm_places.errors import ConfigError, InputError, LabelError
 from tests.datasets.test_building import digest
