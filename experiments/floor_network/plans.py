@@ -17,13 +17,18 @@ from experiments.paper.setting import Setting
 from experiments.unseen_kinds import _RECIPES, scored_unseen
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
+from pgm_places.labelers.place_problem import doorways_at_gates
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.places import places_between
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
 N_FOLDS_OF_LISTS = 6
-STEPS = ("lists alone", "networks alone", "lists and networks")
+STEPS = ("lists alone", "networks alone", "both, at gates", "and doorways 0.8 m deep")
+DEPTH_M = 0.8
+"""The depth of doorways on drawn floors."""
 
 
 def measure_plans(data: Path, kept: Path, n_threads: int | None, progress: Progress) -> None:
@@ -63,7 +68,10 @@ def _measure(scored: Sequence[Scored], data: Path, kept: Path, progress: Progres
 def _steps(
     item: Scored, log_z: NDArray[np.float64], model: FloorModel, doors: MapDoors
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """What the list alone, a network alone, and both say of the lattice's cells."""
+    """What the list alone, a network alone, and both say of the lattice's cells.
+
+    Of both, doorways are kept at accepted gates, once as deep as was learned.
+    """
     grid, lattice = item.sample.known.item.grid, item.sample.lattice
     layout, seen = GridLayout.of_mask(lattice, source=grid), doors.judge.seen
     yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY)
@@ -72,11 +80,17 @@ def _steps(
     at_gate = item.at_gate
     if len(doors.gates):
         at_gate = MapSpaces.of(doors.gates, doors.probability).at_gates(layout)
-    yield STEPS[2], with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
+    both = with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
+    gates = Doorways.of(places_between(doors.gates, doors.probability), doors.probability)
+    for step, depth_m in zip(STEPS[2:], (None, DEPTH_M), strict=True):
+        yield step, doorways_at_gates(both, gates, layout, DOORWAY, depth_m)
 
 
 def _table(found: Mapping[str, Mapping[str, Sequence[Evaluation]]]) -> str:
-    lines = [f"| kind | maps | {' | '.join(STEPS)} | error of confidence |", "|---" * 6 + "|"]
+    lines = [
+        f"| kind | maps | {' | '.join(STEPS)} | error of confidence |",
+        "|---" * (len(STEPS) + 3) + "|",
+    ]
     for kind, steps in sorted(found.items()):
         figures = [" / ".join(f"{100 * v:.1f}" for v in _means(steps[step])) for step in STEPS]
         error = Evaluation.merged(steps[STEPS[2]]).expected_calibration_error or 0.0

@@ -337,9 +337,10 @@ class PlaceLabeler(Labeler):
         if method.unary in ("laser", "context"):
             return problem
         space = self.unary_model_.space
-        depth_m = None if space is None or space.gates is None else self.doorway_depth_m
-        doorway = None if space is None else space.doorway
-        return along_spaces(problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces)
+        doorway = None if space is None or space.gates is None else space.doorway
+        return along_spaces(
+            problem, scores, doorway, self.doorway_depth_m, whole_spaces=self.whole_spaces
+        )
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import ROWS_AT_ONCE, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
@@ -16,27 +16,28 @@ from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
 _NEAR_M, _BESIDE_M = 1.0, 0.3
-"""Cells so far before, behind and beside a gate are its doorway or none."""
+"""Cells so far before, behind and beside a gate may be its doorway."""
 
 _LOG_FLOOR = np.log(0.02)
-"""What is left of a doorway's log-odds where there is no gate, too."""
+"""What is added to a doorway's log-odds where there is no gate."""
 
 _SURE = 0.5
 
 
-def with_doorway_depth(
+def doorways_at_gates(
     log_z: NDArray[np.float64],
     doorways: Doorways,
     layout: GridLayout,
     doorway: int,
-    depth_m: float,
+    depth_m: float | None = None,
 ) -> NDArray[np.float64]:
-    """The scores of cells, doorways at gates no deeper than ``depth_m`` along the passage.
+    """The scores of cells, doorways only at gates, and no deeper than ``depth_m``.
 
-    Around each gate, the odds of a doorway are multiplied by 0.02 where a cell is farther than half
-    the depth from the gate's middle along its heading. Where the cells within are no likely doorway
-    (a mean probability of at most a half) but others around the gate are, the gate lies beside its
-    doorway, and the middle is that of the likely cells.
+    The odds of a doorway are multiplied by 0.02 wherever a cell is more than 1 m before or behind
+    each gate, or more than 0.3 m beside it. Where a depth is given, so they are where a cell is
+    farther than half the depth from the gate's middle along its heading. Where the cells within are
+    no likely doorway (a mean probability of at most a half) but others around the gate are, the
+    gate lies beside its doorway, and the middle is that of the likely cells.
 
     Parameters
     ----------
@@ -47,14 +48,16 @@ def with_doorway_depth(
     layout : GridLayout
     doorway : int
         The label of doorways.
-    depth_m : float
+    depth_m : float, optional
+        By default doorways are as deep as was learned.
     """
-    near, kept = np.zeros(len(log_z), np.bool_), np.zeros(len(log_z), np.bool_)
+    kept = np.zeros(len(log_z), np.bool_)
     for gate in doorways.gates:
         cells = gate.cells(doorways.grid, wider_m=_BESIDE_M, deeper_m=_NEAR_M)
         node = layout.nodes_at(cells)
         cells, node = cells[node >= 0], node[node >= 0]
-        if not len(node):
+        if depth_m is None or not len(node):
+            kept[node] = True
             continue
         along = _along(gate, doorways.grid.cell_centres_m(cells))
         probability = np.exp(log_z[node, doorway])
@@ -62,11 +65,14 @@ def with_doorway_depth(
         likely = probability > _SURE
         if likely.any() and not (inside.any() and probability[inside].mean() > _SURE):
             inside = np.abs(along - along[likely].mean()) <= depth_m / 2
-        near[node], kept[node[inside]] = True, True
-    changed = np.flatnonzero(near & ~kept)
-    lowered = log_z.copy()
-    lowered[changed, doorway] += _LOG_FLOOR
-    lowered[changed] -= np.logaddexp.reduce(lowered[changed].T, axis=0)[:, np.newaxis]
+        kept[node[inside]] = True
+    lowered = np.empty_like(log_z)
+    for first in range(0, len(log_z), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        lowered[some] = log_z[some]
+        elsewhere = first + np.flatnonzero(~kept[some])
+        lowered[elsewhere, doorway] += _LOG_FLOOR
+        lowered[elsewhere] -= np.logaddexp.reduce(lowered[elsewhere].T, axis=0)[:, np.newaxis]
     return lowered
 
 
@@ -106,13 +112,15 @@ def along_spaces(
     *,
     whole_spaces: bool,
 ) -> LabelingProblem:
-    """The problem with doorways as deep as wanted, and with whole spaces, where these are seen."""
+    """The problem with doorways at gates alone, and with whole spaces, where these are seen.
+
+    ``doorway`` is the label of doorways, None where no gates were learned.
+    """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
     unary = problem.unary
-    if doorway_depth_m is not None:
-        assert doorway is not None  # the list of gates has learned it
-        unary = with_doorway_depth(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
+    if doorway is not None:
+        unary = doorways_at_gates(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
     if whole_spaces and scores.segments is not None:
         place, has_gates = None, scores.doorways is not None or scores.spaces is not None
         if problem.known is not None and has_gates:

@@ -1,4 +1,4 @@
-"""Doorways as deep as asked for."""
+"""Doorways at gates alone, and as deep as asked for."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.place_problem import with_doorway_depth
+from pgm_places.labelers.place_problem import doorways_at_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -18,9 +18,9 @@ SHAPE = (9, 30)
 
 
 def _passage(
-    centre_x_m: float, painted: slice
+    centre_x_m: float, painted: slice, depth_m: float | None = 0.4
 ) -> tuple[np.ndarray, np.ndarray, GridLayout, Doorways]:
-    """Scores before and after a depth of 0.4 m, of a passage along x with a gate at 1.5 m."""
+    """Scores before and after, of a passage along x with a gate."""
     grid = OccupancyGrid(np.zeros(SHAPE, np.int8), resolution_m=RESOLUTION_M)
     layout = LabelGraph.from_grid(grid).layout
     assert isinstance(layout, GridLayout)
@@ -29,7 +29,7 @@ def _passage(
     log_z = np.log(p).reshape(-1, 3)
     gate = Gate((centre_x_m, 0.45), 0.0, width_m=0.9, depth_m=0.2)
     doorways = Doorways(grid, (gate,), np.ones(1), np.zeros(SHAPE, np.int16))
-    return log_z, with_doorway_depth(log_z, doorways, layout, 2, 0.4), layout, doorways
+    return log_z, doorways_at_gates(log_z, doorways, layout, 2, depth_m), layout, doorways
 
 
 def _doorway_columns(log_z: np.ndarray, layout: GridLayout) -> list[int]:
@@ -58,10 +58,21 @@ def test_a_gate_beside_its_doorway_is_not_its_middle() -> None:
     assert _doorway_columns(found, layout) == [13, 14, 15, 16]
 
 
-def test_cells_far_from_gates_keep_their_scores() -> None:
-    log_z, found, layout, _ = _passage(1.5, slice(0, 30))
-    same = layout.to_raster((found == log_z).all(axis=1), fill=False)[0]
-    assert same.tolist() == [abs(x - 15 + 0.5) > 11 or abs(x - 15 + 0.5) < 2 for x in range(30)]
+@pytest.mark.parametrize(("depth_m", "reach_m"), [(None, 1.1), (0.4, 0.2)])
+def test_scores_stay_at_gates_alone(depth_m: float | None, reach_m: float) -> None:
+    log_z, found, layout, _ = _passage(1.5, slice(0, 30), depth_m)
+    same = layout.to_raster(np.isclose(found, log_z).all(axis=1), fill=False)
+    centre_m = (np.arange(30) + 0.5) * RESOLUTION_M
+    assert (same == (np.abs(centre_m - 1.5) < reach_m)).all()
+
+
+def test_without_gates_no_doorway_is_left() -> None:
+    grid = OccupancyGrid(np.zeros(SHAPE, np.int8), resolution_m=RESOLUTION_M)
+    layout = LabelGraph.from_grid(grid).layout
+    assert isinstance(layout, GridLayout)
+    log_z = np.log(np.full((layout.n_nodes, 3), (0.06, 0.04, 0.9)))
+    none = Doorways(grid, (), np.ones(0), np.zeros(SHAPE, np.int16))
+    assert (doorways_at_gates(log_z, none, layout, 2).argmax(axis=1) == 0).all()
 
 
 def test_the_shipped_model_labels_doorways_of_the_depth_asked_for() -> None:
