@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.floor.alterations import hang_passage_doors, leave_one_room, put_up_shelves
 from pgm_places.floor.raster import network_inputs, open_cells
 
 SIDE = 320
@@ -62,9 +63,15 @@ def crop(
     if rng.random() < 0.1:
         _double(occupied, free, rng)
     if rng.random() < 0.5:
+        hang_passage_doors(free, occupied, labels, rng)
+    if rng.random() < 0.5:
         _close_doors(free, occupied, labels, rng)
     if floor.drawn and rng.random() < 0.5:
         _furnish(free, occupied, labels, rng)
+    if floor.drawn and rng.random() < 0.3:
+        put_up_shelves(free, occupied, labels, rng)
+    if rng.random() < 0.05:
+        leave_one_room(free, occupied, labels, rng)
     if rng.random() < 0.35:
         _shine_through_windows(free, occupied, rng)
     if rng.random() < 0.4:
