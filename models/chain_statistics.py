@@ -116,7 +116,8 @@ def _logarithm(table: NDArray[np.float64]) -> NDArray[np.complex128]:
 
     one, root, power = np.eye(len(table)), table.astype(np.complex128), 1.0
     while np.linalg.norm(root - one, 1) > _NEAR_IDENTITY:
-        root, power = sqrtm(root), 2.0 * power
+        # SciPy before 1.13 gives complex256, which NumPy cannot solve with.
+        root, power = np.asarray(sqrtm(root), np.complex128), 2.0 * power
     nodes, weights = np.polynomial.legendre.leggauss(_N_NODES)
     logarithm = np.zeros_like(root)
     for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):

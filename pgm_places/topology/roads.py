@@ -215,7 +215,8 @@ class Roads:
 
         pairs = self.joined()
         length = np.hypot(*np.diff(self.at[pairs], axis=1)[:, 0].T)
-        return csr_array((length, pairs.T), (len(self.at), len(self.at)))
+        ends = pairs.T.astype(np.int32)  # Dijkstra of SciPy before 1.13 takes no others
+        return csr_array((length, ends), (len(self.at), len(self.at)))
 
     def joined(self) -> NDArray[np.int64]:
         """(E, 2) the nodes that are joined, the smaller number first."""
