@@ -111,7 +111,7 @@ def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
 
 WORKERS = """
 from pgm_places.batch.local_workers import LocalWorkers
-assert [done.result for done in LocalWorkers(1).run(abs, [-3])] == [3]
+assert [result for _, result in LocalWorkers(1).run(abs, [-3])] == [3]
 """
 MAP_PROCESS = """
 import time
