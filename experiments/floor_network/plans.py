@@ -20,8 +20,6 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.place_problem import doorways_at_gates
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import DoorScores
-from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.places import places_between
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
@@ -77,13 +75,10 @@ def _steps(
     yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY)
     alone = FloorModel((), share=1.0, doorway_share=1.0)
     yield STEPS[1], with_floor(log_z, seen, alone, layout)
-    at_gate = item.at_gate
-    if len(doors.gates):
-        at_gate = MapSpaces.of(doors.gates, doors.probability).at_gates(layout)
-    both = with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
-    gates = Doorways.of(places_between(doors.gates, doors.probability), doors.probability)
+    spaces = MapSpaces.of(doors.gates, doors.probability)
+    both = with_floor(with_gates(log_z, spaces.at_gates(layout), DOORWAY), seen, model, layout)
     for step, depth_m in zip(STEPS[2:], (None, DEPTH_M), strict=True):
-        yield step, doorways_at_gates(both, gates, layout, DOORWAY, depth_m)
+        yield step, doorways_at_gates(both, spaces.doorways, layout, DOORWAY, depth_m)
 
 
 def _table(found: Mapping[str, Mapping[str, Sequence[Evaluation]]]) -> str:

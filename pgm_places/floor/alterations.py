@@ -35,7 +35,10 @@ def hang_passage_doors(
         if ends is None:
             continue
         if rng.random() < 0.25:
-            _stand_out(free, occupied, labels, ends[0], ends[1], rng)
+            across = ends[1] - ends[0]
+            width = float(np.hypot(*across))
+            tip = ends[0] + across / width * min(float(rng.integers(1, 5)), width / 3)
+            _wall(free, occupied, labels, ends[0], tip, rng)
         elif not _near(labels, ends.mean(axis=0), DOORWAY):
             _hang(free, occupied, labels, ends, circulation, rng)
 
@@ -95,19 +98,6 @@ def _hang(
             _wall(free, occupied, labels, corner, corner + leaf * ahead, rng)
     if kind > 0.85:
         _wall(free, occupied, labels, corners[0], (corners[0] + corners[1]) / 2, rng)
-
-
-def _stand_out(
-    free: Bytes,
-    occupied: Bytes,
-    labels: Bytes,
-    end: NDArray[np.float64],
-    other: NDArray[np.float64],
-    rng: np.random.Generator,
-) -> None:
-    width = float(np.hypot(*(other - end)))
-    tip = end + (other - end) / width * min(float(rng.integers(1, 5)), width / 3)
-    _wall(free, occupied, labels, end, tip, rng)
 
 
 def _wall(

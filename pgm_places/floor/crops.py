@@ -62,7 +62,7 @@ def crop(
         occupied = np.asarray(cv2.dilate(occupied, np.ones((2, 2), np.uint8)), np.uint8)
     if rng.random() < 0.1:
         _double(occupied, free, rng)
-    if rng.random() < 0.5:
+    if rng.random() < 0.3:
         hang_passage_doors(free, occupied, labels, rng)
     if rng.random() < 0.5:
         _close_doors(free, occupied, labels, rng)

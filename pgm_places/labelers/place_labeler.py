@@ -337,10 +337,11 @@ class PlaceLabeler(Labeler):
         if method.unary in ("laser", "context"):
             return problem
         space = self.unary_model_.space
-        doorway = None
         # A list with spaces weighs its doorways by gates itself; networks may see more of them.
-        if method.unary == "floor" or self.doorway_depth_m is not None:
-            doorway = None if space is None or space.gates is None else space.doorway
+        at_gates = method.unary == "floor" or self.doorway_depth_m is not None
+        doorway = None
+        if at_gates and space is not None and space.gates is not None:
+            doorway = space.doorway
         return along_spaces(
             problem, scores, doorway, self.doorway_depth_m, whole_spaces=self.whole_spaces
         )

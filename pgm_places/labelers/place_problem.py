@@ -114,7 +114,7 @@ def along_spaces(
 ) -> LabelingProblem:
     """The problem with doorways at gates alone, and with whole spaces, where these are seen.
 
-    ``doorway`` is the label of doorways, None where no gates were learned.
+    ``doorway`` is the label to keep to gates, None for none.
     """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map

@@ -56,11 +56,14 @@ def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) ->
     x, y = positions(8)[number]
     found = explain_cell(taught(), x, y)
     assert found.probabilities_alone is not None
-    elsewhere = log_z(found)  # far from accepted gates, the odds of a doorway are 0.02 of that
-    elsewhere["doorway"] *= 0.02
-    elsewhere = {name: share / sum(elsewhere.values()) for name, share in elsewhere.items()}
-    alone = pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
-    assert log_z(found) == alone or elsewhere == alone
+    shares = log_z(found)
+    doorways = taught().labelled.doorways
+    assert doorways is not None
+    margin = {"wider_m": 0.3, "deeper_m": 1.0}
+    if not any(gate.contains([[x, y]], **margin).any() for gate in doorways.gates):
+        shares["doorway"] *= 0.02  # networks are not believed where no gate is accepted
+        shares = {name: share / sum(shares.values()) for name, share in shares.items()}
+    assert shares == pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
     for question in found.questions:
         whole = question.bias + question.from_scan + question.from_spaces
         assert whole == pytest.approx(question.log_odds, rel=0, abs=1e-9)
