@@ -56,10 +56,8 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, joined, set_weights,
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights
 
-__all__ = ["AssociativeMarkovNetwork"]
-
+# What C="auto" tries.
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0)
-"""What C="auto" tries."""
 
 
 @dataclass(frozen=True, eq=False)

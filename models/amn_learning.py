@@ -23,20 +23,10 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle, potentials_o
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 
-__all__ = [
-    "Learner",
-    "LearningOptions",
-    "choose_completed",
-    "choose_penalty",
-    "learn",
-    "learn_hidden",
-    "weighted",
-]
-
 Learner = Literal["cutting-plane", "qp"]
 
+# Learning is only this exact while C is being chosen: C changes by factors of several.
 SEARCH_TOLERANCE = 1e-2
-"""Learning is only this exact while C is being chosen: C changes by factors of several."""
 
 
 @dataclass(frozen=True)

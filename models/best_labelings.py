@@ -21,10 +21,8 @@ from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_maximum, max_marginals
 from pgm_places.solvers.pairwise import pairwise_model
 
-__all__ = ["BestLabelings", "best_labelings"]
-
+# Numbers in the tables of all nodes together, up to which each labelling is searched exactly.
 MOST_ENTRIES = 4_000_000
-"""Numbers in the tables of all nodes together, up to which each labelling is searched exactly."""
 
 
 @dataclass(frozen=True, eq=False)

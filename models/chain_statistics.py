@@ -11,22 +11,8 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = [
-    "count_table",
-    "counted_tables",
-    "learned_tables",
-    "lighter_ends",
-    "moved_steps",
-    "normalised",
-    "require_chain",
-    "transition_at",
-    "transition_power",
-    "usual_step_m",
-]
-
-
+# Of a table that has a logarithm: below, one step forgets all that was before.
 LEAST_EIGENVALUE = 1e-12
-"""Of a table that has a logarithm: below, one step forgets all that was before."""
 
 _NEAR_IDENTITY, _N_NODES = 0.1, 8
 """The logarithm of what differs from the identity by less, in the 1-norm, is exact to the last

@@ -60,13 +60,11 @@ from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField, beside
 
-__all__ = ["ConditionalRandomField"]
-
+# What C="auto" tries.
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
-"""What C="auto" tries."""
 
+# Of edges on chains: each step has one table, which is shared by all, but many node weights.
 CHAIN_SCALE = 2.0
-"""Of edges on chains: each step has one table, which is shared by all, but many node weights."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,18 +32,6 @@ from pgm_places.solvers.table_margin import (
     table_oracle,
 )
 
-__all__ = [
-    "FieldLearner",
-    "LearningTask",
-    "choose_by_hiding",
-    "choose_link_scale",
-    "choose_penalty",
-    "damped",
-    "learn",
-    "needs_damping",
-    "resolved",
-]
-
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
 
 _KINDS: dict[str, Likelihood] = {
@@ -52,12 +40,12 @@ _KINDS: dict[str, Likelihood] = {
     "piecewise": "piecewise",
 }
 
+# How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
+# single nodes.
 LINK_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
-"""How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
-single nodes."""
 
+# Passes of TRW-S for held-out nodes and for unknown labels.
 DECODING_PASSES = 100
-"""Passes of TRW-S for held-out nodes and for unknown labels."""
 
 
 @dataclass(frozen=True, eq=False)

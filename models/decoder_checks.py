@@ -14,16 +14,14 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import decode
 
-__all__ = ["DecoderReport", "check_decoder", "small_problems"]
-
+# Of potentials, in turn.
 SCALES = (1.0, 1e-12, 1e12)
-"""Of potentials, in turn."""
 
+# Of the potentials of edges to those of nodes, in turn where they are to differ.
 RATIOS = (1e-12, 1e-6, 1e6, 1e12)
-"""Of the potentials of edges to those of nodes, in turn where they are to differ."""
 
+# Of the score and the size of a problem: ten times what counts as proved.
 ROUNDING = 1e-11
-"""Of the score and the size of a problem: ten times what counts as proved."""
 
 MOST_NODES, MOST_LABELS = 8, 3
 

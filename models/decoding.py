@@ -19,19 +19,17 @@ from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 if TYPE_CHECKING:
     from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["decode", "decode_by"]
-
+# A gap below this share of the score and of the problem's size is rounding: it is closed.
 ROUNDING = 1e-12
-"""A gap below this share of the score and of the problem's size is rounding: it is closed."""
 
+# A bound below its own score by more than this share of all magnitudes is no rounding: a lie.
 FALSE = 1e-9
-"""A bound below its own score by more than this share of all magnitudes is no rounding: a lie."""
 
+# A certificate ends when its gap is this share of the problem's size, or its bound at rest.
 CERTIFY_TOLERANCE = 1e-9
-"""A certificate ends when its gap is this share of the problem's size, or its bound at rest."""
 
+# Passes of TRW-S for a certificate; on maps the bound has all but come to rest by then.
 CERTIFY_ITERATIONS = 100
-"""Passes of TRW-S for a certificate; on maps the bound has all but come to rest by then."""
 
 
 def decode(

@@ -12,23 +12,11 @@ from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusi
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
 
-__all__ = [
-    "BALANCES",
-    "WEIGHTS",
-    "Observation",
-    "best_weights",
-    "fitted_by_mode",
-    "log_likelihood",
-    "possible",
-    "weights_at",
-]
-
-
 Observation = Literal["posterior", "hard", "soft"]
 
+# Of a transition that was learned to be impossible, where labels are known that prove it wrong: so
+# little that it is taken only there, and enough for floats when multiplied by a belief.
 LEAST = 1e-200
-"""Of a transition that was learned to be impossible, where labels are known that prove it wrong:
-so little that it is taken only there, and enough for floats when multiplied by a belief."""
 
 
 def log_likelihood(

@@ -16,13 +16,11 @@ from pgm_places.models.decoding import ROUNDING, decode
 from pgm_places.models.decoding_task import DecodingAnswer
 from pgm_places.solvers.bucket_tree import Factor
 
-__all__ = ["PAIRWISE_ONLY", "decode_factors"]
-
 PAIRWISE_ONLY = ("graph-cut", "icm", "mean-field")
 """Decoders that cannot take factors of order 3 and more: a node of a factor forbids too much."""
 
+# Of the local search that improves what a decoder of the pairwise model has found.
 MAX_SWEEPS = 100
-"""Of the local search that improves what a decoder of the pairwise model has found."""
 
 _NONE = "the factors forbid every labelling; allow at least one (no -inf)"
 

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen, is_sparse, stacked_rows
 from pgm_places.errors import InputError
 
-__all__ = ["CLIP", "Scale", "Standardization", "column_sizes", "mean_and_spread"]
-
 Scale = Literal["auto", "deviation", "none"]
 
 CLIP = 5.0
 """Scaled node features are cut here: a linear model should not hang on single outliers."""
 
+# Columns correlated beyond this carry the same information to a linear model.
 SAME_COLUMN = 1.0 - 1e-9
-"""Columns correlated beyond this carry the same information to a linear model."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,18 +23,16 @@ from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import pairwise_model
 
-__all__ = ["GaussianEM", "gaussian_em"]
-
 Array = NDArray[np.float64]
 
+# Learning ends when a round raises the objective by less than this a node.
 AT_REST = 1e-6
-"""Learning ends when a round raises the objective by less than this a node."""
 
+# How often features are averaged over neighbours for the second start.
 AROUND = 8
-"""How often features are averaged over neighbours for the second start."""
 
+# Of the variance of all nodes: what covariances are drawn towards, as if one more node said so.
 PRIOR_SHARE = 0.1
-"""Of the variance of all nodes: what covariances are drawn towards, as if one more node said so."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,8 @@ from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
-__all__ = ["GibbsSamples", "gibbs_samples", "r_hat"]
-
+# Chains whose R-hat is above this have not seen the same distribution yet.
 MIXED = 1.05
-"""Chains whose R-hat is above this have not seen the same distribution yet."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,15 +43,13 @@ from pgm_places.solvers.forward import (
     viterbi,
 )
 
-__all__ = ["HiddenMarkovModel"]
-
 logger = logging.getLogger(__name__)
 
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 MOVE, STAY = 0, 1
+# Mean distance of the simulated runs that transitions are counted on, without labelled drives.
 RUNS_M = 0.35
-"""Mean distance of the simulated runs that transitions are counted on, without labelled drives."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,17 +11,6 @@ from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = [
-    "CLASS_WEIGHTS",
-    "ClassWeight",
-    "best_value",
-    "held_out_parts",
-    "labelled_parts",
-    "labelled_weights",
-    "node_losses",
-    "penalties_of",
-]
-
 
 def best_value(
     values: Sequence[float],
@@ -61,8 +50,8 @@ def best_value(
 
 ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 
+# A problem and the true label (N,) of every node.
 Example = tuple[LabelingProblem, NDArray[np.int64]]
-"""A problem and the true label (N,) of every node."""
 
 CLASS_WEIGHTS: dict[ClassWeight, float] = {
     "none": 0.0,

@@ -12,19 +12,6 @@ from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.feature_scaling import column_sizes, mean_and_spread
 
-__all__ = [
-    "EDGE_FEATURES",
-    "NODE_FEATURES",
-    "edge_feature_count",
-    "edge_features",
-    "edge_sizes",
-    "node_features",
-    "parse_edge_features",
-    "parse_node_features",
-    "resolved_edges",
-    "with_auto",
-]
-
 NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
 probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
@@ -34,9 +21,9 @@ EDGE_FEATURES = (
 )  # fmt: skip
 """Edge features; see :func:`edge_features`."""
 
+# Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
+# column is scaled. In-sample scores are over-confident and lose their order under a higher floor.
 LOG_FLOOR = -15.0
-"""Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
-column is scaled. In-sample scores are over-confident and lose their order under a higher floor."""
 
 
 def parse_node_features(text: str) -> tuple[str, ...]:

@@ -19,13 +19,11 @@ from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.options import AtLeastZero, Whole, check_options
 
-__all__ = ["PottsField"]
-
+# Weights that are tried on labelled nodes, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)
-"""Weights that are tried on labelled nodes, in units of the default, which wins among equals."""
 
+# What the neighbours of a node earn together; docs/own_problem.md compares weights on graphs.
 NEIGHBOURHOOD = 2.0
-"""What the neighbours of a node earn together; docs/own_problem.md compares weights on graphs."""
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,11 @@ from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 
-__all__ = ["EDGES_M", "Durations", "SemiMarkovModel", "constant_durations", "learn_durations"]
-
-
 EDGES_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Ages between which a rate is constant: fine where doorways end, coarse where rooms do."""
 
+# Steps longer than this many usual ones are gaps in the labels, across which nothing is known.
 GAP = 5.0
-"""Steps longer than this many usual ones are gaps in the labels, across which nothing is known."""
 
 
 class Durations(NamedTuple):

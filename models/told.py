@@ -10,10 +10,8 @@ from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import known_beside
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = ["not_telling", "of_those_asked", "told_in_parts", "told_of", "with_told"]
-
+# In how many parts labels are asked for: four fifths told are nearly what all of them are.
 N_PARTS = 5
-"""In how many parts labels are asked for: four fifths told are nearly what all of them are."""
 
 
 def told_in_parts(

@@ -14,28 +14,17 @@ from pgm_places._checks import finite_array, integer_array
 from pgm_places._core import filter_in_logs, smooth_in_logs, subtract_best
 from pgm_places.errors import InputError
 
-__all__ = [
-    "SUM_TOLERANCE",
-    "Chain",
-    "beliefs_in_logs",
-    "check_chain",
-    "check_start",
-    "check_tables",
-    "exceeds_floats",
-    "require_distributions",
-]
-
 SUM_TOLERANCE = 1e-6
 """Of probabilities that must sum to one."""
 
+# Beliefs above are floats in full, since the sum that they are divided by is at least 1e-200.
 RARE_BELIEF = 1e-100
-"""Beliefs above are floats in full, since the sum that they are divided by is at least 1e-200."""
 
+# If all transitions are as probable as that, a label's former belief of 1e-107 does not count.
 LEAST_ARRIVAL = 1e-90
-"""If all transitions are as probable as that, a label's former belief of 1e-107 does not count."""
 
+# Beliefs above the former, times such transitions and the sum of 1e-100, are floats in full.
 RARE_ARRIVAL = 1e-50
-"""Beliefs above the former, times such transitions and the sum of 1e-100, are floats in full."""
 
 STEPS_AT_ONCE = 8192
 

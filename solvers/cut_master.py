@@ -18,20 +18,18 @@ from numpy.typing import NDArray
 
 from pgm_places.solvers.margin_solution import Cut
 
-__all__ = ["CutMaster", "MasterPoint"]
-
+# Relative size of the ridge that keeps the active set's systems solvable with repeated cuts; the
+# bound it gives is rigorous all the same because it is evaluated without it.
 RIDGE = 1e-12
-"""Relative size of the ridge that keeps the active set's systems solvable with repeated cuts;
-the bound it gives is rigorous all the same because it is evaluated without it."""
 
+# A descent below this share of the terms it is summed from is rounding.
 ROUNDING = 1e-12
-"""A descent below this share of the terms it is summed from is rounding."""
 
+# A warm-started solve takes some ten pivots; this many mean that rounding made it cycle.
 MAX_PIVOTS = 2_000
-"""A warm-started solve takes some ten pivots; this many mean that rounding made it cycle."""
 
+# A cut whose multiplier was zero for so many rounds is dropped; it can come back.
 INACTIVE_ROUNDS = 20
-"""A cut whose multiplier was zero for so many rounds is dropped; it can come back."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,17 +28,14 @@ from pgm_places.solvers.margin_solution import (
 from pgm_places.solvers.max_margin import MarginProblem, Oracle, objective
 from pgm_places.solvers.max_oracle import Certificate
 
-__all__ = ["cutting_plane"]
-
-
+# A slower look at some weights: a rigorous objective, and the best labelling found on the way.
 Verifier = Callable[[Any, NDArray[np.float64]], Certificate]
-"""A slower look at some weights: a rigorous objective, and the best labelling found on the way."""
 
+# Where the next cut is taken: 0 at the best weights so far, 1 at the master's minimiser.
 STEP = 0.4
-"""Where the next cut is taken: 0 at the best weights so far, 1 at the master's minimiser."""
 
+# A cut is new when it rises above the known ones by more than this share of a hinge's height.
 SAME_HEIGHT = 1e-12
-"""A cut is new when it rises above the known ones by more than this share of a hinge's height."""
 
 
 def cutting_plane(

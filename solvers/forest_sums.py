@@ -15,16 +15,14 @@ from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_f
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["ForestSums", "forest_sums", "sums_by_logarithms", "sums_to_roots"]
-
+# The parent arc of a root.
 NO_ARC = 2**32 - 1
-"""The parent arc of a root."""
 
+# Products between exp(-600) and 1 keep all their digits; wider ones are left to logarithms.
 WIDEST_RANGE = 600.0
-"""Products between exp(-600) and 1 keep all their digits; wider ones are left to logarithms."""
 
+# Below, what the other labels say together loses digits as a difference.
 LEAST_AGREEMENT = -1.0
-"""Below, what the other labels say together loses digits as a difference."""
 
 
 def forest_sums(

@@ -33,10 +33,8 @@ from pgm_places.solvers.relaxation import (
 )
 from pgm_places.solvers.schedule import check_schedule
 
-__all__ = ["neighbour_weights", "relax_grid"]
-
+# Cells of a row that are stored together: a cache line of float32, one to four vectors.
 BLOCK = 16
-"""Cells of a row that are stored together: a cache line of float32, one to four vectors."""
 
 CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the rows that parts keep

@@ -19,18 +19,16 @@ from numpy.typing import NDArray
 
 from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights
 
-__all__ = ["HiddenLabels", "concave_convex"]
-
+# Completions after which to stop; most problems are at rest after three to eight.
 MAX_ROUNDS = 20
-"""Completions after which to stop; most problems are at rest after three to eight."""
 
+# How often a completion that the oracle missed is taken in at one round.
 MAX_MISSED = 20
-"""How often a completion that the oracle missed is taken in at one round."""
 
 ROUNDING = 1e-9
 
+# A round that lowers the objective by a smaller share of it is the last one.
 AT_REST = 1e-3
-"""A round that lowers the objective by a smaller share of it is the last one."""
 
 Solve = Callable[[Any, Sequence[Cut]], LearnedWeights]
 Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]

@@ -52,23 +52,16 @@ from pgm_places.solvers.margin_solution import (
 )
 from pgm_places.solvers.table_field import TableField
 
-__all__ = [
-    "Likelihood",
-    "maximize_likelihood",
-    "negative_log_likelihood",
-]
-
-
 Likelihood = Literal["exact", "pseudo", "piecewise"]
 
+# How often ``pseudo`` expects the unknown labels anew; they move little after the first few.
 HIDDEN_ROUNDS = 20
-"""How often ``pseudo`` expects the unknown labels anew; they move little after the first few."""
 
+# Unknown labels are at rest when no probability moved by more than this.
 HIDDEN_MOVED = 1e-3
-"""Unknown labels are at rest when no probability moved by more than this."""
 
+# Pairs of steps and gradients that L-BFGS keeps.
 MEMORY = 20
-"""Pairs of steps and gradients that L-BFGS keeps."""
 
 
 def negative_log_likelihood(

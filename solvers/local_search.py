@@ -13,13 +13,11 @@ from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
-__all__ = ["LocalSearch", "allowed_labels", "improved_modes", "iterated_conditional_modes"]
-
+# How a search ends; 0 where it gave up.
 FOUND, NONE_EXISTS = 1, -1
-"""How a search ends; 0 where it gave up."""
 
+# Dead ends after which the search gives up: finding an allowed labelling is NP-hard in general.
 MAX_FAILURES = 10_000
-"""Dead ends after which the search gives up: finding an allowed labelling is NP-hard in general."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,17 +17,8 @@ from pgm_places.solvers.max_margin import (
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.trws import trws
 
-__all__ = [
-    "Augmented",
-    "Certificate",
-    "certify",
-    "certify_weights",
-    "graph_cut_oracle",
-    "problem_oracle",
-]
-
+# Passes of TRW-S after which a certificate is as good as it gets.
 MAX_PASSES = 1_000
-"""Passes of TRW-S after which a certificate is as good as it gets."""
 
 
 def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Oracle:

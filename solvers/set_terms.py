@@ -18,8 +18,6 @@ from pgm_places._checks import finite_array, frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 
-__all__ = ["SetNodes", "SetTerms"]
-
 
 @dataclass(frozen=True, eq=False)
 class SetNodes:
@@ -147,8 +145,8 @@ class SetNodes:
         return float((rewards * self.agreed(labels)).max(axis=1, initial=0.0).sum())
 
 
+# Beyond, two labels of a set may earn something, and the larger is no linear function.
 MOST_DISSENT = 0.5
-"""Beyond, two labels of a set may earn something, and the larger is no linear function."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,8 @@ from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws
 
-__all__ = ["TableMarginProblem", "best_labels", "certify_tables", "table_oracle"]
-
+# Passes of TRW-S for a cut; the certificate takes more.
 ORACLE_PASSES = 40
-"""Passes of TRW-S for a cut; the certificate takes more."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,19 +11,17 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["PathPlanner"]
-
+# Finer maps are planned on every other cell, or every third, so that cells are about so large.
 PLANNING_CELL_M = 0.1
-"""Finer maps are planned on every other cell, or every third, so that cells are about so large."""
 
+# Metres beside a wall count up to so many times more, so that paths keep to the middle.
 WALL_COST = 1.0
-"""Metres beside a wall count up to so many times more, so that paths keep to the middle."""
 
+# A position where the robot does not fit moves to one that is at most so far away.
 SNAP_M = 1.0
-"""A position where the robot does not fit moves to one that is at most so far away."""
 
+# Length of the stretch of way that each of its points is averaged over.
 SMOOTHING_M = 0.6
-"""Length of the stretch of way that each of its points is averaged over."""
 
 POINT_SPACING_M = 0.05
 

@@ -20,10 +20,8 @@ from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing.sensor import Sensor
 
-__all__ = ["PoseCaster", "ScanBlock", "cast_cells", "cast_poses", "iter_cast"]
-
+# Called with the fraction that is done, 0 to 1.
 OnProgress = Callable[[float], object]
-"""Called with the fraction that is done, 0 to 1."""
 
 _POSES_PER_TASK = 256
 _WORKING_BYTES = 256 * 2**20

@@ -9,16 +9,14 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["MOVE_M", "STAY_M", "simulate_moves"]
-
 MOVE_M = (0.2, 0.5)
 """How far a robot drives between two updates (paper, section 5)."""
 
 STAY_M = (0.0, 0.05)
 """How far a robot that stays seems to move: its localisation trembles."""
 
+# Draws of all runs still wanted before a map counts as one in which nothing can move.
 MOST_ROUNDS = 200
-"""Draws of all runs still wanted before a map counts as one in which nothing can move."""
 
 
 def simulate_moves(

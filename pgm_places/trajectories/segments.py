@@ -9,12 +9,9 @@ from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 
-__all__ = ["DistanceGate", "Segments", "loop_links"]
-
-
+# Two steps close a loop if the way between them is this many times longer than ``within_m``: a
+# robot that merely turns on the spot, or drives slowly, has not come back from anywhere.
 WAY_RATIO = 5.0
-"""Two steps close a loop if the way between them is this many times longer than ``within_m``: a
-robot that merely turns on the spot, or drives slowly, has not come back from anywhere."""
 
 
 def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:

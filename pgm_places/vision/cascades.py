@@ -13,8 +13,6 @@ from pgm_places._option_marks import Ge, Gt
 from pgm_places.errors import InputError
 from pgm_places.options import Whole, check_options
 
-__all__ = ["OPENCV_CASCADES", "CascadeDetector"]
-
 OPENCV_CASCADES = {
     "frontal face": "haarcascade_frontalface_default.xml",
     "face profile": "haarcascade_profileface.xml",
@@ -23,8 +21,8 @@ OPENCV_CASCADES = {
 }
 """The paper's objects whose cascades come with OpenCV."""
 
+# Cascades of things seen from one side: they look at the mirrored image as well.
 ONE_SIDED = ("haarcascade_profileface.xml",)
-"""Cascades of things seen from one side: they look at the mirrored image as well."""
 
 
 @dataclass(frozen=True, eq=False)

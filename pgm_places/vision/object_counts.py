@@ -11,14 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 
-__all__ = ["N_IMAGES", "PAPER_OBJECTS", "Detector", "ObjectCounts", "count_objects"]
-
-
 N_IMAGES = 8
 """Images of one observation in the paper: a panorama."""
 
+# No count is larger: whatever says so is damaged.
 MOST = 1 << 31
-"""No count is larger: whatever says so is damaged."""
 
 PAPER_OBJECTS = (
     "monitor on",
