@@ -336,15 +336,17 @@ class PlaceLabeler(Labeler):
         problem = cells_problem(graph, self.learned_names, scores, method.unary, known)
         if method.unary in ("laser", "context"):
             return problem
+        doorway, depth_m = self.doorway_at_gates(method), self.doorway_depth_m
+        return along_spaces(problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces)
+
+    def doorway_at_gates(self, method: PlaceMethod) -> int | None:
+        """The label that a method keeps to accepted gates, None for none."""
         space = self.unary_model_.space
+        if not method.sees_spaces or space is None or space.gates is None:
+            return None
         # A list with spaces weighs its doorways by gates itself; networks may see more of them.
         at_gates = method.unary == "floor" or self.doorway_depth_m is not None
-        doorway = None
-        if at_gates and space is not None and space.gates is not None:
-            doorway = space.doorway
-        return along_spaces(
-            problem, scores, doorway, self.doorway_depth_m, whole_spaces=self.whole_spaces
-        )
+        return space.doorway if at_gates else None
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

@@ -15,10 +15,10 @@ from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
-_NEAR_M, _BESIDE_M = 1.0, 0.3
-"""Cells so far before, behind and beside a gate may be its doorway."""
+AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
+"""Cells so far beside, and before or behind, a gate may be its doorway."""
 
-_LOG_FLOOR = np.log(0.02)
+AWAY_FROM_GATES = float(np.log(0.02))
 """What is added to a doorway's log-odds where there is no gate."""
 
 _SURE = 0.5
@@ -53,7 +53,7 @@ def doorways_at_gates(
     """
     kept = np.zeros(len(log_z), np.bool_)
     for gate in doorways.gates:
-        cells = gate.cells(doorways.grid, wider_m=_BESIDE_M, deeper_m=_NEAR_M)
+        cells = gate.cells(doorways.grid, **AT_GATE)
         node = layout.nodes_at(cells)
         cells, node = cells[node >= 0], node[node >= 0]
         if depth_m is None or not len(node):
@@ -71,7 +71,7 @@ def doorways_at_gates(
         some = slice(first, first + ROWS_AT_ONCE)
         lowered[some] = log_z[some]
         elsewhere = first + np.flatnonzero(~kept[some])
-        lowered[elsewhere, doorway] += _LOG_FLOOR
+        lowered[elsewhere, doorway] += AWAY_FROM_GATES
         lowered[elsewhere] -= np.logaddexp.reduce(lowered[elsewhere].T, axis=0)[:, np.newaxis]
     return lowered
 

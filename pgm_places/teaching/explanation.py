@@ -12,6 +12,7 @@ from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution
+from pgm_places.labelers.place_problem import AT_GATE
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts
@@ -70,6 +71,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
         probability,
         added,
         *view.of_networks(model, node),
+        view.away_from_gates(x, y),
         tuple(view.pulls(found, final, before, x_m, y_m)),
         taught.topology.region_at(x_m, y_m),
     )
@@ -153,6 +155,15 @@ class _View:
         p = np.exp(model.floor.evidence(self.seen, self.layout.cells[node : node + 1])[0])
         shares = model.floor.shares.tolist()
         return dict(zip(names, p.tolist(), strict=True)), dict(zip(names, shares, strict=True))
+
+    def away_from_gates(self, x_m: float, y_m: float) -> bool:
+        """Whether a doorway at a position is taken for unlikely, as no accepted gate is near."""
+        labelled, labeler = self.taught.labelled, self.taught.labeler
+        kept = labeler.doorway_at_gates(labeler.method(labelled.method)) is not None
+        if not kept or labelled.doorways is None:
+            return False
+        gates = labelled.doorways.gates
+        return not any(gate.contains([x_m, y_m], **AT_GATE).any() for gate in gates)
 
     def spaces(self, model: UnaryModel) -> MapSpaces:
         """The spaces of the map as it was labelled."""

@@ -57,11 +57,8 @@ def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) ->
     found = explain_cell(taught(), x, y)
     assert found.probabilities_alone is not None
     shares = log_z(found)
-    doorways = taught().labelled.doorways
-    assert doorways is not None
-    margin = {"wider_m": 0.3, "deeper_m": 1.0}
-    if not any(gate.contains([[x, y]], **margin).any() for gate in doorways.gates):
-        shares["doorway"] *= 0.02  # networks are not believed where no gate is accepted
+    if found.away_from_gates:
+        shares["doorway"] *= 0.02
         shares = {name: share / sum(shares.values()) for name, share in shares.items()}
     assert shares == pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
     for question in found.questions:
@@ -69,6 +66,21 @@ def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) ->
         assert whole == pytest.approx(question.log_odds, rel=0, abs=1e-9)
     assert found.region is not None and found.probabilities is not None
     assert len(found.ranges_m) == len(found.angles_rad) == 360
+
+
+def test_doorways_are_near_an_accepted_gate_or_told_to_be_away_from_all() -> None:
+    doorways = taught().labelled.doorways
+    assert doorways is not None
+    [gate] = doorways.gates[:1]
+    ahead = np.array([np.cos(gate.heading_rad), np.sin(gate.heading_rad)])
+    assert not explain_cell(taught(), *gate.centre_m).away_from_gates
+    away = [explain_cell(taught(), x, y).away_from_gates for x, y in positions(20)]
+    assert any(away)
+    beyond = gate.centre_m + ahead * (gate.depth_m / 2 + 1.2)
+    others = [g for g in doorways.gates if g.contains(beyond, wider_m=0.3, deeper_m=1.0).any()]
+    assert explain_cell(taught(), *beyond.tolist()).away_from_gates == (not others)
+    without = taught().labeler.method("adaboost")
+    assert taught().labeler.doorway_at_gates(without) is None
 
 
 def test_beams_end_at_walls() -> None:
