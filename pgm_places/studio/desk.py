@@ -4,15 +4,16 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.options import from_mapping
+from pgm_places.options import check_option, from_mapping
 from pgm_places.studio.building_box import building_box
 from pgm_places.studio.carrying import opened_painting
 from pgm_places.studio.changes import Changes, share_that_agrees
@@ -23,17 +24,17 @@ from pgm_places.studio.given_labels import GivenLabels
 from pgm_places.studio.layers import Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
-from pgm_places.studio.repaint import PaintedPart
+from pgm_places.studio.repaint import Window
 from pgm_places.studio.runs import runs_of_mask, runs_over
 from pgm_places.studio.source_file import SourceFile
-from pgm_places.studio.splitting import doorways_along
-from pgm_places.studio.strokes import Stroke, stroke_cells
+from pgm_places.studio.strokes import Stroke, doorways_along, stroke_cells
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 
-Point = tuple[float, float]
+Coordinate = Annotated[float, Ge(-(10**9)), Le(10**9)]
+Point = tuple[Coordinate, Coordinate]
 """x and y, in cells or in metres."""
 
 NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it from wall to wall."
@@ -108,6 +109,8 @@ class Desk:
         self.painting, self.carried = opened_painting(
             folder, self.grid, Classes.named(names), self.files[1].sha256
         )
+        self._edit_undo, self._edit_redo = self.painting.undo, self.painting.redo
+        self._edit_version, self._edit_restore = self.painting.save_version, self.painting.restore
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
@@ -220,7 +223,7 @@ class Desk:
 
     def _edit_stroke(
         self, label: int, stroke: Mapping[str, Any], over: int | None = None
-    ) -> PaintedPart | None:
+    ) -> Window | None:
         drawn = from_mapping(Stroke, stroke, path="stroke")
         limits = self._limits if drawn.tool == "doorway" else None
         runs = stroke_cells(drawn, self.grid, limits)
@@ -234,18 +237,18 @@ class Desk:
             self._remark = NOTHING_PARTED
         return self.painting.paint_runs(runs, label)
 
-    def _edit_fill(self, label: int, point: Point) -> PaintedPart | None:
+    def _edit_fill(self, label: int, point: Point) -> Window | None:
         limits = self._limits
         kept = limits.doorway
         doorway = None if kept is None or label == kept else self._shown_labels == kept
         runs = fill_cells(self.grid, limits.paint, limits.topology, point, doorway)
         return self.painting.paint_runs(runs, label)
 
-    def _edit_merge(self, first: int, second: int) -> PaintedPart | None:
+    def _edit_merge(self, first: int, second: int) -> Window | None:
         runs, name = merge_cells(self._topology.topology, first, second)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
-    def _edit_split(self, region: int) -> PaintedPart | None:
+    def _edit_split(self, region: int) -> Window | None:
         rooms = self._rooms_in(region)
         if rooms is None:
             raise InputError("this place looks like one; draw a doorway to split it")
@@ -285,23 +288,11 @@ class Desk:
             raise InputError(f"the model knows this class as {names[index]!r}; add a new one")
         self.painting.set_class(index, name, colour)
 
-    def _edit_drop(self, index: int) -> PaintedPart | None:
+    def _edit_drop(self, index: int) -> Window | None:
         if index < self.n_fixed:
             name = self.painting.classes.names[max(0, index)]
             raise InputError(f"{name!r} belongs to the model or to the labels to compare with")
         return self.painting.drop_class(index)
-
-    def _edit_undo(self) -> PaintedPart | None:
-        return self.painting.undo()
-
-    def _edit_redo(self) -> PaintedPart | None:
-        return self.painting.redo()
-
-    def _edit_version(self, name: str) -> None:
-        self.painting.save_version(name)
-
-    def _edit_restore(self, revision: int) -> PaintedPart | None:
-        return self.painting.restore(revision)
 
     def _edit_learn(self, on: bool) -> None:
         self.learns = on
@@ -344,34 +335,13 @@ class Desk:
         self.moved()
 
 
-_TYPES: dict[Any, type] = {Mapping[str, Any]: dict, int | None: int}
-"""What comes for the arguments whose annotation is not a type itself."""
-
-
 def _arguments(
-    kind: str, edit: Callable[..., PaintedPart | None], values: Mapping[str, Any]
+    kind: str, edit: Callable[..., Window | None], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The arguments of an edit, each of the type that it wants."""
+    """The arguments of an edit, each as it wants it."""
     parameters = signature(edit).parameters
     wanted = {name for name, item in parameters.items() if item.default is item.empty}
     if not wanted <= values.keys() <= parameters.keys():
         raise InputError(f"{kind!r} takes {', '.join(parameters) or 'nothing'}")
-    found = {}
-    for name, value in values.items():
-        annotation = parameters[name].annotation
-        if annotation is Point:
-            found[name] = _point(name, value)
-            continue
-        expected = _TYPES.get(annotation, annotation)
-        if type(value) is not expected:
-            raise InputError(f"{name} must be of the type {expected.__name__}")
-        found[name] = value
-    return found
-
-
-def _point(name: str, value: Any) -> Point:
-    if not isinstance(value, list) or [type(part) in (int, float) for part in value] != [True] * 2:
-        raise InputError(f"{name} must be two numbers")
-    if not all(abs(part) <= 1e9 for part in value):  # nor NaN
-        raise InputError(f"{name} must be two finite numbers")
-    return float(value[0]), float(value[1])
+    hints = {name: item.annotation for name, item in parameters.items()}
+    return {name: check_option(name, hints[name], value) for name, value in values.items()}

@@ -13,7 +13,7 @@ from pgm_places.studio.changes import Changes
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.lesson import Lesson, probability_raster
 from pgm_places.studio.pyramid import Pyramid, n_levels
-from pgm_places.studio.repaint import PaintedPart
+from pgm_places.studio.repaint import Window
 from pgm_places.studio.tiles import (
     CLEAR,
     ERRORS,
@@ -69,9 +69,9 @@ class Layers:
         self._changes: Pyramid | None = None
         self._lock, self._making = threading.Lock(), threading.Lock()
 
-    def painted(self, part: PaintedPart) -> None:
+    def painted(self, part: Window) -> None:
         """Cells of the paint have changed."""
-        self._paint.changed(part.rows, part.columns)
+        self._paint.changed(*part)
 
     def glanced(self, labels: NDArray[np.int16]) -> None:
         """Show coarse labels (H, W) until others are there."""

@@ -7,13 +7,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress
 from pgm_places.report.map_pictures import entropy
-from pgm_places.studio.glance import glance
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
@@ -85,6 +85,27 @@ def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArr
     return np.append(class_of, np.int16(-1))[labels]  # the last entry serves -1
 
 
+def glance(
+    labeler: PlaceLabeler | None, grid: OccupancyGrid, n_threads: int | None = None
+) -> NDArray[np.int16] | None:
+    """(H, W) labels from one look at a map, -1 for none; None without networks.
+
+    What one network sees from one side takes a sixteenth of what all views of four networks take,
+    and no scans at all.
+    """
+    floor = None if labeler is None else labeler.unary_model_.floor
+    if floor is None:
+        return None
+    one = replace(floor, networks=floor.networks[:1], views_per_network=1)
+    seen = one.scores(grid, n_threads)
+    labels = np.full(grid.shape, -1, np.int16)
+    for rows in bands_of_rows(grid.shape):
+        cells = np.argwhere(grid.free[rows]) + np.array([rows.start, 0])
+        if len(cells):
+            labels[tuple(cells.T)] = one.evidence(seen, cells).argmax(axis=1)
+    return labels
+
+
 class Tutor:
     """Answers questions with a teacher, which goes on with other classes when there is a new one.
 
@@ -93,7 +114,6 @@ class Tutor:
     grid : OccupancyGrid
     labeler : PlaceLabeler or None
     rules : TopologyOptions
-    method : str or None
     n_threads : int or None
     glanced : callable, optional
         Told the labels (H, W) of a first glance at the map, where the labeler has one.
@@ -105,13 +125,12 @@ class Tutor:
         labeler: PlaceLabeler | None,
         *,
         rules: TopologyOptions | None = None,
-        method: str | None = None,
         n_threads: int | None = None,
         glanced: Callable[[NDArray[np.int16]], None] | None = None,
     ) -> None:
         self.grid, self.labeler = grid, labeler
         self._n_threads, self._glanced = n_threads, glanced
-        self._options: dict[str, Any] = {"rules": rules, "method": method, "n_threads": n_threads}
+        self._options: dict[str, Any] = {"rules": rules, "n_threads": n_threads}
         self._teacher: Teacher | None = None
 
     def answer(self, question: Question, progress: Progress) -> Lesson:

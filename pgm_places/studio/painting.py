@@ -12,8 +12,8 @@ from pgm_places.errors import InputError, printable
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.classes import Classes, PlaceClass
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.repaint import PaintedPart, Repaint
-from pgm_places.studio.runs import checked_runs, runs_of_mask
+from pgm_places.studio.repaint import Repaint, Window
+from pgm_places.studio.runs import checked_runs
 
 Entry = dict[str, Any]
 Names = dict[tuple[float, float], str]
@@ -110,14 +110,11 @@ class Painting:
         """Number of painted cells."""
         return int(np.count_nonzero(self.labels >= 0))
 
-    def paint(self, cells: NDArray[np.int64], label: int) -> PaintedPart | None:
-        """Paint cells, given by flat indices; -1 erases. None where nothing changes."""
-        mask = np.zeros(self.grid.shape, np.bool_)
-        mask.reshape(-1)[cells] = True
-        return self.paint_runs(runs_of_mask(mask), label)
+    def paint_runs(self, runs: NDArray[np.int64], label: int) -> Window | None:
+        """Paint runs of cells: (n, 3) row, first column and length; -1 erases.
 
-    def paint_runs(self, runs: NDArray[np.int64], label: int) -> PaintedPart | None:
-        """Paint runs of cells: (n, 3) row, first column and length."""
+        None where nothing changes.
+        """
         if not -1 <= label < len(self.classes):
             raise InputError(f"there is no class {label}; there are {len(self.classes)}")
         if not Repaint.of_runs(self.labels, runs, label):
@@ -129,7 +126,7 @@ class Painting:
         self.classes.with_class(index, PlaceClass(name, colour))  # refuses what is wrong
         self._add({"op": "class", "index": index, "name": name, "colour": colour})
 
-    def drop_class(self, index: int) -> PaintedPart | None:
+    def drop_class(self, index: int) -> Window | None:
         """Delete a class and its paint; those behind it move up."""
         self.classes.without(index)  # refuses what is wrong
         return self._add({"op": "drop", "index": index})
@@ -143,13 +140,13 @@ class Painting:
             raise InputError(f"another place is called {name!r}; choose another name")
         self._add({"op": "name", "at": list(point_m), "name": name, "replaces": replaces})
 
-    def undo(self) -> PaintedPart | None:
+    def undo(self) -> Window | None:
         """Take the last edit back."""
         if not self.can_undo:
             raise InputError("there is nothing to undo")
         return self._add({"op": "undo"})
 
-    def redo(self) -> PaintedPart | None:
+    def redo(self) -> Window | None:
         """Make the edit again that was last taken back."""
         if not self.can_redo:
             raise InputError("there is nothing to redo")
@@ -160,7 +157,7 @@ class Painting:
         plain_names("the name of a version", [name], InputError)
         self._add({"op": "version", "name": name, "at": round(time.time(), 3)})
 
-    def restore(self, revision: int) -> PaintedPart | None:
+    def restore(self, revision: int) -> Window | None:
         """Go back to a version; that is an edit, too, and can be undone."""
         if revision not in [version.revision for version in self.versions]:
             raise InputError(f"there is no version {revision}")
@@ -168,11 +165,11 @@ class Painting:
 
     # ------------------------------------------------------------------ entries
 
-    def _add(self, entry: Entry) -> PaintedPart | None:
+    def _add(self, entry: Entry) -> Window | None:
         self.journal.append(entry)
         return self._follow(entry)
 
-    def _follow(self, entry: Entry) -> PaintedPart | None:
+    def _follow(self, entry: Entry) -> Window | None:
         """Carry out an entry of the journal."""
         if entry["op"] == "version":
             version = Version(self.revision + 1, str(entry["name"]), float(entry["at"]))
@@ -244,7 +241,7 @@ class Painting:
                 classes, names = change.classes[not forward], change.names[not forward]
         return Repaint.between(self.labels, labels), classes, names
 
-    def _take(self, step: _Step) -> PaintedPart | None:
+    def _take(self, step: _Step) -> Window | None:
         change, forward = step
         self.classes, self.names = change.classes[forward], change.names[forward]
         change.repaint.put(self.labels, forward=forward)

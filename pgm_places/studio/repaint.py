@@ -8,13 +8,8 @@ from numpy.typing import NDArray
 
 from pgm_places._core import differing_runs, write_runs
 
-
-@dataclass(frozen=True)
-class PaintedPart:
-    """The rows and columns that an edit painted."""
-
-    rows: slice
-    columns: slice
+Window = tuple[slice, slice]
+"""Rows and columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +68,13 @@ class Repaint:
         return bool(len(self.runs))
 
     @property
-    def part(self) -> PaintedPart | None:
+    def part(self) -> Window | None:
         """Where it changes cells; None where it changes none."""
         if not self:
             return None
         row, column, length = self.runs.T
-        return PaintedPart(
-            slice(int(row.min()), int(row.max()) + 1),
-            slice(int(column.min()), int((column + length).max())),
-        )
+        rows = slice(int(row.min()), int(row.max()) + 1)
+        return rows, slice(int(column.min()), int((column + length).max()))
 
     def put(self, labels: NDArray[np.int16], *, forward: bool = True) -> None:
         """Write what the cells get into a raster (H, W), or, backwards, what they had."""

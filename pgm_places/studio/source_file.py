@@ -1,7 +1,8 @@
 """A file that the studio has read, watched for changes by others."""
 
-import hashlib
 from pathlib import Path
+
+from pgm_places.io.input_file import sha256_of
 
 
 class SourceFile:
@@ -14,9 +15,7 @@ class SourceFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        with path.open("rb") as file:
-            self.sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        self.path, self.sha256 = path, sha256_of(path)
         self._seen = self._state()
 
     def was_changed(self) -> bool:

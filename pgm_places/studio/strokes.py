@@ -18,11 +18,15 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
 from pgm_places.studio.door_line import Limits, doorway_ends
 from pgm_places.studio.runs import runs_of_mask
+from pgm_places.topology.cuts import Line
 
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
 BAND_ROWS = 64
 """So many rows are painted at once."""
+
+HALF_DEPTH_M = 0.12
+"""Of the doorways by which a place is split."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +85,14 @@ def stroke_cells(
         ends = np.array([_centred(point) for point in stroke.points])
         ends = ends if len(ends) > 1 else ends.repeat(2, axis=0)
     return _near(np.hstack([ends[:-1], ends[1:]]), max(stroke.radius, 0.5), grid)
+
+
+def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -> NDArray[np.int64]:
+    """(n, 3) runs of the cells of doorways along lines, by which one place becomes several."""
+    radius = max(1.0, HALF_DEPTH_M / grid.resolution_m)
+    ends = (tuple(map(tuple, grid.points_at_m(line).tolist())) for line in lines)
+    strokes = (Stroke(tool="doorway", points=points, radius=radius) for points in ends)
+    return np.concatenate([stroke_cells(stroke, grid, limits) for stroke in strokes])
 
 
 def _centred(point: tuple[float, float]) -> tuple[float, float]:

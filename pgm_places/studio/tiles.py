@@ -40,11 +40,6 @@ def encode_labels(labels: NDArray[np.int16]) -> NDArray[np.uint8]:
     return (labels + 1).astype(np.uint8)
 
 
-def label_palette(colours: Sequence[str]) -> list[str]:
-    """Colours of encoded labels."""
-    return [CLEAR, *colours]
-
-
 def value_colours(gradient: str, theme: Theme) -> list[str]:
     """Colours of values from 0 to 255: of probabilities, or of entropies as a share of the largest.
 

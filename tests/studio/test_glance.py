@@ -4,8 +4,7 @@ import numpy as np
 
 from pgm_places.datasets import generate_building
 from pgm_places.progress import Silent
-from pgm_places.studio.glance import glance
-from pgm_places.studio.lesson import Question, Tutor
+from pgm_places.studio.lesson import Question, Tutor, glance
 from pgm_places.teaching.paint import Paint
 from pgm_places.trained import trained_labeler
 

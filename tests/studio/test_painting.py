@@ -16,6 +16,7 @@ from pgm_places.studio.classes import Classes
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Painting
+from pgm_places.studio.runs import runs_of_mask
 
 Reopen = Callable[[], Desk]
 
@@ -120,9 +121,9 @@ def test_going_back_takes_as_long_however_often_it_was_done_before(tmp_path: Pat
     painting = blank(tmp_path)
     calls: list[int] = []
     for number in range(12):
-        painting.paint(np.array([number]), 0)
+        painting.paint_runs(np.array([[0, number, 1]]), 0)
         painting.save_version(f"version {number}")
-        painting.paint(np.array([number + 100]), 1)
+        painting.paint_runs(np.array([[1, number, 1]]), 1)
         with counted_calls() as found:
             painting.restore(painting.versions[-1].revision)
         calls += found
@@ -142,8 +143,8 @@ def test_every_version_is_gone_back_to_as_it_was(desk: Desk, open_desk: Reopen) 
     for number in range(80):
         kind = generator.choice(["paint", "undo", "redo", "class", "name", "version", "restore"])
         if kind == "paint":
-            cells = np.flatnonzero(generator.random(painting.labels.size) < 0.01)
-            painting.paint(cells, int(generator.integers(-1, 3)))
+            runs = runs_of_mask(generator.random(painting.labels.shape) < 0.01)
+            painting.paint_runs(runs, int(generator.integers(-1, 3)))
         elif kind == "class":
             painting.set_class(int(generator.integers(3)), f"class {number}", "#112233")
         elif kind == "name":
@@ -285,10 +286,13 @@ def test_the_journal_is_plain_json(desk: Desk) -> None:
         (brush(0, (1.0, 1.0)), "no free cell"),
         (brush(0, (1e300, 1.0)), "finite"),
         ({"kind": "fill", "label": 0, "point": [1, 1]}, "free cell"),
-        ({"kind": "fill", "label": 0, "point": [1]}, "two numbers"),
-        ({"kind": "fill", "label": 0, "point": [True, 1]}, "two numbers"),
-        ({"kind": "fill", "label": 0, "point": [10**400, 1]}, "two finite numbers"),
-        ({"kind": "rename", "point_m": [1, float("nan")], "name": "hall"}, "two finite numbers"),
+        ({"kind": "fill", "label": 0, "point": [1]}, "a list of two: a number from"),
+        ({"kind": "fill", "label": 0, "point": [True, 1]}, "a list of two: a number from"),
+        ({"kind": "fill", "label": 0, "point": [10**400, 1]}, "a list of two: a number from"),
+        (
+            {"kind": "rename", "point_m": [1, float("nan")], "name": "hall"},
+            "a list of two: a number from",
+        ),
         (brush(0, (10**400, 1.0)), "finite"),
         ({"kind": "class", "index": 0, "name": "room", "colour": "#000000"}, "twice"),
         ({"kind": "class", "index": 3, "name": "a/b", "colour": "#000000"}, "file name"),
