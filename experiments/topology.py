@@ -15,7 +15,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
-from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.report.topology_pictures import topology_drawing
 
 
 def main() -> None:
@@ -45,7 +45,7 @@ def main() -> None:
             folder = arguments.pictures / item.name
             folder.mkdir(parents=True, exist_ok=True)
             for method, topology in maps.items():
-                picture = topology_picture(item.grid, topology, title=method)
+                picture = topology_drawing(item.grid, topology, title=method).png()
                 (folder / f"{method}.png").write_bytes(picture)
 
 

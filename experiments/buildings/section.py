@@ -30,7 +30,7 @@ from experiments.paper.section import Finding, Outcome, Picture, Table
 from experiments.paper.setting import Setting
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet_png
+from pgm_places.report.sheet import Panel, sheet
 
 ABLATION = {
     "laser, stumps": "laser, stumps",
@@ -214,7 +214,7 @@ def _sheet(result: MapResult) -> bytes:
     legend = (*label_swatches(NAMES), Swatch("error", ERROR), *GROUND_SWATCHES)
     height, width = view.shape
     columns = 1 if width > 1.5 * height else 3
-    return sheet_png(panels, columns=columns, legend=legend, long_side=900 * columns)
+    return sheet(panels, columns=columns, legend=legend, long_side=900 * columns).png()
 
 
 def _spread(values: NDArray[np.int64], lattice: NDArray[np.bool_]) -> NDArray[np.int64]:

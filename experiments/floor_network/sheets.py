@@ -11,7 +11,7 @@ from experiments.buildings.maps import NAMES, KnownMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.report.canvas import label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet_png
+from pgm_places.report.sheet import Panel, sheet
 
 _PIXELS = 30_000
 _PAIRS_ACROSS = 3
@@ -54,11 +54,11 @@ def write_sheets(folder: Path, pairs: Sequence[LabelledPair]) -> None:
             for panel in pair.panels()
         ]
         name = f"robots_{kind.replace(',', '').replace(' ', '_')}.png"
-        data = sheet_png(
+        data = sheet(
             panels,
             columns=2 * _PAIRS_ACROSS,
             legend=(*label_swatches(NAMES), *GROUND_SWATCHES),
             scale_bar=False,
             long_side=2400,
-        )
+        ).png()
         (folder / name).write_bytes(data)

@@ -11,7 +11,7 @@ from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet_png
+from pgm_places.report.sheet import Panel, sheet
 
 MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""
@@ -99,10 +99,10 @@ def _sheet(
     height, width = view.shape
     most = 3 if len(panels) == 3 else 2  # no gap at the end of a second row
     columns = 1 if width > 2.5 * height else min(most, len(panels))
-    return sheet_png(
+    return sheet(
         panels,
         columns=columns,
         title=title,
         legend=(*legend, *GROUND_SWATCHES),
         long_side=_PANEL_SIDE * columns,
-    )
+    ).png()

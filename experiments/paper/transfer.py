@@ -11,7 +11,7 @@ from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
-from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.report.topology_pictures import topology_drawing
 from pgm_places.topology.from_labels import topological_map
 
 UNLABELLED = "intel"
@@ -76,7 +76,7 @@ def _labels(labeler: PlaceLabeler, grid: OccupancyGrid, method: str) -> bytes:
 
 def _topology(labeler: PlaceLabeler, grid: OccupancyGrid) -> bytes:
     found = label_map(labeler, grid, method=SHOWN)
-    return topology_picture(grid, topological_map(grid, found.labels, found.label_names))
+    return topology_drawing(grid, topological_map(grid, found.labels, found.label_names)).png()
 
 
 def _by_map(found: dict[str, Comparison]) -> Table:

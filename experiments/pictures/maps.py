@@ -35,8 +35,8 @@ from pgm_places.report.drawing import Drawing
 from pgm_places.report.explanation_picture import explanation_picture
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.map_pictures import entropy
-from pgm_places.report.sheet import Panel, sheet_png
-from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.report.sheet import Panel, sheet
+from pgm_places.report.topology_pictures import topology_drawing
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
@@ -105,7 +105,7 @@ def places(floor_: tuple[int, str] = OFFICE) -> TopologicalMap:
 
 def topology() -> None:
     """The places over the map, and the diagram."""
-    keep("topology", topology_picture(found_on(*OFFICE).grid, places()))
+    keep("topology", topology_drawing(found_on(*OFFICE).grid, places()).png())
 
 
 def gates() -> None:
@@ -300,7 +300,7 @@ def growing_map() -> None:
         panels.append(Panel(canvas, title, ids))
         print(found.map_seq, found.appeared, found.vanished)
     legend_ = (*label_swatches(NAMES), *GROUND_SWATCHES[:2])
-    keep("growing_map", sheet_png(panels, columns=3, legend=legend_, long_side=1200))
+    keep("growing_map", sheet(panels, columns=3, legend=legend_, long_side=1200).png())
 
 
 def explain() -> None:

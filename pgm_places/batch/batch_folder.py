@@ -1,7 +1,6 @@
 """The folder that the results of many maps are written to: its names, its root, its claims."""
 
 import hashlib
-import json
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -11,7 +10,7 @@ from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS
 from pgm_places.batch.outcomes import Failure
 from pgm_places.errors import InputError
-from pgm_places.io.atomic import write_text
+from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import claimed, remove_leftovers
 from pgm_places.io.text_file import read_json
@@ -36,7 +35,7 @@ def write_root(out: Path, root: Path) -> None:
     """Keep the root for later runs."""
     if recorded_root(out) != root:
         record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
-        write_text(out / _RECORD, json.dumps(record, indent=1) + "\n")
+        write_json(out / _RECORD, record, indent=1)
 
 
 def claim_of(out: Path, name: str) -> Path:

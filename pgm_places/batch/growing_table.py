@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import atomic_file
+from pgm_places.io.csv_table import csv_text
 from pgm_places.io.output_set import is_as_written
 from pgm_places.io.staging import as_output_errors
 
@@ -115,9 +116,7 @@ def sort_key(name: str) -> tuple[str, ...]:
 
 
 def _line(values: Iterable[str]) -> bytes:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(values)
-    return text.getvalue().encode("utf-8", errors="surrogateescape")
+    return csv_text([values]).encode("utf-8", errors="surrogateescape")
 
 
 def _end_of_lines(file: io.BufferedRandom) -> int:

@@ -3,24 +3,28 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pgm_places as pp
+from pgm_places.batch.forecast import Forecast, Speed
+from pgm_places.batch.found_maps import find_maps
+from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.ready_model import ready_model
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import say
 from pgm_places.errors import MapError, OutputError
-
-if TYPE_CHECKING:
-    from pgm_places.batch.forecast import Forecast, Speed
-    from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.options import UnknownGrey
+from pgm_places.io.maps.map_pixels import FREE_THRESH
+from pgm_places.io.maps.map_server import MapFile, correct_free_thresh
+from pgm_places.labelers.label_map import at_model_resolution
+from pgm_places.options import UnknownGrey
+from pgm_places.progress import duration
+from pgm_places.spaces.unentered import find_unentered
 
 _UNENTERED = "'label' gives it no label, or all of it with --unentered"
 
 
 def check_map(
-    path: Path, labeler: "pp.PlaceLabeler", unknown_value: "UnknownGrey | None", *, fix: bool
+    path: Path, labeler: pp.PlaceLabeler, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> None:
     """Say everything of one map.
 
@@ -53,12 +57,9 @@ def check_map(
 
 
 def _examined(
-    loaded: "MapFile", labeler: "pp.PlaceLabeler"
-) -> "tuple[pp.OccupancyGrid | None, list[str], list[str]]":
+    loaded: MapFile, labeler: pp.PlaceLabeler
+) -> tuple[pp.OccupancyGrid | None, list[str], list[str]]:
     """The map as it would be labelled, if it can be; notes about that, and what looks wrong."""
-    from pgm_places.labelers.label_map import at_model_resolution
-    from pgm_places.spaces.unentered import find_unentered
-
     used, notes, problems = None, list[str](), list(loaded.warnings)
     try:
         used, notes = at_model_resolution(labeler, loaded.grid)
@@ -76,13 +77,11 @@ class _Row:
     name: str
     resolution_m: float | None = None
     free_m2: float | None = None
-    forecast: "Forecast | None" = None
+    forecast: Forecast | None = None
     problems: tuple[str, ...] = ()
 
-    def cells(self, speed: "Speed | None") -> list[str]:
+    def cells(self, speed: Speed | None) -> list[str]:
         """What stands in the table's columns."""
-        from pgm_places.progress import duration
-
         seconds = None
         if speed is not None and self.forecast is not None:
             seconds = speed.seconds(self.forecast)
@@ -97,7 +96,7 @@ class _Row:
 
 
 def check_maps(
-    arguments: Sequence[str], model: str, unknown_value: "UnknownGrey | None", *, fix: bool
+    arguments: Sequence[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> bool:
     """Say of many maps, in a table, what labelling them will take; whether all can be labelled.
 
@@ -106,12 +105,6 @@ def check_maps(
     MapError
         An argument names no map.
     """
-    from pgm_places.batch.forecast import Speed
-    from pgm_places.batch.found_maps import find_maps
-    from pgm_places.batch.label_options import LabelOptions
-    from pgm_places.batch.ready_model import ready_model
-    from pgm_places.progress import duration
-
     chosen = find_maps(arguments)
     options = LabelOptions(model=model)
     labeler = ready_model(options).labeler
@@ -142,7 +135,7 @@ def check_maps(
     return len(forecasts) == len(rows)
 
 
-def _table(rows: Sequence[_Row], speed: "Speed | None") -> str:
+def _table(rows: Sequence[_Row], speed: Speed | None) -> str:
     heading = ["map", "cell (m)", "free (m²)", "cells to label", "time (about)", "problems"]
     return text_table([heading, *(row.cells(speed) for row in rows)])
 
@@ -150,12 +143,11 @@ def _table(rows: Sequence[_Row], speed: "Speed | None") -> str:
 def _row(
     name: str,
     path: Path,
-    labeler: "pp.PlaceLabeler",
-    unknown_value: "UnknownGrey | None",
+    labeler: pp.PlaceLabeler,
+    unknown_value: UnknownGrey | None,
     *,
     fix: bool,
 ) -> _Row:
-    from pgm_places.batch.forecast import Forecast
 
     kept = []
     try:
@@ -177,11 +169,8 @@ def _row(
     return _Row(name, grid.resolution_m, free_m2, forecast, (*kept, *problems))
 
 
-def _corrected(path: Path, loaded: "MapFile") -> "MapFile":
+def _corrected(path: Path, loaded: MapFile) -> MapFile:
     """The map with another threshold in its file, if its own calls unknown cells free."""
-    from pgm_places.io.maps.map_pixels import FREE_THRESH
-    from pgm_places.io.maps.map_server import correct_free_thresh
-
     if not loaded.corrects_free_thresh:
         return loaded
     kept = correct_free_thresh(path)

@@ -5,39 +5,33 @@ import sys
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import pgm_places as pp
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.track_inputs import TrackInputs, stored_model
 from pgm_places.cli.track_log import write
-from pgm_places.cli.track_options import (
-    Seen,
-    TrackOptions,
-    labelled_map,
-    map_of,
-    seen_objects,
-    stored_model,
-    track_labeler,
-)
+from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError, LogError
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pgm_places.labelers.online import OnlineLabeler
-    from pgm_places.labelers.tracking import Track
-    from pgm_places.persistence.map_prior import LabelledMapFolder
+from pgm_places.io.input_file import file_kind, open_input
+from pgm_places.io.logs.bag_access import is_bag
+from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
+from pgm_places.io.logs.log_lines import follow_files, follow_lines
+from pgm_places.io.logs.pose_csv import iter_pose_csv
+from pgm_places.io.output_set import output_set
+from pgm_places.labelers.online import OnlineLabeler
+from pgm_places.labelers.tracking import Track
+from pgm_places.report.outputs import TRACK
 
 POLL_S = 0.2
 
 
 def run_follow(options: TrackOptions) -> None:
     """Label scans as they are written, until interrupted: a line on standard output for each."""
-    from pgm_places.io.output_set import output_set
-    from pgm_places.report.outputs import TRACK
-
     if options.mode != "filter":
         raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
     if options.truth is not None:
@@ -49,20 +43,18 @@ def run_follow(options: TrackOptions) -> None:
             "--follow labels scan by scan, but this model labels a whole drive together with its "
             "map; track the complete log without --follow"
         )
-    labeler, source = track_labeler(stored, options, progress), map_of(options, progress)
-    grid = None if source is None else source.grid
+    given = TrackInputs.of(stored, options, progress)
     if log.suffix.lower() == ".csv":  # poses without scans
-        labeler = labeler.with_options(beams__missing="known-map", beams__all_from_map=True)
-    known = labelled_map(options, labeler)
-    counts = seen_objects(options, labeler, progress)
-    follower = _Follower(labeler, grid, known, counts, options.jsonl)
+        beams = {"beams__missing": "known-map", "beams__all_from_map": True}
+        given = given._replace(labeler=given.labeler.with_options(**beams))
+    follower = _Follower(given, options.jsonl)
     with ExitStack() as stack:
         files = None
         if options.out is not None:
             aside = output_set(options.out, "track", names=TRACK, force=options.force)
             files = stack.enter_context(aside)
         try:
-            with closing(_scans(options, labeler, grid)) as scans:
+            with closing(_scans(options, given)) as scans:
                 for scan in scans:
                     follower.add(scan)
         except KeyboardInterrupt:
@@ -71,7 +63,7 @@ def run_follow(options: TrackOptions) -> None:
         if not follower.beliefs:
             progress.warn(f"{log}: no scans received")
         elif files is not None:
-            write(follower.track(log), grid, files.stage)
+            write(follower.track(log), given.grid, files.stage)
     if files is not None:
         say_written(files)
 
@@ -79,28 +71,20 @@ def run_follow(options: TrackOptions) -> None:
 class _Follower:
     """Labels scans one by one, says each, and keeps them for the report."""
 
-    def __init__(
-        self,
-        labeler: "pp.TrajectoryLabeler",
-        grid: "pp.OccupancyGrid | None",
-        known: "LabelledMapFolder | None",
-        counts: Seen | None,
-        json_lines: bool,
-    ) -> None:
-        self._labeler, self._grid, self._known = labeler, grid, known
-        self._counts, self._json_lines = counts, json_lines
+    def __init__(self, given: TrackInputs, json_lines: bool) -> None:
+        self._given, self._labeler, self._json_lines = given, given.labeler, json_lines
         self._online: OnlineLabeler | None = None
         self._scans: list[pp.Scan] = []
         self.beliefs: list[NDArray[np.float64]] = []
 
-    def add(self, scan: "pp.Scan") -> None:
+    def add(self, scan: pp.Scan) -> None:
         """One more scan."""
+        given = self._given
         if self._online is None:
-            prior = None if self._known is None else self._known.prior
             self._online = self._labeler.online(
-                scan.geometry, known_map=self._grid, map_prior=prior
+                scan.geometry, known_map=given.grid, map_prior=given.prior
             )
-        extra = None if self._counts is None else self._counts.columns([scan.time_s])[0]
+        extra = None if given.counts is None else given.counts.columns([scan.time_s])[0]
         belief = self._online.step(scan, extra=extra)
         self._scans.append(scan)
         self.beliefs.append(belief)
@@ -112,7 +96,7 @@ class _Follower:
             name = self._labeler.label_names[best]
             say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {name} {belief[best]:.3f}")
 
-    def _record(self, scan: "pp.Scan", belief: "NDArray[np.float64]", best: int) -> dict[str, Any]:
+    def _record(self, scan: pp.Scan, belief: NDArray[np.float64], best: int) -> dict[str, Any]:
         names = self._labeler.label_names
         x, y, heading = (round(float(value), 6) for value in scan.pose)
         record: dict[str, Any] = {
@@ -125,18 +109,13 @@ class _Follower:
                 name: round(float(value), 6) for name, value in zip(names, belief, strict=True)
             },
         }
-        if self._known is not None:
-            region = self._known.places.region_at(x, y)
-            place = None if region is None else {"id": region.id, "name": region.name}
-            record["region"] = place
+        if self._given.known is not None:
+            region = self._given.known.places.region_at(x, y)
+            record["region"] = region and {"id": region.id, "name": region.name}
         return record
 
-    def track(self, log: Path) -> "Track":
+    def track(self, log: Path) -> Track:
         """All that was labelled so far."""
-        import numpy as np
-
-        from pgm_places.labelers.tracking import Track
-
         name = "standard input" if str(log) == "-" else log.stem
         table = np.array(self.beliefs, np.float64)
         labels = self._labeler.method_.choose(table)
@@ -145,13 +124,8 @@ class _Follower:
         return Track(path, labeling, tuple(self._labeler.label_names))
 
 
-def _scans(
-    options: TrackOptions, labeler: "pp.TrajectoryLabeler", grid: "pp.OccupancyGrid | None"
-) -> "Generator[pp.Scan]":
+def _scans(options: TrackOptions, given: TrackInputs) -> Generator[pp.Scan]:
     """The scans of a log as they come."""
-    from pgm_places.io.logs.bag_access import is_bag
-    from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
-
     log, kind = options.log, options.log.suffix.lower()
     if str(log) != "-" and kind == ".gz":
         raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
@@ -160,7 +134,7 @@ def _scans(
             f"{log} is a bag, whose index is written when recording ends; track it then, without "
             "--follow"
         )
-    if kind == ".csv" and grid is None:
+    if kind == ".csv" and given.grid is None:
         raise LogError(
             f"{log} has poses but no scans; pass the map to cast them in: --map MAP.yaml"
         )
@@ -169,16 +143,13 @@ def _scans(
         if number and not options.quiet:
             complain(f"{log} was replaced or begun again; going on with the new one")
         if kind == ".csv":
-            yield from _cast_scans(log, lines, labeler)
+            yield from _cast_scans(log, lines, given.labeler)
         else:
             yield from iter_carmen_scans(lines, reader=reader)
 
 
 def _files(log: Path) -> Iterator[Iterator[bytes]]:
     """The lines of a growing file and of its successors, or of a pipe."""
-    from pgm_places.io.input_file import file_kind, open_input
-    from pgm_places.io.logs.log_lines import follow_files, follow_lines
-
     if str(log) == "-":
         yield follow_lines(sys.stdin.buffer, poll_s=None)
     elif file_kind(log) == "file":
@@ -189,13 +160,9 @@ def _files(log: Path) -> Iterator[Iterator[bytes]]:
 
 
 def _cast_scans(
-    log: Path, lines: Iterator[bytes], labeler: "pp.TrajectoryLabeler"
-) -> "Iterator[pp.Scan]":
+    log: Path, lines: Iterator[bytes], labeler: pp.TrajectoryLabeler
+) -> Iterator[pp.Scan]:
     """Empty scans at the poses of a table: all their beams are taken from the map."""
-    import numpy as np
-
-    from pgm_places.io.logs.pose_csv import iter_pose_csv
-
     reach_m = labeler.scan_model_.sensor.max_range_m
     geometry = pp.ScanGeometry.half_circle(2, range_max_m=reach_m)
     ranges = np.full(geometry.n_beams, reach_m, np.float32)

@@ -1,30 +1,27 @@
 """``pgm-places track`` with a model of cells and steps: a drive labelled together with its map."""
 
-from typing import TYPE_CHECKING
-
 import pgm_places as pp
+from pgm_places.batch.map_files import write_labelled
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.track_inputs import map_of, with_truth
 from pgm_places.cli.track_log import folder_for, read_log, summary, write
-from pgm_places.cli.track_options import TrackOptions, map_of, with_truth
+from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
+from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.output_set import output_set
+from pgm_places.labelers.label_joint import label_map_and_drive
+from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.tracking import Track
+from pgm_places.persistence.stored import Stored
+from pgm_places.progress import Progress
+from pgm_places.report.outputs import TRACK, label_names
+from pgm_places.report.topology_output import places_summary
 
-if TYPE_CHECKING:
-    from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.labelers.label_map import LabelledPlaces
-    from pgm_places.labelers.tracking import Track
-    from pgm_places.persistence.stored import Stored
-    from pgm_places.progress import Progress
 
-
-def run_joint(stored: "Stored", options: TrackOptions) -> None:
+def run_joint(stored: Stored, options: TrackOptions) -> None:
     """Label a complete log, and the map beneath it if there is one, which is written as well."""
-    from pgm_places.batch.map_files import write_labelled
-    from pgm_places.io.output_set import output_set
-    from pgm_places.report.outputs import TRACK, label_names
-    from pgm_places.report.topology_output import places_summary
-
     out, progress = folder_for(options), make_progress(quiet=options.quiet)
     labeler = _labeler(stored, options)
     source = map_of(options, progress)
@@ -44,7 +41,7 @@ def run_joint(stored: "Stored", options: TrackOptions) -> None:
     say_written(files)
 
 
-def _labeler(stored: "Stored", options: TrackOptions) -> "pp.JointLabeler":
+def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:
     """The model with the options of the command; those for other models are refused."""
     labeler: pp.JointLabeler = stored.item
     if options.mode != "filter":
@@ -66,15 +63,9 @@ def _labeler(stored: "Stored", options: TrackOptions) -> "pp.JointLabeler":
 
 
 def _labelled(
-    labeler: "pp.JointLabeler",
-    source: "MapFile | None",
-    options: TrackOptions,
-    progress: "Progress",
-) -> "tuple[Track, LabelledPlaces | None]":
+    labeler: pp.JointLabeler, source: MapFile | None, options: TrackOptions, progress: Progress
+) -> tuple[Track, LabelledPlaces | None]:
     """The labelled log, and the labelled map where there is one."""
-    from pgm_places.labelers.label_joint import label_map_and_drive
-    from pgm_places.labelers.tracking import Track
-
     read, names = read_log(options, progress), labeler.label_names_
     drive = with_truth(read.trajectory, options, names)
     if source is None:

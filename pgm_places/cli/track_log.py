@@ -1,46 +1,32 @@
 """``pgm-places track`` of a whole log: labelled, written, summed up."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import pgm_places as pp
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say, say_written
-from pgm_places.cli.track_options import (
-    Seen,
-    TrackOptions,
-    labelled_map,
-    map_of,
-    seen_objects,
-    track_labeler,
-    with_truth,
-)
+from pgm_places.cli.track_inputs import TrackInputs, with_truth
+from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
+from pgm_places.io.logs.loaded_log import LoadedLog
+from pgm_places.io.logs.trajectories import read_trajectory
+from pgm_places.io.output_set import output_set
+from pgm_places.labelers.tracking import Track, map_of_scans
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.persistence.stored import Stored
+from pgm_places.progress import Progress
+from pgm_places.report.outputs import TRACK
+from pgm_places.report.track_page import write_track
 
-if TYPE_CHECKING:
-    from pgm_places.io.logs.loaded_log import LoadedLog
-    from pgm_places.labelers.tracking import Track
-    from pgm_places.persistence.map_prior import LabelledMapFolder
-    from pgm_places.persistence.stored import Stored
-    from pgm_places.progress import Progress
 
-
-def run_track(stored: "Stored", options: TrackOptions) -> None:
+def run_track(stored: Stored, options: TrackOptions) -> None:
     """Label a complete log with a model of drives, or one of maps."""
-    from pgm_places.io.output_set import output_set
-    from pgm_places.report.outputs import TRACK
-
     out, progress = folder_for(options), make_progress(quiet=options.quiet)
-    labeler = track_labeler(stored, options, progress)
-    source, known = map_of(options, progress), labelled_map(options, labeler)
-    grid = None if source is None else source.grid
-    counts = seen_objects(options, labeler, progress)
+    given = TrackInputs.of(stored, options, progress)
     with output_set(out, "track", names=TRACK, force=options.force) as files:
-        read = read_log(options, progress)
-        track = _track(read, labeler, grid, known, counts, options, progress)
+        track = _track(given, options, progress)
         with progress.stage("writing files"):
-            write(track, grid, files.stage)
+            write(track, given.grid, files.stage)
     say(summary(track))
     say_written(files)
 
@@ -54,10 +40,8 @@ def folder_for(options: TrackOptions) -> Path:
     return options.out
 
 
-def read_log(options: TrackOptions, progress: "Progress") -> "LoadedLog":
+def read_log(options: TrackOptions, progress: Progress) -> LoadedLog:
     """A complete log, with its warnings on standard error."""
-    from pgm_places.io.logs.trajectories import read_trajectory
-
     with progress.stage("log"):
         read = read_trajectory(options.log, range_max_m=options.max_range_m)
     for message in read.warnings:
@@ -65,30 +49,21 @@ def read_log(options: TrackOptions, progress: "Progress") -> "LoadedLog":
     return read
 
 
-def _track(
-    read: "LoadedLog",
-    labeler: "pp.TrajectoryLabeler",
-    grid: "pp.OccupancyGrid | None",
-    known: "LabelledMapFolder | None",
-    counts: "Seen | None",
-    options: TrackOptions,
-    progress: "Progress",
-) -> "Track":
+def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Track:
     """The labelled log, with all warnings about it."""
-    from pgm_places.labelers.tracking import Track
-
+    read, labeler = read_log(options, progress), given.labeler
     trajectory = with_truth(read.trajectory, options, tuple(labeler.label_names))
     warnings = list(read.warnings)
     extra = None
-    if counts is not None:
-        extra = counts.columns(trajectory.times_s)
-        warnings += counts.complaints(trajectory.times_s)
+    if given.counts is not None:
+        extra = given.counts.columns(trajectory.times_s)
+        warnings += given.counts.complaints(trajectory.times_s)
     for message in warnings[len(read.warnings) :]:
         progress.warn(message)
     labeling = labeler.label(
         trajectory,
-        known_map=grid,
-        map_prior=None if known is None else known.prior,
+        known_map=given.grid,
+        map_prior=given.prior,
         extra=extra,
         progress=progress,
     )
@@ -101,16 +76,13 @@ def _track(
     return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
 
 
-def write(track: "Track", grid: "pp.OccupancyGrid | None", out: Path) -> None:
+def write(track: Track, grid: OccupancyGrid | None, out: Path) -> None:
     """All files of a track, drawn on the map or on one of its scans."""
-    from pgm_places.labelers.tracking import map_of_scans
-    from pgm_places.report.track_page import write_track
-
     drawn_on = map_of_scans(track.trajectory) if grid is None else grid
     write_track(track, drawn_on, out)
 
 
-def summary(track: "Track") -> str:
+def summary(track: Track) -> str:
     """The visits, steps and metres of each place."""
     total = max(len(track.trajectory), 1)
     rows = [["place", "visits", "steps", "share", "metres"]]

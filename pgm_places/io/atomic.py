@@ -2,9 +2,11 @@
 
 import contextlib
 import errno
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from pgm_places.errors import OutputError
 from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
@@ -41,6 +43,17 @@ def write_text(path: Path | str, text: str) -> Path:
         Where the file cannot be written. What stood there before is then untouched.
     """
     return write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(path: Path | str, value: Any, **options: Any) -> Path:
+    """The path, once the file holds a value as JSON; options are those of ``json.dumps``.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written. What stood there before is then untouched.
+    """
+    return write_text(path, json.dumps(value, **{"allow_nan": False, **options}) + "\n")
 
 
 @contextlib.contextmanager

@@ -4,11 +4,12 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, shown
 from pgm_places.io.input_file import open_input
 
 
@@ -61,6 +62,32 @@ def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int)
         The file cannot be read, is too large, or is refused by :func:`parsed_json`.
     """
     return parsed_json(read_text(path, error, what, max_bytes=max_bytes), path, error)
+
+
+@contextmanager
+def read_record(
+    path: Path, what: str, form: str, schema: int, *, max_bytes: int, remedy: str
+) -> Iterator[dict[str, Any]]:
+    """The record in a JSON file that this package wrote, to be read in a block.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is of another format or schema, or what it holds makes the block
+        fail; ``remedy`` is what to do then.
+    """
+    record = read_json(path, InputError, what, max_bytes=max_bytes)
+    if not isinstance(record, dict) or record.get("format") != form:
+        raise InputError(f"{path} does not hold {what}; {remedy}")
+    if record.get("schema") != schema:
+        found = shown(record.get("schema"))
+        raise InputError(f"{path} has schema {found}, but only {schema} can be read; {remedy}")
+    try:
+        yield record
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path} is damaged ({shown(error)}); {remedy}") from None
 
 
 def parsed_json(text: str, path: Path, error: type[InputError]) -> Any:

@@ -1,6 +1,5 @@
 """A session in a file: the places that a robot has seen, so that their ids outlive a restart."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, shown
-from pgm_places.io.atomic import write_text
+from pgm_places.errors import InputError
+from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import user_path
-from pgm_places.io.text_file import read_json
+from pgm_places.io.text_file import read_record
 from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
@@ -58,7 +57,7 @@ def write_session(path: Path | str, memory: PlaceMemory) -> Path:
             for number, place in memory.places.items()
         ],
     }
-    return write_text(path, json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n")
+    return write_json(path, record, ensure_ascii=False)
 
 
 def read_session(path: Path | str) -> PlaceMemory:
@@ -72,20 +71,12 @@ def read_session(path: Path | str) -> PlaceMemory:
     source, memory = user_path(path, InputError), PlaceMemory()
     if not source.exists():
         return memory
-    record = read_json(source, InputError, "a session of 'pgm-places live'", max_bytes=MAX_BYTES)
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise InputError(f"{source} is not a session of 'pgm-places live'; name another file")
-    if record.get("schema") != SCHEMA:
-        raise InputError(
-            f"{source} has schema {shown(record.get('schema'))}, but only {SCHEMA} can be read; "
-            "delete it to number places anew"
-        )
-    try:
+    what, remedy = (
+        "a session of 'pgm-places live'",
+        "name another file, or delete it to number places anew",
+    )
+    with read_record(source, what, FORMAT, SCHEMA, max_bytes=MAX_BYTES, remedy=remedy) as record:
         _fill(memory, record)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(
-            f"{source} is damaged ({shown(error)}); delete it to number places anew"
-        ) from None
     return memory
 
 

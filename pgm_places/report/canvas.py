@@ -1,6 +1,5 @@
 """Maps as small palette images: cropped, downscaled if needed, with the right side up."""
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, finite_array
-from pgm_places.errors import InputError
 from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.maps.occupancy_grid import UNKNOWN as UNKNOWN_CELL
@@ -95,9 +94,7 @@ class Canvas:
 
     def png(self) -> bytes:
         """The image as a PNG file, one pixel per pixel."""
-        buffer = io.BytesIO()
-        self.image().save(buffer, "PNG", optimize=True)
-        return buffer.getvalue()
+        return encoded(self.image(), optimize=True)
 
 
 def view_of(
@@ -127,24 +124,6 @@ def _span(used: NDArray[np.bool_], grid: OccupancyGrid) -> slice:
         return slice(0, len(used))
     margin = max(2, round(0.5 / grid.resolution_m))
     return slice(max(0, int(where[0]) - margin), min(len(used), int(where[-1]) + 1 + margin))
-
-
-def checked_labels(
-    grid: OccupancyGrid, labels: ArrayLike, n_labels: int, name: str = "labels"
-) -> NDArray[np.integer]:
-    """The raster (H, W) of labels, -1 for none, after a look at its shape and range."""
-    raster = np.asarray(labels)
-    if raster.shape != grid.shape:
-        raise InputError(f"{name} must have the map's shape {grid.shape}, got {raster.shape}")
-    if not np.issubdtype(raster.dtype, np.integer):
-        raise InputError(f"{name} must hold whole numbers, got dtype {raster.dtype}")
-    low, high = int(raster.min()), int(raster.max())
-    if low < -1 or high >= n_labels:
-        raise InputError(
-            f"{name} must be -1 (none) to {n_labels - 1}, got {low if low < -1 else high}; "
-            "does label_names name every label?"
-        )
-    return raster
 
 
 def label_canvas(

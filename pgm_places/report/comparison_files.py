@@ -1,6 +1,5 @@
 """A comparison as files: ``results.json`` for programs, ``report.html`` for people."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,21 +10,20 @@ from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.judgement import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
-from pgm_places.io.atomic import write_text
+from pgm_places.io.atomic import write_json
 from pgm_places.spaces.door_truth import DoorScores
 
 SCHEMA = 1
+
+_AS_THEY_ARE = ("stage_seconds", "config", "selection", "versions", "inputs", "warnings")
 
 
 def write_comparison(comparison: Comparison, folder: Path) -> list[Path]:
     """Write ``results.json`` and ``report.html`` into the folder; the paths written."""
     from pgm_places.report.comparison_page import write_report
 
-    results = folder / "results.json"
-    write_text(results, json.dumps(comparison_record(comparison), indent=2, allow_nan=False) + "\n")
-    report = folder / "report.html"
-    write_report(comparison, report)
-    return [results, report]
+    results = write_json(folder / "results.json", comparison_record(comparison), indent=2)
+    return [results, write_report(comparison, folder / "report.html")]
 
 
 def comparison_record(comparison: Comparison) -> dict[str, Any]:
@@ -64,13 +62,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "methods": {method.id: _method_record(comparison, method) for method in comparison.methods},
         "differences": [_difference_record(item) for item in comparison.judgement.differences],
         "best": {figure: comparison.judgement.best(figure) for figure in TESTED},
-        "stage_seconds": comparison.stage_seconds,
-        "config": comparison.config,
-        "selection": comparison.selection,
-        "versions": comparison.versions,
-        "inputs": comparison.inputs,
-        "warnings": comparison.warnings,
-    }
+    } | {name: getattr(comparison, name) for name in _AS_THEY_ARE}
     plain: dict[str, Any] = _plain(record)
     return plain
 
@@ -78,9 +70,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
 def _difference_record(found: Difference) -> dict[str, Any]:
     interval, signs = found.interval, found.buildings
     return {
-        "first": found.first,
-        "second": found.second,
-        "figure": found.figure,
+        **{name: getattr(found, name) for name in ("first", "second", "figure")},
         "difference": interval.estimate,
         "low": interval.low,
         "high": interval.high,

@@ -1,6 +1,5 @@
 """Drawings measured in pixels, by Pillow: importing matplotlib takes longer than drawing a map."""
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.io.atomic import write_bytes
+from pgm_places.io.maps.raster_image import encoded
 from pgm_places.kernels.threads import resolve_threads
 from pgm_places.report.canvas import Canvas
 from pgm_places.report.figure import INK
@@ -150,9 +150,7 @@ class Drawing:
 
     def png(self) -> bytes:
         """The picture as a PNG file, without a date or a version in it."""
-        buffer = io.BytesIO()
-        self.image.save(buffer, "PNG")
-        return buffer.getvalue()
+        return encoded(self.image)
 
     def _stamp(
         self,

@@ -1,6 +1,5 @@
 """A labelled map as files: the label image, probabilities, a picture and a summary."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE
 from pgm_places.errors import InputError, OutputError
-from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.atomic import write_bytes, write_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
@@ -48,7 +47,6 @@ def write_labels(
         written += _write_probabilities(result, folder)
     if outputs.pictures:
         written.append(_write_overview(result, source, folder, packing or Packing()))
-    summary = folder / SUMMARY_FILE
     record = {
         "map": str(source.yaml_path),
         "method": result.method,
@@ -60,8 +58,7 @@ def write_labels(
         "bound": result.labeling.bound,
         "warnings": [*source.warnings, *result.warnings],
     }
-    write_text(summary, json.dumps(record, indent=2) + "\n")
-    return [*written, summary]
+    return [*written, write_json(folder / SUMMARY_FILE, record, indent=2, allow_nan=True)]
 
 
 def _write_overview(

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places import _checks
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
-from pgm_places.report.canvas import checked_labels, label_canvas, value_canvas, view_of
+from pgm_places.report.canvas import label_canvas, value_canvas, view_of
 from pgm_places.report.drawing import Drawing
-from pgm_places.report.sheet import ColourBar, Panel, sheet, sheet_png
+from pgm_places.report.sheet import ColourBar, Panel, sheet
 
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
@@ -55,18 +55,18 @@ def label_map(
     >>> label_map(grid, [[0, 1], [-1, -1]], ["corridor", "room"])[1:4]
     b'PNG'
     """
-    labels = checked_labels(grid, label_raster, len(label_names), "label_raster")
+    labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     canvas = label_canvas(grid, labels, label_names, view)
     entries = (*label_swatches(label_names), *GROUND_SWATCHES) if legend else ()
-    return sheet_png([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar)
+    return sheet([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar).png()
 
 
 def thumbnail(
     grid: OccupancyGrid, label_raster: NDArray[np.integer], label_names: Sequence[str]
 ) -> bytes:
     """A PNG file of a labelled map the size of a stamp, of some kilobytes: nothing but the map."""
-    labels = checked_labels(grid, label_raster, len(label_names), "label_raster")
+    labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
     view = view_of(grid, most_pixels=_THUMBNAIL_PIXELS)
     return label_canvas(grid, labels, label_names, view).png()
 
@@ -111,7 +111,7 @@ def overview(
     InputError
         Shapes that do not fit, or beliefs without a layout.
     """
-    labels = checked_labels(grid, label_raster, len(label_names), "label_raster")
+    labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
     view = view_of(grid, most_pixels=_MOST_PIXELS // (1 if beliefs is None else 2))
     panels = [Panel(label_canvas(grid, labels, label_names, view), "labels")]
     bars: tuple[ColourBar, ...] = ()
@@ -119,7 +119,7 @@ def overview(
         if layout is None:
             raise InputError("beliefs need the layout of their nodes; pass layout as well")
         shape = (layout.n_nodes, len(label_names))
-        array = finite_array("beliefs", beliefs, shape, dtype=None)
+        array = _checks.finite_array("beliefs", beliefs, shape, dtype=None)
         canvas = value_canvas(grid, lambda some: entropy(array[some]), layout, "entropy", view)
         panels.append(Panel(canvas, "entropy"))
         bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)

@@ -16,10 +16,10 @@ from pgm_places.palette import (
     label_colours,
     label_swatches,
 )
-from pgm_places.report.canvas import Canvas, label_canvas, view_of
+from pgm_places.report.canvas import label_canvas, view_of
 from pgm_places.report.drawing import Drawing, text_width
 from pgm_places.report.figure import INK, MUTED
-from pgm_places.report.sheet import Panel, sheet_png
+from pgm_places.report.sheet import Panel, sheet
 
 _MOST_PIXELS = 1_500_000
 _PATH, _CASING, _OTHER = 5.0, 8.0, 2.0
@@ -75,7 +75,10 @@ def path_map(
     other = None if other_m is None else finite_array("other_m", other_m, ("S", 2))
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     nowhere = np.full(grid.shape, -1, np.int16)
-    canvas = _without_stripes(label_canvas(grid, nowhere, label_names, view))
+    canvas = label_canvas(grid, nowhere, label_names, view)
+    # Free space in plain white: on this picture no cell is expected to have a label.
+    plain = (IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
+    canvas = replace(canvas, colours=tuple(plain))
     colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end
 
     def draw(panel: Drawing, scale: int) -> None:
@@ -93,13 +96,7 @@ def path_map(
     if other is not None:
         entries.append(Swatch(f"{other_name} (dashed)", _OTHER_COLOUR))
     entries += [item for item in GROUND_SWATCHES if not item.hatched]
-    return sheet_png([Panel(canvas, overlay=draw)], title=title, legend=entries)
-
-
-def _without_stripes(canvas: Canvas) -> Canvas:
-    """Free space in plain white: on this picture no cell is expected to have a label."""
-    colours = tuple(IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
-    return replace(canvas, colours=colours)
+    return sheet([Panel(canvas, overlay=draw)], title=title, legend=entries).png()
 
 
 def _pieces(panel: Drawing, points: NDArray[np.float64], colours: Sequence[str]) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -109,11 +108,6 @@ def sheet(
         y += sizes.line
     _draw_bars(page, bars, y + 6, sizes)
     return page
-
-
-def sheet_png(panels: Sequence[Panel], **options: Any) -> bytes:
-    """The sheet as a PNG file; options are those of :func:`sheet`."""
-    return sheet(panels, **options).png()
 
 
 def round_length(metres: float) -> float:

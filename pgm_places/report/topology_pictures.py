@@ -109,13 +109,6 @@ _MOST_MARKED, _LEAST_DOUBTFUL_M2 = 5, 1.0
 _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 
 
-def topology_picture(
-    grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
-) -> bytes:
-    """A PNG file of :func:`topology_drawing`."""
-    return topology_drawing(grid, topology, title=title).png()
-
-
 def topology_drawing(
     grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
 ) -> Drawing:

@@ -1,12 +1,11 @@
 """A tracked trajectory as one self-contained HTML file."""
 
-import csv
-import io
 from collections.abc import Iterator
 from pathlib import Path
 
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.csv_table import csv_text
 from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_swatches
@@ -53,15 +52,11 @@ def _cards(track: Track) -> Iterator[tuple[str, str]]:
 
 def belief_table(track: Track) -> str:
     """Comma-separated values: a row per step with pose, label, and the belief in each label."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    beliefs = track.labeling.beliefs
-    names = track.label_names
+    beliefs, names, truth = track.labeling.beliefs, track.label_names, track.truth
     columns = ["step", "t_s", "x_m", "y_m", "heading_rad", "label"]
-    truth = track.truth
     if truth is not None:
         columns.append("true_label")
-    table.writerow([*columns, *(f"p_{name}" for name in names if beliefs is not None)])
+    rows = [[*columns, *(f"p_{name}" for name in names if beliefs is not None)]]
     path = track.trajectory
     for t, label in enumerate(track.labeling.labels.tolist()):
         x, y, heading = path.poses[t]
@@ -71,8 +66,8 @@ def belief_table(track: Track) -> str:
             row.append(names[truth[t]] if truth[t] >= 0 else "")
         if beliefs is not None:
             row += [f"{belief:.6f}" for belief in beliefs[t]]
-        table.writerow(row)
-    return text.getvalue()
+        rows.append(row)
+    return csv_text(rows)
 
 
 def write_track(track: Track, grid: OccupancyGrid, folder: Path) -> list[Path]:

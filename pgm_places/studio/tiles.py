@@ -1,12 +1,12 @@
 """Tiles of the studio's layers as small indexed PNG pictures."""
 
-import io
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
 from pgm_places.palette import ERROR, levels, rgb_of
 from pgm_places.studio.pyramid import TILE
@@ -67,6 +67,4 @@ def png(tile: NDArray[np.uint8], colours: Sequence[str]) -> bytes:
     alpha = bytes(int(colour[7:9] or "ff", 16) for colour in colours)
     picture = Image.frombytes("P", (TILE, TILE), np.ascontiguousarray(tile).tobytes())
     picture.putpalette(palette)
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG", transparency=alpha, compress_level=1)
-    return buffer.getvalue()
+    return encoded(picture, transparency=alpha, compress_level=1)

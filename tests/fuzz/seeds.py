@@ -34,6 +34,7 @@ from pgm_places.report.outputs import Outputs
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Painting
+from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
@@ -219,8 +220,10 @@ def _write_journal(folder: Path, grid: OccupancyGrid) -> None:
     journal = Journal(folder / "journal.jsonl", JOURNAL_OF)
     painting = Painting(grid, Classes.named(NAMES), journal)
     free = np.flatnonzero(grid.free)
-    painting.paint(free[:40], 1)
-    painting.paint(free[20:60], 2)
+    for label, cells in ((1, free[:40]), (2, free[20:60])):
+        mask = np.zeros(grid.shape, np.bool_)
+        mask.reshape(-1)[cells] = True
+        painting.paint_runs(runs_of_mask(mask), label)
     painting.set_class(3, "kitchen", "#336699")
     painting.rename((1.0, 2.0), "lab", [])
     painting.save_version("first")

@@ -155,5 +155,5 @@ def test_ids_outlive_a_restart_with_the_file_of_the_session(tmp_path: Path) -> N
     alone.label(raw_map(mirrored))
     assert found[1].view.places == alone.label(raw_map(grid)).view.places
     session.write_text("{}")
-    with pytest.raises(InputError, match="is not a session of 'pgm-places live'"):
+    with pytest.raises(InputError, match="does not hold a session of 'pgm-places live'"):
         MapProcess(str(tmp_path / "model"), session=session)

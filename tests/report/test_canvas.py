@@ -15,12 +15,12 @@ from pgm_places.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
 from pgm_places.report.canvas import (
     Canvas,
     View,
-    checked_labels,
     difference_canvas,
     label_canvas,
     value_canvas,
     view_of,
 )
+from pgm_places.report.map_pictures import thumbnail
 
 NAMES = ("corridor", "room", "doorway")
 WHOLE = View(slice(0, 4), slice(0, 5))
@@ -167,12 +167,12 @@ def test_memory_stays_small_on_a_huge_map(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     ("labels", "text"),
     [
-        (np.zeros((4, 4), int), r"labels must have the map's shape \(4, 5\), got \(4, 4\)"),
-        (np.zeros((4, 5)), "labels must hold whole numbers, got dtype float64"),
-        (np.full((4, 5), 3), r"labels must be -1 \(none\) to 2, got 3"),
-        (np.full((4, 5), -2), r"labels must be -1 \(none\) to 2, got -2"),
+        (np.zeros((4, 4), int), r"label_raster must have shape \(4, 5\), got \(4, 4\)"),
+        (np.zeros((4, 5)), "label_raster must hold integers, got dtype float64"),
+        (np.full((4, 5), 3), "labels from 0 to 2, or -1 for none, got values from 3 to 3"),
+        (np.full((4, 5), -2), "labels from 0 to 2, or -1 for none, got values from -2 to -2"),
     ],
 )
 def test_rasters_that_do_not_fit_are_refused(labels: np.ndarray, text: str) -> None:
     with pytest.raises(InputError, match=text):
-        checked_labels(grid_with_a_corner()[0], labels, 3)
+        thumbnail(grid_with_a_corner()[0], labels, NAMES[:3])

@@ -123,11 +123,11 @@ def test_pictures_of_maps_are_drawn_without_matplotlib() -> None:
     code = (
         "import sys; from pgm_places.report import comparison_page;"
         "from pgm_places.report.map_pictures import label_map;"
-        "from pgm_places.report.topology_pictures import topology_picture;"
+        "from pgm_places.report.topology_pictures import topology_drawing;"
         "from tests.topology.floors import floor_map;"
         "floor = floor_map();"
         "label_map(floor.grid, floor.labels, floor.label_names);"
-        "topology_picture(floor.grid, floor);"
+        "topology_drawing(floor.grid, floor).png();"
         "assert 'matplotlib' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -9,14 +9,14 @@ from PIL import Image
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.report.topology_pictures import topology_drawing
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_map, gated_floor_map
 
 
 def drawn(**frame: object) -> np.ndarray:
     topology = floor_map(**frame)
-    data = topology_picture(topology.grid, topology, title="a floor")
+    data = topology_drawing(topology.grid, topology, title="a floor").png()
     return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
 
@@ -44,13 +44,13 @@ def test_any_shape(shape: tuple[int, int]) -> None:
     labels[:, shape[1] // 2 :] = 1
     grid = OccupancyGrid(np.zeros(shape, np.int8), 0.05)
     found = topological_map(grid, labels, NAMES, correct=False)
-    assert topology_picture(grid, found)[1:4] == b"PNG"
+    assert topology_drawing(grid, found).png()[1:4] == b"PNG"
 
 
 def test_a_map_without_places() -> None:
     grid = OccupancyGrid(np.zeros((3, 3), np.int8), 0.05)
     found = topological_map(grid, np.full((3, 3), -1), NAMES)
-    assert topology_picture(grid, found)[1:4] == b"PNG"
+    assert topology_drawing(grid, found).png()[1:4] == b"PNG"
 
 
 def test_gates_are_drawn_over_the_map() -> None:
@@ -59,7 +59,7 @@ def test_gates_are_drawn_over_the_map() -> None:
         topology, regions=tuple(replace(region, gate=None) for region in topology.regions)
     )
     with_gate, without = (
-        np.asarray(Image.open(io.BytesIO(topology_picture(item.grid, item))).convert("RGB"))
+        np.asarray(Image.open(io.BytesIO(topology_drawing(item.grid, item).png())).convert("RGB"))
         for item in (topology, bare)
     )
     changed = np.argwhere((with_gate != without).any(axis=2))

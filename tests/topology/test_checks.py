@@ -10,7 +10,7 @@ import pytest
 from pgm_places import LabelGraph, OccupancyGrid, load_topology, save_topology, topological_map
 from pgm_places.io.places.check_table import check_table
 from pgm_places.report.topology_output import doubt_summary, write_topology
-from pgm_places.report.topology_pictures import marked_checks, topology_picture
+from pgm_places.report.topology_pictures import marked_checks, topology_drawing
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between
@@ -125,4 +125,7 @@ def test_the_summary_and_the_picture_name_the_first(topology: TopologicalMap) ->
     )
     assert len(marked_checks(topology)) == 3
     unknown = topological_map(topology.grid, CELLS[None], NAMES)
-    assert topology_picture(topology.grid, topology) != topology_picture(topology.grid, unknown)
+    assert (
+        topology_drawing(topology.grid, topology).png()
+        != topology_drawing(topology.grid, unknown).png()
+    )

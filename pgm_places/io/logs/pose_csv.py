@@ -1,7 +1,6 @@
 """Tables of poses: one step per line, with columns found by name."""
 
 import csv
-import io
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, LogError, shown
 from pgm_places.io.atomic import write_text
-from pgm_places.io.csv_table import CsvTable, open_table
+from pgm_places.io.csv_table import CsvTable, csv_text, open_table
 from pgm_places.io.input_file import user_path
 from pgm_places.io.logs.loaded_log import LoadedLog, order_warnings
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
@@ -196,8 +195,4 @@ def write_pose_csv(path: Path | str, trajectory: Trajectory) -> Path:
         texts = (*trajectory.label_names, "")  # the last one is what -1 points at
         columns.append([texts[label] for label in trajectory.labels.tolist()])
         names.append("label")
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(zip(*columns, strict=True))
-    return write_text(path, text.getvalue())
+    return write_text(path, csv_text([names, *zip(*columns, strict=True)]))

@@ -1,6 +1,5 @@
 """Labels and regions as GeoTIFF, with the map's rotation, for QGIS and GDAL."""
 
-import io
 from pathlib import Path
 from typing import Literal
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_bytes
+from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -66,7 +66,5 @@ def write_geotiff(
     ):
         tags.tagtype[tag] = kind
         tags[tag] = content
-    buffer = io.BytesIO()
     image = Image.fromarray(values[::-1].astype(np.uint16))
-    image.save(buffer, "TIFF", tiffinfo=tags)
-    return write_bytes(path, buffer.getvalue())
+    return write_bytes(path, encoded(image, "TIFF", tiffinfo=tags))

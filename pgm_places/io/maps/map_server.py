@@ -1,6 +1,5 @@
 """Maps in ROS's map_server format: a YAML file and an image, read exactly as Nav2 does."""
 
-import io
 import logging
 import math
 import re
@@ -27,7 +26,7 @@ from pgm_places.io.maps.map_pixels import (
     Mode,
     PixelRules,
 )
-from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
+from pgm_places.io.maps.raster_image import MAX_PIXELS, encoded, open_image
 from pgm_places.io.strict_yaml import MAX_BYTES, YamlFile, YamlValue, read_yaml
 from pgm_places.io.text_file import read_bytes
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
@@ -285,9 +284,7 @@ def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
         return f"P5\n{width} {height}\n255\n".encode("ascii") + grey.tobytes()
     from PIL import Image
 
-    buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(grey)).save(buffer, "PNG")
-    return buffer.getvalue()
+    return encoded(Image.fromarray(np.ascontiguousarray(grey)))
 
 
 def _quoted(name: str) -> str:

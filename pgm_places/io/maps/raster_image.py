@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -307,6 +307,11 @@ def raster_png(picture: "Image") -> bytes:
     Only runs of equal bytes are packed, which takes a third to a half of the time of a search for
     repetitions anywhere before, and makes the files of floors as small.
     """
+    return encoded(picture, compress_type=zlib.Z_RLE)
+
+
+def encoded(picture: "Image", kind: str = "PNG", **options: Any) -> bytes:
+    """The content of a file of a picture; options are those of Pillow's ``save``."""
     buffer = io.BytesIO()
-    picture.save(buffer, "PNG", compress_type=zlib.Z_RLE)
+    picture.save(buffer, kind, **options)
     return buffer.getvalue()

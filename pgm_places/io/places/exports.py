@@ -1,13 +1,12 @@
 """The export formats of a topological map, by name."""
 
 import io
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
 from pgm_places.errors import InputError, nearest_name, printable
-from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.atomic import write_bytes, write_json, write_text
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_route import write_nav2_route
@@ -42,7 +41,7 @@ def write_node_link(path: Path | str, topology: TopologicalMap) -> Path:
         "nodes": [{**values, "id": number} for number, values in graph.nodes.items()],
         "edges": [{**v, "source": a, "target": b} for a, b, v in graph.edges(data=True)],
     }
-    return write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return write_json(path, content, indent=1)
 
 
 def write_dot(path: Path | str, topology: TopologicalMap) -> Path:

@@ -1,12 +1,11 @@
 """The route graph for Nav2's Route Server (GeoJSON)."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pgm_places.errors import InputError
-from pgm_places.io.atomic import write_text
+from pgm_places.io.atomic import write_json
 from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph
 from pgm_places.topology.topological_map import TopologicalMap
@@ -96,10 +95,12 @@ def _edges(
         metadata = {
             **_place(topology, edge.region),
             "clearance_m": round(edge.clearance_m, DIGITS),
-            **_speed(
-                topology, [routes.nodes[k].region for k in (edge.first, edge.second)], speeds_m_s
-            ),
         }
+        places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
+        known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
+        # Floats: Nav2 keeps the type that a number has in the file, and asks for a float only.
+        if limits := [float(value) for value in known if value is not None]:
+            metadata["abs_speed_limit"] = min(limits)
         for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
             line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
             properties = {
@@ -113,19 +114,6 @@ def _edges(
             geometry = {"type": "MultiLineString", "coordinates": [line]}
             features.append({"type": "Feature", "properties": properties, "geometry": geometry})
     return features
-
-
-def _speed(
-    topology: TopologicalMap, regions: list[int], speeds_m_s: Mapping[str, float]
-) -> dict[str, float]:
-    """The lowest speed of some places; nothing where there is none.
-
-    As a float: Nav2 keeps the type that the number has in the file, and asks for a float only.
-    """
-    places = [topology.place(number) for number in regions]
-    known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
-    limits = [float(value) for value in known if value is not None]
-    return {"abs_speed_limit": min(limits)} if limits else {}
 
 
 def _place(topology: TopologicalMap, number: int) -> dict[str, Any]:
@@ -155,5 +143,4 @@ def write_nav2_route(
     speeds_m_s: Mapping[str, float] | None = None,
 ) -> Path:
     """Write the graph for Nav2's Route Server; the path."""
-    graph = route_features(topology, routes, speeds_m_s=speeds_m_s)
-    return write_text(path, json.dumps(graph, allow_nan=False) + "\n")
+    return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s))

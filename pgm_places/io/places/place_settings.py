@@ -1,6 +1,5 @@
 """places.json: the rules and gates by which a folder's places were found, to find them again."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._option_marks import Ge, Le
-from pgm_places.errors import InputError, OutputError, shown
-from pgm_places.io.atomic import write_text
+from pgm_places.errors import InputError, OutputError
+from pgm_places.io.atomic import write_json
 from pgm_places.io.places.number_image import MOST, Raster, write_numbers
-from pgm_places.io.text_file import read_json
+from pgm_places.io.text_file import read_record
 from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
@@ -76,17 +75,13 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
     written = []
     if settings.doorways is not None:
         record["map"] = plain_values(Raster.of(settings.doorways.grid))
-        record["gates"] = [plain_values(item) for item in _gate_records(settings.doorways)]
+        gates = zip(settings.doorways.gates, settings.doorways.probability, strict=True)
+        record["gates"] = [
+            plain_values(_GateRecord(g.centre_m, g.heading_rad, g.width_m, g.depth_m, float(p)))
+            for g, p in gates
+        ]
         written.append(_write_places(folder / GATES_FILE, settings.doorways.place))
-    text = json.dumps(record, indent=1, allow_nan=False)
-    return [write_text(folder / SETTINGS_FILE, text + "\n"), *written]
-
-
-def _gate_records(doorways: Doorways) -> list[_GateRecord]:
-    return [
-        _GateRecord(gate.centre_m, gate.heading_rad, gate.width_m, gate.depth_m, float(p))
-        for gate, p in zip(doorways.gates, doorways.probability, strict=True)
-    ]
+    return [write_json(folder / SETTINGS_FILE, record, indent=1), *written]
 
 
 def _write_places(path: Path, place: NDArray[np.integer]) -> Path:
@@ -110,20 +105,10 @@ def load_settings(folder: Path) -> PlaceSettings | None:
     path = folder / SETTINGS_FILE
     if not path.exists():
         return None
-    record = read_json(path, InputError, _WANTED, max_bytes=_MAX_BYTES)
-    if not isinstance(record, dict) or (record.get("format"), record.get("schema")) != (
-        _FORMAT,
-        _SCHEMA,
-    ):
-        raise InputError(f"{path} does not hold {_WANTED}; label the map again")
-    try:
+    again = "label the map again"
+    with read_record(path, _WANTED, _FORMAT, _SCHEMA, max_bytes=_MAX_BYTES, remedy=again) as record:
         rules = stored_options(record["settings"], path="settings")
-        doorways = _doorways(folder, record) if "gates" in record else None
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise InputError(f"{path}: {error}") from None
-        raise InputError(f"{path} is damaged ({shown(error)}); label the map again") from None
-    return PlaceSettings(rules, doorways)
+        return PlaceSettings(rules, _doorways(folder, record) if "gates" in record else None)
 
 
 def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:

@@ -1,11 +1,10 @@
 """Regions as GeoJSON polygons, for QGIS, the web and training, and gates as plain data."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pgm_places.io.atomic import write_text
+from pgm_places.io.atomic import write_json
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -94,4 +93,4 @@ def write_region_features(path: Path | str, topology: TopologicalMap) -> Path:
     OutputError
         Where the file cannot be written.
     """
-    return write_text(path, json.dumps(region_features(topology), allow_nan=False) + "\n")
+    return write_json(path, region_features(topology))

@@ -9,14 +9,14 @@ import numpy as np
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, OutputError, shown
-from pgm_places.io.atomic import write_text
+from pgm_places.io.atomic import write_json, write_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS
 from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
-from pgm_places.io.text_file import read_json
+from pgm_places.io.text_file import read_record
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.place_edits import renamed
@@ -52,8 +52,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
         write_numbers(target / REGION_FILE, topology.region),
         write_region_features(target / FEATURES_FILE, topology),
     ]
-    record = json.dumps(_record(topology), indent=1, allow_nan=False)
-    return [write_text(target / TOPOLOGY_FILE, record + "\n"), *written]
+    return [write_json(target / TOPOLOGY_FILE, _record(topology), indent=1), *written]
 
 
 def _record(topology: TopologicalMap) -> dict[str, Any]:
@@ -88,21 +87,9 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
         Where a file is missing, damaged, or does not fit the others.
     """
     source = user_path(folder, InputError)
-    path = source / TOPOLOGY_FILE
-    record = read_json(path, InputError, _WANTED, max_bytes=MAX_BYTES)
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise InputError(f"{path} is not a topological map of this package; write it again")
-    if record.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path} has schema {shown(record.get('schema'))}, but only {SCHEMA} can be read; "
-            "write it again"
-        )
-    try:
+    path, again = source / TOPOLOGY_FILE, "write it again"
+    with read_record(path, _WANTED, FORMAT, SCHEMA, max_bytes=MAX_BYTES, remedy=again) as record:
         return _topology(source, record, max_pixels)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        if isinstance(error, InputError):
-            raise InputError(f"{path}: {error}") from None
-        raise InputError(f"{path} is damaged ({shown(error)}); write it again") from None
 
 
 def load_named_topology(folder: Path | str) -> TopologicalMap:

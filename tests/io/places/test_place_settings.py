@@ -58,7 +58,7 @@ def test_settings_without_gates_are_one_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        ({"schema": 2}, "does not hold the settings of places"),
+        ({"schema": 2}, "has schema 2, but only 1 can be read; label the map again"),
         ({"settings": {"min_area": 1}}, "unknown key 'settings.min_area'. Did you mean"),
         ({"settings": {"min_area_m2": -1.0}}, "settings.min_area_m2 must be a number of at least"),
         ({"settings": ""}, "settings must be a table of options, got"),

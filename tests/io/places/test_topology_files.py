@@ -102,7 +102,7 @@ def spoil(folder: Path, **changes: object) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"format": "other"}, "not a topological map of this package"),
+        ({"format": "other"}, "does not hold a topological map"),
         ({"schema": 2}, "schema 2, but only 1 can be read"),
         ({"regions": [{}]}, "damaged"),
         ({"regions": []}, "hold other regions"),
