@@ -10,34 +10,42 @@ ray meets the corner of four cells it steps along x first. Sweep and DDA share t
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
-class Octant:
-    """The octant counted counter-clockwise from the x axis, 0 to 7.
+class Octant(NamedTuple):
+    """An octant; they are counted counter-clockwise from the x axis, 45 degrees each."""
 
-    It begins at 45 degrees times its number.
-    """
+    x_is_major: bool
+    """Whether its directions are longer along x than along y."""
+    step_x: int
+    """Sign of x,"""
+    step_y: int
+    """and of y."""
 
-    number: int
 
-    @property
-    def x_is_major(self) -> bool:
-        """Whether its directions are longer along x than along y."""
-        return self.number in (0, 3, 4, 7)
+OCTANTS = [
+    Octant(n in (0, 3, 4, 7), -1 if 2 <= n <= 5 else 1, -1 if n >= 4 else 1) for n in range(8)
+]
 
-    @property
-    def step_x(self) -> int:
-        """Sign of x."""
-        return -1 if self.number in (2, 3, 4, 5) else 1
 
-    @property
-    def step_y(self) -> int:
-        """Sign of y."""
-        return -1 if self.number >= 4 else 1
+class Ways(NamedTuple):
+    """How M beams go from cell to cell."""
+
+    step_x: NDArray[np.int64]
+    """(M,) -1, 0 or 1: the neighbouring column that a beam leads to,"""
+    step_y: NDArray[np.int64]
+    """and the neighbouring row."""
+    per_x: NDArray[np.float64]
+    """Length of ray for each column, in cells; infinite where no column is left,"""
+    per_y: NDArray[np.float64]
+    """and for each row."""
+    metres_x: NDArray[np.floating[Any]]
+    """The same in metres."""
+    metres_y: NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +81,19 @@ class Beams:
         return len(self.octant)
 
     @cached_property
-    def steps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(M,) -1, 0 or 1 each: to which neighbouring column and row a beam leads."""
-        kinds = [Octant(number) for number in range(8)]
-        x = np.array([kind.step_x for kind in kinds])[self.octant]
-        y = np.array([kind.step_y for kind in kinds])[self.octant]
-        along_x, along_y = self.components
-        return np.where(along_x == 0, 0, x), np.where(along_y == 0, 0, y)
-
-    @cached_property
     def components(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(M,) sizes of the components along x and y."""
-        x_is_major = np.array([Octant(number).x_is_major for number in range(8)])[self.octant]
+        x_is_major = np.array([octant.x_is_major for octant in OCTANTS])[self.octant]
         along_x = np.where(x_is_major, self.major, self.minor)
         along_y = np.where(x_is_major, self.minor, self.major)
         return along_x, along_y
+
+    def ways(self, resolution_m: float) -> Ways:
+        """The beams in a map with cells of that side."""
+        along = self.components
+        signs = np.array([octant[1:] for octant in OCTANTS])[self.octant].T
+        steps = [np.where(part == 0, 0, sign) for part, sign in zip(along, signs, strict=True)]
+        with np.errstate(divide="ignore"):
+            return Ways(
+                *steps, *(1 / part for part in along), *(resolution_m / part for part in along)
+            )

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from math import ceil, pi
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +10,11 @@ from pgm_places._core import add_noise, dda_from_centres
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.sensing._beams import Beams
+from pgm_places.sensing import _sweep
+from pgm_places.sensing._beams import Beams, Ways
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._cells import Cells, Noise
-from pgm_places.sensing._sweep import (
-    LARGEST_REGION,
-    Surroundings,
-    TileSweep,
-    Work,
-    beam_groups,
-    tile_cells,
-    work_bytes,
-)
+from pgm_places.sensing._sweep import Extent, Surroundings, TileSweep, Work
 from pgm_places.sensing._sweep_tables import TileCells
 from pgm_places.sensing.sensor import Sensor
 
@@ -38,22 +30,6 @@ _LISTING_BYTES = 2
 """For each cell and each thread that lists faces."""
 _FACE_BYTES = 18
 """For each face in the lists, with a mirrored copy of some."""
-
-
-class CentreBeams(NamedTuple):
-    """How M beams go from cell to cell."""
-
-    step_x: NDArray[np.int64]
-    """(M,) -1, 0 or 1: the neighbouring column that a beam leads to,"""
-    step_y: NDArray[np.int64]
-    """and the neighbouring row."""
-    per_x: NDArray[np.float64]
-    """Length of ray for each column, in cells; infinite where no column is left,"""
-    per_y: NDArray[np.float64]
-    """and for each row."""
-    metres_x: NDArray[np.float32]
-    """The same in metres."""
-    metres_y: NDArray[np.float32]
 
 
 def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> NDArray[np.uint8]:
@@ -88,7 +64,8 @@ class CellCaster:
         self._sensor = sensor
         self._n_threads = resolve_threads(n_threads)
         self._beams = Beams.full_circle(sensor.n_beams)
-        self._groups = beam_groups(self._beams, self._n_threads)
+        self._groups = _sweep.beam_groups(self._beams, self._n_threads)
+        self._ways = self._beams.ways(grid.resolution_m)
         self._reach = sensor.max_range_m / grid.resolution_m
         self._list_bytes = _bytes_of_lists(grid, sensor.stop_at_unknown)
         self._spare: list[Work] = []
@@ -104,7 +81,7 @@ class CellCaster:
         return (
             ceil(each * (region.height + 2) * (region.width + 2))
             + 32 * box.height * box.width
-            + self._n_threads * work_bytes(box)
+            + self._n_threads * _sweep.work_bytes(box)
         )
 
     def cast(
@@ -148,7 +125,7 @@ class CellCaster:
         time for each face that is painted, whoever looks at it.
         """
         height, width = blocked.shape
-        if max(height, width) + self._reach > LARGEST_REGION:
+        if max(height, width) + self._reach > _sweep.LARGEST_REGION:
             return False
         faces = np.count_nonzero(blocked[1:] != blocked[:-1])
         faces += np.count_nonzero(blocked[:, 1:] != blocked[:, :-1])
@@ -176,7 +153,7 @@ class CellCaster:
 
         def look_along(task: int) -> None:
             x_is_major = task == 1
-            tiles[x_is_major] = tile_cells(raster, x_is_major)
+            tiles[x_is_major] = _sweep.tile_cells(raster, x_is_major)
             if x_is_major not in self._surroundings:
                 self._surroundings[x_is_major] = Surroundings.of(blocked, x_is_major)
 
@@ -184,10 +161,10 @@ class CellCaster:
         tile = TileSweep(
             self._surroundings,
             tiles,
-            box,
-            region,
-            self._grid.shape,
+            Extent(box.left, box.right, region.left - 1, region.right + 1, self._grid.shape[1]),
+            Extent(box.bottom, box.top, region.bottom - 1, region.top + 1, self._grid.shape[0]),
             self._beams,
+            self._ways,
             self._grid.resolution_m,
             self._sensor.max_range_m,
         )
@@ -204,15 +181,8 @@ class CellCaster:
 
     def follow(self, blocked: NDArray[np.uint8], cells: Cells, out: NDArray[np.float32]) -> None:
         """Write the scans of cells by following each ray through ``blocked``."""
-        along_x, along_y = self._beams.components
-        with np.errstate(divide="ignore"):
-            beams = CentreBeams(
-                *self._beams.steps,
-                1 / along_x,
-                1 / along_y,
-                (self._grid.resolution_m / along_x).astype(np.float32),
-                (self._grid.resolution_m / along_y).astype(np.float32),
-            )
+        *ways, metres_x, metres_y = self._ways
+        beams = Ways(*ways, metres_x.astype(np.float32), metres_y.astype(np.float32))
         cap = np.float32(self._sensor.max_range_m)
         self._in_parts(
             lambda part: dda_from_centres(blocked, part, beams, self._reach, cap, out), cells

@@ -8,34 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import list_runs, sweep
-from pgm_places.sensing._beams import Beams, Octant
+from pgm_places.sensing import _sweep_tables as kernels
+from pgm_places.sensing._beams import OCTANTS, Beams, Octant, Ways
 from pgm_places.sensing._box import Box
-from pgm_places.sensing._sweep_tables import (
-    BLOCK,
-    LAST_COLUMN,
-    LIFT,
-    LOG_BINS,
-    METRES_MAJOR,
-    METRES_MINOR,
-    METRES_X,
-    METRES_Y,
-    N_FIELDS,
-    N_PLACES,
-    PER_X,
-    PER_Y,
-    SHIFT,
-    SLOPE,
-    STEP_X,
-    STEP_Y,
-    Column,
-    Frame,
-    Listed,
-    Output,
-    Pictures,
-    Rays,
-    Region,
-    TileCells,
-)
+from pgm_places.sensing._sweep_tables import BLOCK, Frame, Listed, TileCells
 
 LARGEST_REGION = 32_000
 """Rows, columns and reach together, in cells, that 16-bit face numbers can tell apart."""
@@ -151,13 +127,13 @@ def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
     """All beams in groups, as few as fill the threads."""
     groups = []
     parts = max(1, ceil(n_threads * _GROUPS_PER_THREAD / 8))
-    for number in range(8):
+    for number, octant in enumerate(OCTANTS):
         begin, end = (int(i) for i in np.searchsorted(beams.octant, (number, number + 1)))
         if begin == end:
             continue
         n_groups = max(ceil((end - begin) / _LONGEST_GROUP), min(parts, end - begin))
         cuts = [begin + (end - begin) * i // n_groups for i in range(n_groups + 1)]
-        groups += [BeamGroup(Octant(number), a, b) for a, b in pairwise(cuts)]
+        groups += [BeamGroup(octant, a, b) for a, b in pairwise(cuts)]
     return groups
 
 
@@ -167,7 +143,9 @@ class Work:
     def __init__(self) -> None:
         self._memory = np.empty(0, np.int32)
 
-    def fit(self, n_beams: int, n_bins: int, n_rows: int, tile_row: int) -> tuple[Pictures, Column]:
+    def fit(
+        self, n_beams: int, n_bins: int, n_rows: int, tile_row: int
+    ) -> tuple[kernels.Pictures, kernels.Column]:
         """Room for ``n_beams`` pictures of ``n_bins`` bins and a column of ``n_rows`` rows.
 
         The tile begins at ``tile_row``.
@@ -179,7 +157,7 @@ class Work:
             self._memory = np.empty(sum(sizes), np.int32)
         parts = np.split(self._memory[: sum(sizes)], np.cumsum(sizes)[:-1])
         pairs, edges, readings, nodes, cells, spans = parts
-        column = Column(
+        column = kernels.Column(
             rows=(-1.5 - tile_row - np.arange(n_rows)).astype(np.float32),
             nodes=nodes,
             cells=cells,
@@ -189,91 +167,11 @@ class Work:
             fractions=np.empty(n_beams, np.float32),
             mixed=np.empty(n_beams, np.bool_),
         )
-        return Pictures(pairs, edges.view(np.float32)), column
-
-
-class TileSweep:
-    """A sensor's beams swept over one tile of a map.
-
-    ``surroundings`` and ``tiles`` are by whether x is the major axis; ``tile`` and ``region``,
-    without its rim, are boxes of a map of ``shape``.
-    """
-
-    def __init__(
-        self,
-        surroundings: dict[bool, Surroundings],
-        tiles: dict[bool, TileCells],
-        tile: Box,
-        region: Box,
-        shape: tuple[int, int],
-        beams: Beams,
-        resolution_m: float,
-        max_range_m: float,
-    ) -> None:
-        self._surroundings = surroundings
-        self._tiles = tiles
-        self._x = _Extent(tile.left, tile.right, region.left - 1, region.right + 1, shape[1])
-        self._y = _Extent(tile.bottom, tile.top, region.bottom - 1, region.top + 1, shape[0])
-        self._beams = beams
-        self._resolution_m = resolution_m
-        self._max_range_m = max_range_m
-
-    def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
-        """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
-        assert out.flags.c_contiguous  # else what is written would go to a copy
-        octant = group.octant
-        around, tile = self._surroundings[octant.x_is_major], self._tiles[octant.x_is_major]
-        columns, rows = (self._x, self._y) if octant.x_is_major else (self._y, self._x)
-        steps = (octant.step_x, octant.step_y)
-        backward, downward = (s < 0 for s in (steps if octant.x_is_major else steps[::-1]))
-        frame = Frame(
-            octant.x_is_major,
-            backward,
-            downward,
-            tile_column=columns.before_tile(backward),
-            tile_row=rows.before_tile(downward),
-            map_column=columns.on_map(backward),
-        )
-        table = self._table(group, frame, columns.length, rows.length)
-        n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
-        rays = Rays(table, self._max_range_m / self._resolution_m, np.float32(self._max_range_m))
-        region = Region(around.blocked, *around.faces(backward, downward))
-        pictures, column = work.fit(len(table), n_bins, rows.length + BLOCK, frame.tile_row)
-        output = Output(out.reshape(-1), group.first, out.shape[1])
-        sweep(region, tile, frame, rays, pictures, column, output)
-
-    def _table(
-        self, group: BeamGroup, frame: Frame, n_columns: int, n_rows: int
-    ) -> NDArray[np.float64]:
-        part = slice(group.first, group.last)
-        beams = self._beams
-        major, minor = beams.major[part], beams.minor[part]
-        along_x, along_y = (component[part] for component in beams.components)
-        slope = minor / major
-        table = np.empty((len(slope), N_FIELDS))
-        table[:, SLOPE] = slope
-        table[:, LOG_BINS] = np.where(slope < _SHALLOW, _LOG_BINS_SHALLOW, _LOG_BINS)
-        table[(slope == 0) | (slope == 1), LOG_BINS] = 0  # all edges lie at whole u
-        shift = np.floor(slope * (self._x.of_map + self._y.of_map)) + 2
-        table[:, SHIFT] = shift
-        end = frame.tile_column + n_columns
-        lowest = np.floor(shift - slope * (frame.map_column + end))
-        table[:, LIFT] = lowest + frame.tile_row - 2
-        table[:, N_PLACES] = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
-        reach = min(self._max_range_m / self._resolution_m, LARGEST_REGION)
-        table[:, LAST_COLUMN] = end + np.ceil(reach * major) + 1
-        table[:, STEP_X], table[:, STEP_Y] = (step[part] for step in beams.steps)
-        with np.errstate(divide="ignore"):
-            table[:, PER_X], table[:, PER_Y] = 1 / along_x, 1 / along_y
-            table[:, METRES_MAJOR] = self._resolution_m / major
-            table[:, METRES_MINOR] = self._resolution_m / minor
-            table[:, METRES_X] = self._resolution_m / along_x
-            table[:, METRES_Y] = self._resolution_m / along_y
-        return table
+        return kernels.Pictures(pairs, edges.view(np.float32)), column
 
 
 @dataclass(frozen=True)
-class _Extent:
+class Extent:
     """A tile and its region along one axis of the map."""
 
     tile_begin: int
@@ -294,3 +192,74 @@ class _Extent:
     def on_map(self, mirrored: bool) -> int:
         """Where the region begins, counted in the map, from its other end if mirrored."""
         return self.of_map - self.end if mirrored else self.begin
+
+
+@dataclass(frozen=True, eq=False)
+class TileSweep:
+    """A sensor's beams swept over one tile of a map.
+
+    ``surroundings`` and ``tiles`` are by whether x is the major axis; the region has its rim.
+    """
+
+    surroundings: dict[bool, Surroundings]
+    tiles: dict[bool, TileCells]
+    x: Extent
+    y: Extent
+    beams: Beams
+    ways: Ways
+    resolution_m: float
+    max_range_m: float
+
+    def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
+        """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
+        assert out.flags.c_contiguous  # else what is written would go to a copy
+        octant = group.octant
+        around, tile = self.surroundings[octant.x_is_major], self.tiles[octant.x_is_major]
+        columns, rows = (self.x, self.y) if octant.x_is_major else (self.y, self.x)
+        backward, downward = octant.step_x < 0, octant.step_y < 0
+        if not octant.x_is_major:
+            backward, downward = downward, backward
+        frame = Frame(
+            octant.x_is_major,
+            backward,
+            downward,
+            tile_column=columns.before_tile(backward),
+            tile_row=rows.before_tile(downward),
+            map_column=columns.on_map(backward),
+        )
+        table, n_bins = self._table(group, frame, columns.length, rows.length)
+        reach = self.max_range_m / self.resolution_m
+        rays = kernels.Rays(table, reach, np.float32(self.max_range_m))
+        region = kernels.Region(around.blocked, *around.faces(backward, downward))
+        pictures, column = work.fit(len(table), n_bins, rows.length + BLOCK, frame.tile_row)
+        output = kernels.Output(out.reshape(-1), group.first, out.shape[1])
+        sweep(region, tile, frame, rays, pictures, column, output)
+
+    def _table(
+        self, group: BeamGroup, frame: Frame, n_columns: int, n_rows: int
+    ) -> tuple[NDArray[np.float64], int]:
+        """(n, 14) what kernels know of beams, and the most bins that one of them needs."""
+        part = slice(group.first, group.last)
+        major, minor = self.beams.major[part], self.beams.minor[part]
+        slope = minor / major
+        log_bins = np.where(slope < _SHALLOW, _LOG_BINS_SHALLOW, _LOG_BINS)
+        log_bins[(slope == 0) | (slope == 1)] = 0  # all edges lie at whole u
+        n_places = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
+        shift = np.floor(slope * (self.x.of_map + self.y.of_map)) + 2
+        end = frame.tile_column + n_columns
+        lowest = np.floor(shift - slope * (frame.map_column + end))
+        reach = min(self.max_range_m / self.resolution_m, LARGEST_REGION)
+        with np.errstate(divide="ignore"):
+            metres_major, metres_minor = self.resolution_m / major, self.resolution_m / minor
+        numbers = (  # in the octant's frame, then in the map's, for following single rays
+            slope,  # rows a column
+            log_bins,  # 2 to this power bins for each cell of u
+            shift,  # whole number that u is counted from: positive in the whole map
+            lowest + frame.tile_row - 2,  # place of u = 0 below the first place of a plane
+            n_places,  # length of a plane
+            end + np.ceil(reach * major) + 1,  # furthest column that is reached from the tile
+            metres_major,  # length of ray for each column
+            metres_minor,  # and for each row
+            *(numbers[part] for numbers in self.ways),
+        )
+        return np.column_stack(numbers), int((n_places * 2.0**log_bins).max())

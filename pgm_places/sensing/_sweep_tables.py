@@ -1,6 +1,4 @@
-"""What a sweep reads and writes: the arrays of its kernels, and the columns of its table of beams.
-
-The kernels know them by ``_sweep_tables.hpp``.
+"""What a sweep reads and writes: arrays that its kernels know by ``_sweep_tables.hpp``.
 
 Columns and rows are those of the octant: mirrored and swapped so that its beams go right and up.
 """
@@ -12,24 +10,6 @@ from numpy.typing import NDArray
 
 BLOCK = 32
 """Cells looked up at a time; buffers are padded by as many."""
-
-N_FIELDS = 14
-# In the octant's frame:
-SLOPE = 0  # rows a column
-LOG_BINS = 1  # 2 to this power bins for each cell of u
-SHIFT = 2  # whole number that u is counted from, so that it is positive in the whole map
-LIFT = 3  # place of u = 0 below the first place of a plane
-N_PLACES = 4  # length of a plane
-LAST_COLUMN = 5  # furthest column that the beam reaches from the tile
-METRES_MAJOR = 6  # length of ray for each column
-METRES_MINOR = 7  # length of ray for each row
-# In the map's frame, for following single rays:
-STEP_X = 8
-STEP_Y = 9
-PER_X = 10  # length of ray for each column, in cells
-PER_Y = 11
-METRES_X = 12  # the same in metres
-METRES_Y = 13
 
 
 class Listed(NamedTuple):
@@ -85,7 +65,7 @@ class Rays(NamedTuple):
     """Neighbouring beams of one octant, and how far they reach."""
 
     beams: NDArray[np.float64]
-    """(n, N_FIELDS), see the fields above."""
+    """(n, 14) numbers of each beam, as :meth:`TileSweep._table` lists them."""
     limit: float
     """Maximum range in cells."""
     cap: np.float32

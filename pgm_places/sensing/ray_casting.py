@@ -4,7 +4,7 @@ Ranges are exact: the distance to the point where the ray enters the first block
 occupied cells, unknown cells where the sensor stops at them, and everything outside the map.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,9 +19,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing.sensor import Sensor
-
-# Called with the fraction that is done, 0 to 1.
-OnProgress = Callable[[float], object]
 
 _POSES_PER_TASK = 256
 _WORKING_BYTES = 256 * 2**20
@@ -50,7 +47,6 @@ def cast_cells(
     *,
     mask: ArrayLike | None = None,
     n_threads: int | None = None,
-    on_progress: OnProgress | None = None,
 ) -> NDArray[np.float32]:
     """(N, n_beams) ranges in metres from the centres of the N free cells.
 
@@ -64,8 +60,6 @@ def cast_cells(
         Cast only from the free cells inside it.
     n_threads : int, optional
         Any number gives the same bits.
-    on_progress : callable, optional
-        Called with the fraction done, from 0 to 1.
 
     Rows are in the node order of ``LabelGraph.from_grid(grid, mask=mask)``: row-major from the
     bottom row. The result takes ``4 * N * n_beams`` bytes; :func:`iter_cast` bounds that.
@@ -82,7 +76,6 @@ def cast_cells(
     wanted = _wanted(grid, mask)
     numbers = NodeNumbers(wanted)
     ranges = np.empty((numbers.total, sensor.n_beams), np.float32)
-    done = 0
 
     def capacity(box: Box) -> int:
         return (_WORKING_BYTES - caster.bytes_beside_scans(box)) // _BYTES_OF_CELL
@@ -90,9 +83,6 @@ def cast_cells(
     for box in tiles(wanted, capacity):
         nodes, rows, columns = numbers.of(box)
         caster.cast(box, rows, columns, nodes.astype(np.int32), ranges)
-        done += len(nodes)
-        if on_progress is not None:
-            on_progress(done / numbers.total)
     return ranges
 
 
@@ -103,13 +93,12 @@ def iter_cast(
     mask: ArrayLike | None = None,
     memory_bytes: int = _WORKING_BYTES,
     n_threads: int | None = None,
-    on_progress: OnProgress | None = None,
 ) -> Iterator[ScanBlock]:
     """Scans of all cells, the same bits as :func:`cast_cells` has, in blocks.
 
     Parameters
     ----------
-    grid, sensor, mask, n_threads, on_progress
+    grid, sensor, mask, n_threads
         As in :func:`cast_cells`.
     memory_bytes : int
         Maximum memory used at a time, besides the map and the mask themselves: for the
@@ -136,15 +125,11 @@ def iter_cast(
     """
     caster = CellCaster(grid, sensor, n_threads)
     wanted = _wanted(grid, mask)
-    return _blocks(caster, wanted, sensor.n_beams, int(memory_bytes), on_progress)
+    return _blocks(caster, wanted, sensor.n_beams, int(memory_bytes))
 
 
 def _blocks(
-    caster: CellCaster,
-    wanted: NDArray[np.bool_],
-    n_beams: int,
-    memory_bytes: int,
-    on_progress: OnProgress | None,
+    caster: CellCaster, wanted: NDArray[np.bool_], n_beams: int, memory_bytes: int
 ) -> Iterator[ScanBlock]:
     bytes_of_scan = 4 * n_beams + _BYTES_OF_CELL
 
@@ -163,14 +148,10 @@ def _blocks(
                 f"got {memory_bytes}"
             )
     buffer = np.empty(most * n_beams, np.float32)
-    done = 0
     for box in boxes:
         nodes, rows, columns = numbers.of(box)
         ranges = buffer[: len(nodes) * n_beams].reshape(len(nodes), n_beams)
         caster.cast(box, rows, columns, np.arange(len(nodes), dtype=np.int32), ranges)
-        done += len(nodes)
-        if on_progress is not None:
-            on_progress(done / numbers.total)
         yield ScanBlock(nodes, ranges)
 
 

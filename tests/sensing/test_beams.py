@@ -10,7 +10,7 @@ def test_components_are_the_unit_vector(n_beams: int) -> None:
     beams = Beams.full_circle(n_beams)
     expected = np.array([direction(beam, n_beams) for beam in range(n_beams)])
     along_x, along_y = beams.components
-    step_x, step_y = beams.steps
+    step_x, step_y, *_ = beams.ways(0.1)
     np.testing.assert_allclose(along_x * step_x, expected[:, 0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(along_y * step_y, expected[:, 1], rtol=0, atol=1e-15)
 

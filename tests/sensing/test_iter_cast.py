@@ -52,23 +52,15 @@ def test_blocks_are_the_graph_s_nodes_and_the_bits_of_the_whole(n_threads: int) 
     sensor = Sensor(64, 15.0, noise=SensorNoise(0.05, 0.1, 0.1, seed=5))
     whole = cast_cells(grid, sensor, mask=mask)
     seen = np.zeros(LabelGraph.from_grid(grid, mask=mask).n_nodes, np.int64)
-    progress: list[float] = []
-    for block in iter_cast(
-        grid,
-        sensor,
-        mask=mask,
-        memory_bytes=8 * MIB,
-        n_threads=n_threads,
-        on_progress=progress.append,
-    ):
+    n_blocks = 0
+    for block in iter_cast(grid, sensor, mask=mask, memory_bytes=8 * MIB, n_threads=n_threads):
+        n_blocks += 1
         assert block.nodes.dtype == np.int64
         assert np.all(np.diff(block.nodes) > 0)
         np.testing.assert_array_equal(block.ranges, whole[block.nodes])
         seen[block.nodes] += 1
     np.testing.assert_array_equal(seen, 1)
-    assert len(progress) > 1
-    assert progress == sorted(progress)
-    assert progress[-1] == 1.0
+    assert n_blocks > 1
 
 
 @pytest.mark.parametrize("memory_mib", [6, 16, 64])

@@ -148,12 +148,6 @@ def test_the_map_is_left_alone_and_a_map_without_free_cells_has_no_scans() -> No
     assert cast_cells(grid, Sensor(n_beams=5)).shape == (0, 5)
 
 
-def test_progress_ends_at_one() -> None:
-    seen: list[float] = []
-    cast_cells(random_grid(1, (9, 9)), Sensor(n_beams=4), on_progress=seen.append)
-    assert seen[-1] == 1.0
-
-
 @pytest.mark.parametrize(
     ("mask", "message"),
     [
