@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from math import hypot
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -59,8 +58,6 @@ class Trajectory:
     >>> path = Trajectory([0.0, 1.0, 2.0], [[0, 0, 0], [0.5, 0, 0], [0.5, 1.0, 1.57]])
     >>> path
     Trajectory('trajectory', 3 steps, 1.5 m)
-    >>> path.by_distance(0.6).tolist()
-    [0, 2]
     """
 
     times_s: NDArray[np.float64]
@@ -299,21 +296,6 @@ class Trajectory:
         return Scan(
             self.times_s[step], self.poses[step], self.ranges_m[step], self.geometry, odometry
         )
-
-    def by_distance(self, step_m: float) -> NDArray[np.int64]:
-        """Numbers of the steps that each lie at least ``step_m`` from the one chosen before.
-
-        The first step is chosen; standing or turning on the spot chooses none. 0 chooses all.
-        """
-        if not step_m >= 0:
-            raise InputError(f"step_m must be at least 0 metres, got {step_m}")
-        chosen: list[int] = []
-        last = (np.nan, np.nan)
-        for step, (x, y) in enumerate(self.poses[:, :2].tolist()):
-            if not hypot(x - last[0], y - last[1]) < step_m:
-                chosen.append(step)
-                last = (x, y)
-        return np.array(chosen, np.int64)
 
     # ------------------------------------------------------------------ views
 

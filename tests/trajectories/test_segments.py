@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -5,19 +7,29 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.trajectories.segments import DistanceGate, Segments
-from pgm_places.trajectories.trajectory import Trajectory
 
 
 @given(st.integers(0, 40), st.floats(0.0, 2.0), st.integers(0, 100))
-def test_segments_begin_where_a_trajectory_is_thinned_out(
+def test_a_segment_begins_at_the_first_step_that_is_far_enough(
     n_steps: int, every_m: float, seed: int
 ) -> None:
     poses = np.random.default_rng(seed).normal(size=(n_steps, 3)).cumsum(axis=0)
     segments = Segments(poses, every_m)
-    path = Trajectory(np.arange(n_steps, dtype=float), poses)
-    assert segments.first.tolist() == path.by_distance(every_m).tolist()
+    first = segments.first.tolist()
+    assert first[:1] == ([0] if n_steps else [])
+    for one, two in pairwise([*first, n_steps]):
+        away = np.hypot(*(poses[one : two + 1, :2] - poses[one, :2]).T)
+        assert (away[1 : two - one] < every_m).all()
+        assert two == n_steps or away[-1] >= every_m
     assert len(segments.of_step) == n_steps
     assert segments.graph().n_nodes == len(segments)
+
+
+def test_trembling_on_the_spot_is_no_travel() -> None:
+    rng = np.random.default_rng(8)
+    poses = np.column_stack([rng.normal(0, 0.002, (1000, 2)), np.zeros(1000)])
+    assert Segments(poses, 0.1).first.tolist() == [0]
+    assert len(Segments(poses, 0.0)) == 1000
 
 
 def test_the_gate_tells_the_distance_from_the_segment_before() -> None:

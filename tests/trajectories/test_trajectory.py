@@ -118,30 +118,6 @@ def test_without_scans_there_is_no_scan() -> None:
         Trajectory(np.zeros(1), np.zeros((1, 3))).scan(0)
 
 
-@given(
-    steps=st.lists(st.floats(0, 1), min_size=1, max_size=30),
-    every=st.floats(0.01, 3),
-)
-def test_by_distance_chooses_the_first_step_that_is_far_enough(
-    steps: list[float], every: float
-) -> None:
-    x = np.cumsum(steps)
-    poses = np.column_stack([x, np.zeros((len(x), 2))])
-    chosen = Trajectory(x, poses).by_distance(every)
-    assert chosen[0] == 0
-    for one, two in zip(chosen, [*chosen[1:], len(x)], strict=True):
-        assert (x[one + 1 : two] - x[one] < every).all()
-        assert two == len(x) or x[two] - x[one] >= every
-
-
-def test_trembling_on_the_spot_is_no_travel() -> None:
-    rng = np.random.default_rng(8)
-    poses = np.column_stack([rng.normal(0, 0.002, (1000, 2)), np.zeros(1000)])
-    path = Trajectory(np.arange(1000.0), poses)
-    assert path.by_distance(0.1).tolist() == [0]
-    assert len(path.by_distance(0.0)) == 1000
-
-
 def test_disordered_stamps_are_counted_and_kept() -> None:
     path = Trajectory(np.array([0.0, 2.0, 1.0, 3.0, 2.5]), np.zeros((5, 3)))
     assert path.n_backward_times == 2
