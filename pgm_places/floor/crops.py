@@ -7,7 +7,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.floor.alterations import hang_passage_doors, leave_one_room, put_up_shelves
+from pgm_places.floor.alterations import (
+    CIRCULATION,
+    DOORWAY,
+    ROOM,
+    Bytes,
+    Piece,
+    hang_passage_doors,
+    leave_one_room,
+    put_up_shelves,
+)
 from pgm_places.floor.raster import network_inputs, open_cells
 
 SIDE = 320
@@ -16,11 +25,8 @@ SIDE = 320
 N_TARGETS = 5
 """Corridor, room, doorway, hall, and circulation that may be corridor or hall."""
 
-DOORWAY, HALL_OR_CORRIDOR = 3, (1, 4, 5)
 _KNOT = 64
 """Cells between the points at which a drift is drawn."""
-
-Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,29 +63,11 @@ def crop(
     floor: LabelledFloor, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Inputs (160, 160, 10) and shares of the targets (160, 160, 5) of an altered piece."""
-    free, occupied, labels = _moved(floor, rng)
-    if rng.random() < 0.15:
-        occupied = np.asarray(cv2.dilate(occupied, np.ones((2, 2), np.uint8)), np.uint8)
-    if rng.random() < 0.1:
-        _double(occupied, free, rng)
-    if rng.random() < 0.3:
-        hang_passage_doors(free, occupied, labels, rng)
-    if rng.random() < 0.5:
-        _close_doors(free, occupied, labels, rng)
-    if floor.drawn and rng.random() < 0.5:
-        _furnish(free, occupied, labels, rng)
-    if floor.drawn and rng.random() < 0.3:
-        put_up_shelves(free, occupied, labels, rng)
-    if rng.random() < 0.05:
-        leave_one_room(free, occupied, labels, rng)
-    if rng.random() < 0.35:
-        _shine_through_windows(free, occupied, rng)
-    if rng.random() < 0.4:
-        _hide(free, occupied, labels, rng)
-    if rng.random() < 0.3:
-        specks = rng.random(free.shape) < rng.choice([0.002, 0.01])
-        free[specks] = 0
-        occupied[specks] = 255 if rng.random() < 0.5 else 0
+    piece = _moved(floor, rng)
+    for chance, only_of_drawn, alter in _ALTERATIONS:
+        if (floor.drawn or not only_of_drawn) and rng.random() < chance:
+            alter(piece, rng)
+    free, occupied, labels = piece
     labels[free == 0] = 0
     shares = np.stack([_shares(labels == k) for k in range(1, N_TARGETS + 1)], axis=-1)
     walls = occupied > 0
@@ -100,7 +88,7 @@ def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.asarray(depth, np.float32)
 
 
-def _moved(floor: LabelledFloor, rng: np.random.Generator) -> tuple[Bytes, Bytes, Bytes]:
+def _moved(floor: LabelledFloor, rng: np.random.Generator) -> Piece:
     """A piece around some labelled cell: turned, mirrored, scaled, stretched, and bent by drift."""
     centre = floor.centres[rng.integers(len(floor.centres))][::-1] + rng.uniform(-60, 60, 2)
     angle = rng.uniform(0, 2 * np.pi)
@@ -121,12 +109,9 @@ def _moved(floor: LabelledFloor, rng: np.random.Generator) -> tuple[Bytes, Bytes
     def moved(values: Bytes, how: int) -> Bytes:
         return np.asarray(cv2.remap(values, at_x, at_y, how), np.uint8)
 
-    if rng.random() < 0.5:
-        free, occupied = (moved(v, cv2.INTER_NEAREST) for v in (floor.free, floor.occupied))
-    else:
-        free, occupied = (moved(v, cv2.INTER_LINEAR) for v in (floor.free, floor.occupied))
-        occupied = np.where(occupied > 90, 255, 0).astype(np.uint8)
-    return free, occupied, moved(floor.labels, cv2.INTER_NEAREST)
+    how = cv2.INTER_NEAREST if rng.random() < 0.5 else cv2.INTER_LINEAR
+    occupied = np.where(moved(floor.occupied, how) > 90, 255, 0).astype(np.uint8)
+    return Piece(moved(floor.free, how), occupied, moved(floor.labels, cv2.INTER_NEAREST))
 
 
 def _drift(rng: np.random.Generator) -> NDArray[np.float32]:
@@ -137,51 +122,51 @@ def _drift(rng: np.random.Generator) -> NDArray[np.float32]:
     )
 
 
-def _double(occupied: Bytes, free: Bytes, rng: np.random.Generator) -> None:
+def _thicken(piece: Piece, _: np.random.Generator) -> None:
+    """Walls are a cell thicker than they were."""
+    piece.occupied[:] = cv2.dilate(piece.occupied, np.ones((2, 2), np.uint8))
+
+
+def _double(piece: Piece, rng: np.random.Generator) -> None:
     """Walls of one half of the piece a second time, as after a pose error."""
     dy, dx = rng.integers(-4, 5, size=2)
-    again = np.roll(occupied, (dy, dx), (0, 1))
+    again = np.roll(piece.occupied, (dy, dx), (0, 1))
     y, x = np.mgrid[:SIDE, :SIDE] - SIDE / 2
     angle = rng.uniform(0, 2 * np.pi)
     half = np.cos(angle) * x + np.sin(angle) * y > rng.uniform(-80, 80)
     walls = half & (again > 0)
-    occupied[walls] = 255
-    free[walls] = 0
+    piece.occupied[walls] = 255
+    piece.free[walls] = 0
 
 
-def _close_doors(free: Bytes, occupied: Bytes, labels: Bytes, rng: np.random.Generator) -> None:
+def _close_doors(piece: Piece, rng: np.random.Generator) -> None:
     """Some doorways are closed by a leaf, or were never seen."""
-    n, part = cv2.connectedComponents((labels == DOORWAY).astype(np.uint8))
+    n, part = cv2.connectedComponents((piece.labels == DOORWAY).astype(np.uint8))
     closed = np.zeros(n, np.bool_)
     closed[1:] = rng.random(n - 1) < rng.choice([0.1, 0.3])
-    cells = closed[part]
-    if rng.random() < 0.7:
-        occupied[cells] = 255
-    free[cells] = 0
-    labels[cells] = 0
+    piece.block(closed[part], seen=rng.random() < 0.7)
 
 
-def _furnish(free: Bytes, occupied: Bytes, labels: Bytes, rng: np.random.Generator) -> None:
+def _furnish(piece: Piece, rng: np.random.Generator) -> None:
     """Boxes, full or seen from outside, in rooms and at times in corridors."""
     for _ in range(rng.integers(5, 60)):
         y, x = rng.integers(SIDE, size=2)
         height, width = rng.integers(2, 14, size=2)
-        box = (slice(y, y + height), slice(x, x + width))
-        inside = labels[box] == 2
+        box = Piece(*(values[y : y + height, x : x + width] for values in piece))
+        inside = box.labels == ROOM
         if rng.random() < 0.25:
-            inside |= np.isin(labels[box], HALL_OR_CORRIDOR)
+            inside |= np.isin(box.labels, CIRCULATION)
         rim = np.ones(inside.shape, np.bool_)
         if rng.random() < 0.4:
             rim[1:-1, 1:-1] = False
-        occupied[box][inside & rim] = 255
-        free[box][inside] = 0
-        labels[box][inside] = 0
+        box.occupied[inside & rim] = 255
+        box.block(inside, seen=False)
 
 
-def _shine_through_windows(free: Bytes, occupied: Bytes, rng: np.random.Generator) -> None:
+def _shine_through_windows(piece: Piece, rng: np.random.Generator) -> None:
     """Fans of rays that leave the building: free space that nobody entered, and no label."""
-    unknown = (free == 0) & (occupied == 0)
-    inside = np.argwhere(free[::8, ::8] > 128) * 8
+    unknown = (piece.free == 0) & (piece.occupied == 0)
+    inside = np.argwhere(piece.free[::8, ::8] > 128) * 8
     for _ in range(rng.integers(1, 4) if len(inside) else 0):
         y, x = inside[rng.integers(len(inside))]
         direction, rays = rng.uniform(0, 2 * np.pi), np.zeros((SIDE, SIDE), np.uint8)
@@ -189,10 +174,10 @@ def _shine_through_windows(free: Bytes, occupied: Bytes, rng: np.random.Generato
             angle, length = direction + rng.normal() * 0.3, rng.uniform(50, 150)
             end = (int(x + length * np.cos(angle)), int(y + length * np.sin(angle)))
             cv2.line(rays, (int(x), int(y)), end, 255, int(rng.integers(1, 3)))
-        free[(rays > 0) & unknown] = 255
+        piece.free[(rays > 0) & unknown] = 255
 
 
-def _hide(free: Bytes, occupied: Bytes, labels: Bytes, rng: np.random.Generator) -> None:
+def _hide(piece: Piece, rng: np.random.Generator) -> None:
     """Parts that were not seen: ellipses, triangles, strips, or all beyond some distance."""
     hidden = np.zeros((SIDE, SIDE), np.uint8)
     for _ in range(rng.integers(1, 4)):
@@ -212,9 +197,30 @@ def _hide(free: Bytes, occupied: Bytes, labels: Bytes, rng: np.random.Generator)
         centre = tuple(int(v) for v in rng.integers(100, SIDE - 100, size=2))
         cv2.circle(seen, centre, int(rng.integers(60, 160)), 255, -1)
         hidden |= 255 - seen
-    gone = hidden > 0
-    for values in (free, occupied, labels):
-        values[gone] = 0
+    for values in piece:
+        values[hidden > 0] = 0
+
+
+def _speckle(piece: Piece, rng: np.random.Generator) -> None:
+    """Single cells that are not free: occupied, or never seen."""
+    specks = rng.random(piece.free.shape) < rng.choice([0.002, 0.01])
+    piece.free[specks] = 0
+    piece.occupied[specks] = 255 if rng.random() < 0.5 else 0
+
+
+_ALTERATIONS = (
+    (0.15, False, _thicken),
+    (0.1, False, _double),
+    (0.3, False, hang_passage_doors),
+    (0.5, False, _close_doors),
+    (0.5, True, _furnish),
+    (0.3, True, put_up_shelves),
+    (0.05, False, leave_one_room),
+    (0.35, False, _shine_through_windows),
+    (0.4, False, _hide),
+    (0.3, False, _speckle),
+)
+"""How often a piece is altered so, and whether only if nothing stands in it yet; in this order."""
 
 
 def batch(
