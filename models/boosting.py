@@ -1,6 +1,7 @@
 """Generalised AdaBoost with decision stumps (paper, section 3, eq. 1, 2 and Fig. 2)."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -21,6 +22,7 @@ from pgm_places.models.strong_classifier import StrongClassifier
 __all__ = ["AdaBoostStumps", "checked_training_data", "float32_matrix"]
 
 
+@dataclass(repr=False, eq=False)
 class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """A binary strong classifier: the weighted vote of the best stump of each round.
 
@@ -68,17 +70,10 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     array(['door', 'room'], dtype='<U4')
     """
 
-    def __init__(
-        self,
-        n_rounds: int = 100,
-        tolerance: float = 1e-6,
-        n_threads: int | None = None,
-        on_round: Callable[[int, float], None] | None = None,
-    ) -> None:
-        self.n_rounds = n_rounds
-        self.tolerance = tolerance
-        self.n_threads = n_threads
-        self.on_round = on_round
+    n_rounds: int = 100
+    tolerance: float = 1e-6
+    n_threads: int | None = None
+    on_round: Callable[[int, float], None] | None = None
 
     def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
         """The classifier fitted on N examples; a weight of 2 equals two copies of an example.

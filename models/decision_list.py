@@ -1,7 +1,7 @@
 """The sequential multi-class classifier: a decision list of boosted classifiers (paper, 3, 6.1)."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -25,7 +25,6 @@ from pgm_places.models.list_training import (
     folds_of_groups,
     last_quarters,
     prior_calibration,
-    whole,
 )
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.options import taken_from
@@ -33,6 +32,7 @@ from pgm_places.options import taken_from
 _ORDERS = ("heuristic", "exhaustive")
 
 
+@dataclass(repr=False, eq=False)  # of scikit-learn, which wants a constructor that only keeps
 class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """K - 1 strong classifiers asked in turn; the first that says yes decides.
 
@@ -119,35 +119,19 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     array(['corridor', 'doorway', 'room'], dtype='<U8')
     """
 
-    def __init__(
-        self,
-        n_rounds: int = 100,
-        order: str | Sequence[Any] | NDArray[Any] = "heuristic",
-        decision: str = "list",
-        criterion: str = "balanced_accuracy",
-        calibration: str = "none",
-        prior_weight: float = 0.0,
-        clip: float = 1e-6,
-        tolerance: float = 1e-6,
-        n_threads: int | None = None,
-        max_depth: int = 1,
-        shrinkage: float = 1.0,
-        feature_share: float = 1.0,
-        seed: int = 0,
-    ) -> None:
-        self.n_rounds = n_rounds
-        self.order = order
-        self.decision = decision
-        self.criterion = criterion
-        self.calibration = calibration
-        self.prior_weight = prior_weight
-        self.clip = clip
-        self.tolerance = tolerance
-        self.n_threads = n_threads
-        self.max_depth = max_depth
-        self.shrinkage = shrinkage
-        self.feature_share = feature_share
-        self.seed = seed
+    n_rounds: int = 100
+    order: str | Sequence[Any] | NDArray[Any] = "heuristic"
+    decision: str = "list"
+    criterion: str = "balanced_accuracy"
+    calibration: str = "none"
+    prior_weight: float = 0.0
+    clip: float = 1e-6
+    tolerance: float = 1e-6
+    n_threads: int | None = None
+    max_depth: int = 1
+    shrinkage: float = 1.0
+    feature_share: float = 1.0
+    seed: int = 0
 
     def fit(
         self,
@@ -237,7 +221,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         if not needed or (
             groups is None and self.calibration == "none" and self.order == "heuristic"
         ):
-            return whole(len(labels))
+            return Folds(np.zeros(len(labels), np.int64), ())  # one that is never held out
         if groups is None:
             folds = last_quarters(labels[kept], n_classes)
         else:

@@ -18,16 +18,6 @@ from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
 
-__all__ = [
-    "Folds",
-    "ListTraining",
-    "folds_of_groups",
-    "last_quarters",
-    "platt",
-    "prior_calibration",
-    "temperature",
-]
-
 _MAX_FOLDS = 5
 _LEAST_FACTOR = 1e-3
 _MAX_EXHAUSTIVE = 7  # classes; 448 binary classifiers and 2 520 orders
@@ -41,11 +31,6 @@ class Folds:
 
     number: NDArray[np.int64]
     held_out: tuple[int, ...]
-
-
-def whole(n: int) -> Folds:
-    """All examples in one fold that is never held out."""
-    return Folds(np.zeros(n, np.int64), ())
 
 
 def last_quarters(labels: NDArray[np.int64], n_classes: int) -> Folds:
