@@ -6,16 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._core import (
-    first_good_edge,
-    interior_scores,
-    neighbours_of_split,
-    promising_bins,
-    reweigh,
-    score_bins,
-    score_tables,
-    weigh_all,
-)
+from pgm_places import _core
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
 
@@ -169,7 +160,7 @@ class StumpSearch:
             return
         for kept in self.cells:
             kept[:] = 0
-        weigh_all(_WHOLE_MASS, self.weighed, self.changed)
+        _core.weigh_all(_WHOLE_MASS, self.weighed, self.changed)
 
     def best_stump(self) -> Stump | None:
         """The stump of largest ``|r|``; among equals the lowest feature, then the lowest threshold.
@@ -196,7 +187,7 @@ class StumpSearch:
         def work(task: int) -> None:
             first, last = task * _PER_TASK, min((task + 1) * _PER_TASK, n_tables)
             sums = self.weighed.sums
-            score_tables(first, last, tables, self.changed, self.cells, sums, self.best)
+            _core.score_tables(first, last, tables, self.changed, self.cells, sums, self.best)
 
         n_changes = int(self.changed.spans[-1, 1])
         threads = self._threads_for(n_tables * n_changes)
@@ -210,7 +201,7 @@ class StumpSearch:
         def work(task: int) -> None:
             group = planes[task * _GROUP : (task + 1) * _GROUP]
             four = np.resize(group, _GROUP)
-            score_bins(self.prepared.codes, four, self.weighed, self.fine, self.best.edge)
+            _core.score_bins(self.prepared.codes, four, self.weighed, self.fine, self.best.edge)
 
         work(0)  # the most promising ones raise the bar for the others
         best = max(best, int(self.best.edge[planes[:_GROUP]].max()))
@@ -239,7 +230,7 @@ class StumpSearch:
     def _promising_bins(self, planes: NDArray[np.int64], floor: int) -> NDArray[np.int64]:
         while True:
             total, pure = self.weighed.total, self.prepared.pure
-            count = promising_bins(planes, self.fine, pure, total, floor, self.promising)
+            count = _core.promising_bins(planes, self.fine, pure, total, floor, self.promising)
             if count <= len(self.promising):
                 return self.promising[:count]
             self.promising = np.empty((2 * count, 5), np.int64)
@@ -248,7 +239,7 @@ class StumpSearch:
         """The best size of a score in a bin; score and neighbours of the first that reaches it."""
         _, plane, number, left, seen = (int(value) for value in row)
         members, values = self.prepared.sorted_bin(plane, number)
-        best: tuple[int, int, float, float] = interior_scores(
+        best: tuple[int, int, float, float] = _core.interior_scores(
             members, values, left, seen, self.weighed, floor
         )
         return best
@@ -257,7 +248,7 @@ class StumpSearch:
         self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int
     ) -> Stump:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
-        plane, last_left, score = first_good_edge(planes, self.fine, self.weighed, floor)
+        plane, last_left, score = _core.first_good_edge(planes, self.fine, self.weighed, floor)
         for row in sorted(looked_into, key=lambda row: (row[1], row[2])):
             number = int(row[2])
             if plane >= 0 and (plane, last_left) < (row[1], number):
@@ -266,7 +257,7 @@ class StumpSearch:
             if best >= floor:
                 return Stump(int(row[1]), low, high, number, number, inner_score)
         prepared = self.prepared
-        low, high = neighbours_of_split(
+        low, high = _core.neighbours_of_split(
             prepared.codes[plane],
             self.weighed.included,
             prepared.X,
@@ -290,4 +281,4 @@ class StumpSearch:
             int(stump.score > 0),
         )
         rise = float(np.exp(2.0 * alpha))
-        reweigh(split, rise, self.wrong, self.weighed, self.changed)
+        _core.reweigh(split, rise, self.wrong, self.weighed, self.changed)

@@ -6,13 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._core import (
-    bin_extents,
-    examples_of_nodes,
-    first_split_reaching,
-    route_examples,
-    score_features,
-)
+from pgm_places import _core
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
 
@@ -191,7 +185,9 @@ class TreeSearch:
 
         def work(task: int) -> None:
             some = planes[task * size : (task + 1) * size]
-            score_features(codes, some, examples, above, lighter, totals, least, histograms, scores)
+            _core.score_features(
+                codes, some, examples, above, lighter, totals, least, histograms, scores
+            )
 
         run_tasks(work, -(-len(planes) // size) if size else 0, n_threads=self.n_threads)
         return scores
@@ -202,7 +198,7 @@ class TreeSearch:
         chosen = np.zeros(2**level, np.bool_)
         chosen[lighter[lighter >= 0]] = True
         position, base, mass = self._buffers
-        count = examples_of_nodes(self.segments, self.leaf, chosen, masses, self._buffers)
+        count = _core.examples_of_nodes(self.segments, self.leaf, chosen, masses, self._buffers)
         return Examples(position[:count], base[:count], mass[:count])
 
     def _split(
@@ -222,7 +218,7 @@ class TreeSearch:
         floor = best * (1.0 - _TIE)
         plane = int(np.argmax(scores >= floor))
         own = self._histograms[level][plane, node * _N_BINS : (node + 1) * _N_BINS]
-        last_left, left = first_split_reaching(own, total, least, floor)
+        last_left, left = _core.first_split_reaching(own, total, least, floor)
         column = int(self.prepared.columns[plane])
         return _Split(plane, column, last_left, self.cuts[plane, last_left], left)
 
@@ -231,7 +227,9 @@ class TreeSearch:
         plane = np.array([0 if split is None else split.plane for split in splits])
         last_left = np.array([_N_BINS if split is None else split.last_left for split in splits])
         counts = np.zeros(2 * len(splits), np.int64)
-        route_examples(self.prepared.codes, self.segments, plane, last_left, self.leaf, counts)
+        _core.route_examples(
+            self.prepared.codes, self.segments, plane, last_left, self.leaf, counts
+        )
         lighter = 2 * np.arange(len(splits)) + (counts[1::2] < counts[::2])
         lighter[last_left == _N_BINS] = -1
         return lighter
@@ -244,7 +242,7 @@ def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
     """
     low = np.empty((len(prepared.codes), _N_BINS), np.float32)
     high = np.empty_like(low)
-    bin_extents(prepared.X, prepared.rows, prepared.columns, prepared.codes, low, high)
+    _core.bin_extents(prepared.X, prepared.rows, prepared.columns, prepared.codes, low, high)
     later = np.full_like(low, np.inf)
     later[:, :-1] = np.minimum.accumulate(low[:, :0:-1], axis=1)[:, ::-1]
     with np.errstate(invalid="ignore"):  # empty bins have no middle

@@ -7,15 +7,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import _core
 from pgm_places._checks import frozen
-from pgm_places._core import (
-    agreement_sweep,
-    decode_beliefs,
-    message_sweep,
-    pass_back,
-    pass_forest,
-    spanning_order,
-)
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.adjacency import is_forest, rooted_forest
 from pgm_places.solvers.mean_field import normalised
@@ -176,9 +169,9 @@ def belief_propagation(
 def _decoded(model: PairwiseModel, message: NDArray[np.float64], slack: float) -> NDArray[np.int64]:
     """(N,) labels from messages; see :func:`decode_beliefs`."""
     order = np.empty(model.n_nodes, np.uint32)
-    spanning_order(model.around.arcs, order, np.zeros(model.n_nodes, np.bool_))
+    _core.spanning_order(model.around.arcs, order, np.zeros(model.n_nodes, np.bool_))
     labels = np.empty(model.n_nodes, np.int32)
-    decode_beliefs(model.terms, model.around.arcs, order, message, slack, labels)
+    _core.decode_beliefs(model.terms, model.around.arcs, order, message, slack, labels)
     return labels.astype(np.int64)
 
 
@@ -190,9 +183,9 @@ def _sweeper(
     if agreement is None or not (rule.maximise or _is_safe(agreement)):
         if rule.maximise:
             terms = model.max_terms
-        return lambda upwards: message_sweep(upwards, rule, terms, arcs, message)
+        return lambda upwards: _core.message_sweep(upwards, rule, terms, arcs, message)
     gain = np.zeros((0, model.n_labels)) if rule.maximise else np.expm1(agreement)
-    return lambda upwards: agreement_sweep(upwards, rule, terms, gain, arcs, message)
+    return lambda upwards: _core.agreement_sweep(upwards, rule, terms, gain, arcs, message)
 
 
 def _with_sets(
@@ -219,9 +212,9 @@ def _forest_sweeper(
     def sweep(upwards: bool) -> float:
         if upwards:
             shares = np.empty(model.n_nodes)
-            pass_forest(maximise, terms, arcs, order, parent, message, shares)
+            _core.pass_forest(maximise, terms, arcs, order, parent, message, shares)
         else:
-            pass_back(maximise, terms, arcs, order, parent, message)
+            _core.pass_back(maximise, terms, arcs, order, parent, message)
         return float(-message.min(initial=0.0, where=message > -np.inf))
 
     return sweep

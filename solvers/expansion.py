@@ -7,15 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import _core
 from pgm_places._checks import frozen
-from pgm_places._core import (
-    agreement_reach,
-    begin_move,
-    extract_cut,
-    gain_of,
-    minimum_cut_kernel,
-    peel_move,
-)
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, Arcs, adjacency
 from pgm_places.solvers.max_flow import SINK, cut_space
@@ -227,7 +220,7 @@ class _Moves:
         self.reach = np.full(model.unary.shape, np.inf)
         if model.agreement is not None:
             self.reach = np.zeros((model.n_nodes, model.n_labels))
-            agreement_reach(model.around.arcs.ends, model.agreement, self.reach)
+            _core.agreement_reach(model.around.arcs.ends, model.agreement, self.reach)
 
     def solve_two_labels(self, on_iteration: Callable[[int, float], None] | None) -> Expansion:
         """One cut decides everything: expand label 1 from label 0 wherever that is allowed."""
@@ -263,9 +256,9 @@ class _Moves:
         """Make the best move on ``label`` and say what it earned."""
         labels, terms, arcs = self.labels, self.model.terms, self.model.around.arcs
         self.n_moves += 1
-        n_members = begin_move(label, labels, terms, self.reach, arcs, self.space.move)
+        n_members = _core.begin_move(label, labels, terms, self.reach, arcs, self.space.move)
         switched = self._settle(n_members)
-        gain = gain_of(label, switched, labels, terms, arcs, self.fresh)
+        gain = _core.gain_of(label, switched, labels, terms, arcs, self.fresh)
         if gain > 0.0:
             labels[switched] = label
         else:
@@ -275,10 +268,10 @@ class _Moves:
     def _settle(self, n_members: int) -> NDArray[np.uint32]:
         """The nodes that switch in the best move, a part of ``space.switched``."""
         space, arcs = self.space, self.model.around.arcs
-        n_peeled = peel_move(n_members, arcs, space.move, space.trees.active, space.switched)
+        n_peeled = _core.peel_move(n_members, arcs, space.move, space.trees.active, space.switched)
         cut = space.cut
-        n_left = extract_cut(n_members, arcs, space.move, cut)
-        minimum_cut_kernel(n_left, cut.arcs, cut.excess, cut.capacity, space.trees)
+        n_left = _core.extract_cut(n_members, arcs, space.move, cut)
+        _core.minimum_cut_kernel(n_left, cut.arcs, cut.excess, cut.capacity, space.trees)
         cut_off = space.move.members[:n_left][space.trees.side[:n_left] == SINK]
         n_switched = n_peeled + len(cut_off)
         space.switched[n_peeled:n_switched] = cut_off

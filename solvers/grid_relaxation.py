@@ -8,14 +8,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import _core
 from pgm_places._checks import integer_array
-from pgm_places._core import (
-    code_walls,
-    collect_beliefs,
-    copy_edges,
-    place_beliefs,
-    update_parts_of_raster,
-)
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.pages import Planes
@@ -178,7 +172,7 @@ def relax_grid(
     ahead = [np.zeros((3, n_labels, rows.longest), np.float32) for _ in groups]
     calls = [
         [
-            partial(update_parts_of_raster, store, rule, room, *group, *turn, results)
+            partial(_core.update_parts_of_raster, store, rule, room, *group, *turn, results)
             for room, group in zip(ahead, groups, strict=True)
         ]
         for turn in (edges, edges[::-1])
@@ -207,7 +201,7 @@ def _edges(store: _Store, n_labels: int, longest: int) -> _Edges:
     n_parts = len(store.part_start) - 1
     now, later = (np.zeros((n_parts + 2, 2, n_labels, longest), np.float32) for _ in range(2))
     for part in range(n_parts):
-        copy_edges(store, part, now)
+        _core.copy_edges(store, part, now)
     return now, later
 
 
@@ -288,7 +282,7 @@ def _fill(
     def fill(task: int) -> None:
         part = parts[task]
         beliefs = starting_beliefs(unary[part], floor=floor, first_node=part.start)
-        place_beliefs(beliefs, cells[part], rows.index, store.array)
+        _core.place_beliefs(beliefs, cells[part], rows.index, store.array)
 
     run_tasks(fill, len(parts), n_threads=n_threads)
     return store
@@ -328,7 +322,7 @@ def _read_parts(
     beliefs: NDArray[np.float32],
 ) -> None:
     def read(task: int) -> None:
-        collect_beliefs(store.array, cells[parts[task]], rows.index, beliefs[parts[task]])
+        _core.collect_beliefs(store.array, cells[parts[task]], rows.index, beliefs[parts[task]])
 
     run_tasks(read, len(parts), n_threads=n_threads)
 
@@ -350,7 +344,7 @@ def _codes(
             )
         walls = np.ascontiguousarray(walls)
         for part in _parts(cells):
-            code_walls(walls, cells[part], rows.index, by_direction, codes)
+            _core.code_walls(walls, cells[part], rows.index, by_direction, codes)
     return codes
 
 

@@ -17,14 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import _core
 from pgm_places._checks import finite_array
-from pgm_places._core import (
-    best_stretches,
-    filter_stretches,
-    pass_on_states,
-    smooth_stretches,
-    weigh_states,
-)
 from pgm_places.errors import InputError
 from pgm_places.solvers.chains import check_start, require_distributions
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
@@ -178,7 +172,7 @@ class SemiMarkovChain:
         """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
         steps, states = self._filter(moved_m, log_likelihood)
         if len(steps.beliefs):
-            smooth_stretches(self._model, states, steps)
+            _core.smooth_stretches(self._model, states, steps)
         return _beliefs(steps)
 
     def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
@@ -195,7 +189,7 @@ class SemiMarkovChain:
         if n_steps:
             with np.errstate(divide="ignore"):
                 log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
-            total = best_stretches(
+            total = _core.best_stretches(
                 log_start, log_leaving, self._model, states, observed, origins, labels, impossible
             )
         return ChainPath(labels, float(total), np.flatnonzero(impossible))
@@ -230,9 +224,9 @@ class SemiMarkovChain:
             states = _States(age_m[0] - age_m, recent, old)
             left, entered, held = (np.empty(len(rows)) for _ in range(3))
             flow = (left, entered, held)
-            low = pass_on_states(self._model, states, len(age_m) - 1, 0, factor, flow)
+            low = _core.pass_on_states(self._model, states, len(age_m) - 1, 0, factor, flow)
             age_m, recent = age_m[low:], recent[low:]
-        total = weigh_states(held, np.ascontiguousarray(rows), factor)
+        total = _core.weigh_states(held, np.ascontiguousarray(rows), factor)
         return SemiMarkovState(age_m, recent * factor, old * factor), bool(total > 0.0)
 
     def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[_Found, _States]:
@@ -248,7 +242,7 @@ class SemiMarkovChain:
             scale=np.zeros(len(observed)),
         )
         if len(observed):
-            filter_stretches(self._start, self._model, states, observed, steps)
+            _core.filter_stretches(self._start, self._model, states, observed, steps)
         return steps, states
 
     def _checked(

@@ -7,20 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._core import (
-    centroid_features,
-    cut_features,
-    fourier_features,
-    fourier_rows,
-    gap_features,
-    load_tiles,
-    minima_features,
-    moment_features,
-    outline_features,
-    ratio_features,
-    spread_features,
-    write_rows,
-)
+from pgm_places import _core
 from pgm_places.errors import InputError
 from pgm_places.features.beams import (
     InvalidBeams,
@@ -75,7 +62,7 @@ class Workspace:
         self.values = aligned_planes(n_tiles * N_FEATURES, np.float32)
         self.ahead = aligned_planes(N_BEAMS + 1, np.float64)
         self.kept = aligned_planes(N_BEAMS + 1, np.float64)
-        self.series = aligned_planes(fourier_rows(), np.float32)
+        self.series = aligned_planes(_core.fourier_rows(), np.float32)
         self.beams = np.zeros(N_BEAMS + 1, np.int64)
 
 
@@ -263,39 +250,39 @@ def _extract_part(
 ) -> None:
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
-        load_tiles(scans, start, stop, limit, space.rho)
+        _core.load_tiles(scans, start, stop, limit, space.rho)
         n_tiles = -(-(stop - start) // LANES)
         _beam_families(plan, space, n_tiles)
         _polygon_families(plan, space, n_tiles)
-        write_rows(space.values, plan.columns, start, stop, rows)
+        _core.write_rows(space.values, plan.columns, start, stop, rows)
 
 
 def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values = space.rho, space.values
     if plan.spread:
-        spread_features(rho, n_tiles, values)
+        _core.spread_features(rho, n_tiles, values)
     if plan.cuts is not None:
-        cut_features(rho, n_tiles, *plan.cuts, values)
+        _core.cut_features(rho, n_tiles, *plan.cuts, values)
     if plan.gaps is not None:
-        gap_features(rho, n_tiles, *plan.gaps, space.kept, values)
+        _core.gap_features(rho, n_tiles, *plan.gaps, space.kept, values)
     if plan.ratios is not None:
-        ratio_features(rho, n_tiles, *plan.ratios, space.kept, values)
+        _core.ratio_features(rho, n_tiles, *plan.ratios, space.kept, values)
     if plan.minima is not None:
         scratch = space.ahead, space.kept, space.beams
-        minima_features(rho, n_tiles, plan.minima, CHORDS, scratch, values)
+        _core.minima_features(rho, n_tiles, plan.minima, CHORDS, scratch, values)
 
 
 def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values, shape = space.rho, space.values, space.shape
     if plan.outline:
-        outline_features(rho, n_tiles, DIRECTIONS, space.edges, shape, values)
+        _core.outline_features(rho, n_tiles, DIRECTIONS, space.edges, shape, values)
     if plan.centroid:
-        centroid_features(rho, n_tiles, DIRECTIONS, shape, values)
+        _core.centroid_features(rho, n_tiles, DIRECTIONS, shape, values)
     if plan.moments:
-        moment_features(rho, n_tiles, DIRECTIONS, shape, values)
+        _core.moment_features(rho, n_tiles, DIRECTIONS, shape, values)
     if plan.fourier is not None:
         outline = rho, DIRECTIONS, space.edges, shape
-        fourier_features(outline, n_tiles, plan.fourier, space.series, values)
+        _core.fourier_features(outline, n_tiles, plan.fourier, space.series, values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:
