@@ -1,6 +1,6 @@
 """Relaxation labelling on a raster: compact rows of single-precision beliefs, updated in place."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
@@ -13,18 +13,10 @@ from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.pages import Planes
-from pgm_places.kernels.threads import Crew, run_tasks
+from pgm_places.kernels.threads import run_tasks
+from pgm_places.solvers import relaxation
 from pgm_places.solvers.compatibility import DIRECTIONS
-from pgm_places.solvers.relaxation import (
-    SUMS,
-    OnIteration,
-    Relaxed,
-    check_tables,
-    repeat,
-    starting_beliefs,
-    thread_groups,
-    useful_threads,
-)
+from pgm_places.solvers.relaxation import OnIteration, Relaxed
 from pgm_places.solvers.schedule import check_schedule
 
 # Cells of a row that are stored together: a cache line of float32, one to four vectors.
@@ -153,7 +145,7 @@ def relax_grid(
         raise InputError(f"unary must have shape (N, K), got {table.shape}")
     n_nodes, n_labels = table.shape
     cells = _check_cells(cells_rc, n_nodes, shape)
-    r = check_tables(compatibility, n_labels + 1)
+    r = relaxation.check_tables(compatibility, n_labels + 1)
     if len(r) not in (1, len(DIRECTIONS)):
         raise InputError(f"compatibility must hold 1 or {len(DIRECTIONS)} tables, got {len(r)}")
     one_table = len(r) == 1
@@ -166,9 +158,9 @@ def relax_grid(
     store = _Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
     rule = _Update(tables, ratio, np.float32(damping))
     edges = _edges(store, n_labels, rows.longest)
-    results = np.zeros((n_parts, SUMS))
-    threads = useful_threads(n_threads, n_parts)
-    groups = thread_groups(n_parts, threads)
+    results = np.zeros((n_parts, relaxation.SUMS))
+    threads = relaxation.useful_threads(n_threads, n_parts)
+    groups = relaxation.thread_groups(n_parts, threads)
     ahead = [np.zeros((3, n_labels, rows.longest), np.float32) for _ in groups]
     calls = [
         [
@@ -177,23 +169,11 @@ def relax_grid(
         ]
         for turn in (edges, edges[::-1])
     ]
-
-    with Crew(threads) as crew:
-
-        def step() -> NDArray[np.float64]:
-            crew.run(lambda group: calls[0][group](), len(groups))
-            calls.reverse()
-            return results
-
-        return repeat(
-            step,
-            lambda: _read(beliefs, cells, rows, n_threads),
-            (n_nodes, n_labels),
-            max_iterations,
-            tolerance,
-            on_iteration=on_iteration,
-            last=lambda: _read_last(beliefs, cells, rows, n_threads),
-        )
+    read, limits = partial(_read, beliefs, cells, rows, n_threads), (max_iterations, tolerance)
+    last = partial(read, last=True)
+    return relaxation.repeat(
+        calls, results, threads, table.shape, lambda _: read(), *limits, on_iteration, last
+    )
 
 
 def _edges(store: _Store, n_labels: int, longest: int) -> _Edges:
@@ -281,50 +261,36 @@ def _fill(
 
     def fill(task: int) -> None:
         part = parts[task]
-        beliefs = starting_beliefs(unary[part], floor=floor, first_node=part.start)
+        beliefs = relaxation.starting_beliefs(unary[part], floor=floor, first_node=part.start)
         _core.place_beliefs(beliefs, cells[part], rows.index, store.array)
 
     run_tasks(fill, len(parts), n_threads=n_threads)
     return store
 
 
-def _read(store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None) -> NDArray[np.float32]:
-    """(N, K) the beliefs in the store."""
-    beliefs = np.empty((len(cells), len(store.array)), np.float32)
-    _read_parts(store, cells, rows, list(_parts(cells)), n_threads, beliefs)
-    return beliefs
-
-
-def _read_last(
-    store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None
+def _read(
+    store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None, *, last: bool = False
 ) -> NDArray[np.float32]:
-    """The same, the store being given up row after row if cells are in the order of rows."""
-    if not isinstance(cells, MaskCells):
-        return _read(store, cells, rows, n_threads)
+    """(N, K) the beliefs in the store.
+
+    For the last time, it is given up row after row if cells are in the order of rows.
+    """
     beliefs, parts = np.empty((len(cells), len(store.array)), np.float32), list(_parts(cells))
     done = 0
     for first in range(0, len(parts), PARTS_AT_ONCE):
         some = parts[first : first + PARTS_AT_ONCE]
-        _read_parts(store, cells, rows, some, n_threads, beliefs)
-        row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
-        below = int(rows.row_start[row + 1])
-        store.give_up(done, below)
-        done = below
+
+        def read(task: int, some: list[slice] = some) -> None:
+            part = some[task]
+            _core.collect_beliefs(store.array, cells[part], rows.index, beliefs[part])
+
+        run_tasks(read, len(some), n_threads=n_threads)
+        if last and isinstance(cells, MaskCells):
+            row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
+            below = int(rows.row_start[row + 1])
+            store.give_up(done, below)
+            done = below
     return beliefs
-
-
-def _read_parts(
-    store: Planes,
-    cells: _Cells,
-    rows: _Rows,
-    parts: Sequence[slice],
-    n_threads: int | None,
-    beliefs: NDArray[np.float32],
-) -> None:
-    def read(task: int) -> None:
-        _core.collect_beliefs(store.array, cells[parts[task]], rows.index, beliefs[parts[task]])
-
-    run_tasks(read, len(parts), n_threads=n_threads)
 
 
 def _codes(

@@ -41,9 +41,6 @@ OnIteration = Callable[[int, float, Callable[[], Beliefs]], None]
 """Called after each iteration with its number from 1, the largest change of a belief, and a
 function that returns the beliefs (N, K) of the moment."""
 
-Step = Callable[[], NDArray[np.float64]]
-"""One iteration; returns the largest change, the sum of changes, and the sum of p q."""
-
 
 class _Neighbours(NamedTuple):
     """Adjacency in compressed rows, one row for each node and table of compatibilities.
@@ -179,7 +176,7 @@ def relax_graph(
     threads = useful_threads(n_threads, len(begin) - 1)
     groups = thread_groups(len(begin) - 1, threads)
     sums = np.zeros((len(begin) - 1, SUMS))
-    buffers = [padded, padded.copy()]
+    buffers = padded, padded.copy()
     calls = [
         [
             partial(
@@ -191,51 +188,47 @@ def relax_graph(
         for old, new in (buffers, buffers[::-1])
     ]
 
-    def current() -> NDArray[np.float64]:
-        wide = buffers[0].reshape(-1, width)[:, :n_labels]
+    def after(iterations: int) -> NDArray[np.float64]:
+        wide = buffers[iterations % 2].reshape(-1, width)[:, :n_labels]
         return wide / wide.sum(axis=1, keepdims=True)
 
-    with Crew(threads) as crew:
-
-        def step() -> NDArray[np.float64]:
-            crew.run(lambda group: calls[0][group](), len(groups))
-            calls.reverse()
-            buffers.reverse()
-            return sums
-
-        return repeat(
-            step, current, (n_nodes, n_labels), max_iterations, tolerance, on_iteration=on_iteration
-        )
+    limits = max_iterations, tolerance
+    return repeat(calls, sums, threads, beliefs.shape, after, *limits, on_iteration)
 
 
 def repeat(
-    step: Step,
-    current: Callable[[], Beliefs],
-    shape: tuple[int, int],
+    calls: list[list[partial[None]]],
+    sums: NDArray[np.float64],
+    threads: int,
+    shape: tuple[int, ...],
+    after: Callable[[int], Beliefs],
     max_iterations: int,
     tolerance: float,
-    *,
     on_iteration: OnIteration | None,
     last: Callable[[], Beliefs] | None = None,
 ) -> Relaxed:
     """Iterate until nothing changes by more than the tolerance, keeping the history.
 
-    ``last`` returns the beliefs of the end, if that is to be done in another way.
+    ``calls`` are those of an iteration, which threads share, and those of the next, which goes back
+    to where that one began; they write ``sums``. ``after`` so many iterations returns the beliefs,
+    and ``last`` those of the end, if that is to be done in another way.
     """
     n_nodes, n_labels = shape
     max_change: list[float] = []
     mean_change: list[float] = []
     support: list[float] = []
     converged = n_nodes == 0
-    while not converged and len(max_change) < max_iterations:
-        sums = step()
-        max_change.append(float(sums[:, 0].max()))
-        mean_change.append(math.fsum(sums[:, 1]) / (n_nodes * n_labels))
-        support.append(math.fsum(sums[:, 2]) / n_nodes)
-        converged = max_change[-1] <= tolerance
-        if on_iteration is not None:
-            on_iteration(len(max_change), max_change[-1], current)
-    return Relaxed((last or current)(), converged, max_change, mean_change, support)
+    with Crew(threads) as crew:
+        while not converged and len(max_change) < max_iterations:
+            crew.run(lambda group: calls[len(max_change) % 2][group](), len(calls[0]))
+            max_change.append(float(sums[:, 0].max()))
+            mean_change.append(math.fsum(sums[:, 1]) / (n_nodes * n_labels))
+            support.append(math.fsum(sums[:, 2]) / n_nodes)
+            converged = max_change[-1] <= tolerance
+            if on_iteration is not None:
+                on_iteration(len(max_change), max_change[-1], partial(after, len(max_change)))
+    beliefs = after(len(max_change)) if last is None else last()
+    return Relaxed(beliefs, converged, max_change, mean_change, support)
 
 
 def useful_threads(n_threads: int | None, n_parts: int) -> int:

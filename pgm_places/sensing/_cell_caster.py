@@ -11,7 +11,7 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing import _sweep
-from pgm_places.sensing._beams import Beams, Ways
+from pgm_places.sensing._beams import Beams
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing._sweep import Extent, Surroundings, TileSweep, Work
@@ -181,8 +181,8 @@ class CellCaster:
 
     def follow(self, blocked: NDArray[np.uint8], cells: Cells, out: NDArray[np.float32]) -> None:
         """Write the scans of cells by following each ray through ``blocked``."""
-        *ways, metres_x, metres_y = self._ways
-        beams = Ways(*ways, metres_x.astype(np.float32), metres_y.astype(np.float32))
+        metres_x, metres_y = (metres.astype(np.float32) for metres in self._ways[-2:])
+        beams = self._ways._replace(metres_x=metres_x, metres_y=metres_y)
         cap = np.float32(self._sensor.max_range_m)
         self._in_parts(
             lambda part: dda_from_centres(blocked, part, beams, self._reach, cap, out), cells
