@@ -17,9 +17,8 @@ from scipy.optimize import nnls
 
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import FoundMap, find_maps
-from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.map_task import MapTask, label_one
-from pgm_places.batch.ready_model import ReadyModel, ready_model
+from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelers.label_map import at_model_resolution
 

@@ -20,9 +20,8 @@ from pgm_places import trained_labeler
 from pgm_places.io.logs.bag_poses import planar
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_node import LiveNode
-from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapProcess
-from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.place_finder import PlaceFinder
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid

@@ -21,7 +21,7 @@ import numpy as np
 from pgm_places.live.dds_bus import DdsBus
 from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.live_node import LiveNode
-from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.live_options import NodeOptions
 from tests.live import test_waiting
 from tests.live.robot import Desk, text_of
 

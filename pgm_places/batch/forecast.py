@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.map_task import MapTask, label_one
 from pgm_places.batch.outcomes import Failure
-from pgm_places.batch.ready_model import ready_model
+from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.datasets.building import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import save_map

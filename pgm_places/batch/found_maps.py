@@ -1,14 +1,16 @@
-"""The maps that arguments name: files, folders to look through, and patterns."""
+"""The maps that arguments name (files, folders to look through, patterns), and shares of them."""
 
 import glob
+import hashlib
 import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path, PurePosixPath
+from typing import Self
 
-from pgm_places.errors import MapError
+from pgm_places.errors import InputError, MapError
 from pgm_places.io.far_files import FarFolder, address_of
 from pgm_places.io.input_file import file_kind, is_address, user_path
 
@@ -200,3 +202,44 @@ def _describes_map(path: Path) -> bool:
             return _DESCRIBES_MAP.search(file.read(_HEAD)) is not None
     except OSError:
         return True
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of several parts into which names fall by chance, but always alike.
+
+    Parameters
+    ----------
+    number, of : int
+        The first is 1.
+    """
+
+    number: int
+    of: int
+
+    @classmethod
+    def named(cls, text: str) -> Self:
+        """The part that ``i/n`` names.
+
+        Raises
+        ------
+        InputError
+            It is not written like that, or there is no such part.
+
+        Examples
+        --------
+        >>> Shard.named("3/16")
+        Shard(number=3, of=16)
+        """
+        found = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+        if found is None or not 1 <= int(found[1]) <= int(found[2]):
+            raise InputError(
+                f"--shard expects i/n, such as 3/16, the first being 1/16 and the last 16/16; "
+                f"got {text!r}"
+            )
+        return cls(int(found[1]), int(found[2]))
+
+    def has(self, name: str) -> bool:
+        """Whether a name is in this part."""
+        digest = hashlib.sha256(name.encode("utf-8", "surrogateescape")).digest()
+        return int.from_bytes(digest[:8], "big") % self.of == self.number - 1

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places._version import __version__
-from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.outcomes import LabelledRow
-from pgm_places.batch.ready_model import ReadyModel
+from pgm_places.batch.ready_model import LabelOptions, ReadyModel
 from pgm_places.errors import InputError
 from pgm_places.io.input_file import sha256_of
 from pgm_places.io.output_set import has_all_files

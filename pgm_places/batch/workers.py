@@ -1,8 +1,11 @@
-"""Who does the tasks of a batch: processes of this machine, or a Dask cluster."""
+"""Who does the tasks of a batch, and how much memory they may take."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
 from typing import Any, Literal, Protocol, TypeVar
+
+from pgm_places.errors import InputError
 
 Task = TypeVar("Task")
 
@@ -37,3 +40,31 @@ class Workers(Protocol):
         seconds more is ended with its process, whatever that is doing.
         """
         ...
+
+
+_LEAST = 256 * 1000**2
+
+
+def memory_bytes(text: str) -> int:
+    """The bytes that a text names.
+
+    Raises
+    ------
+    InputError
+        It is no size, or less than any map needs.
+
+    Examples
+    --------
+    >>> memory_bytes("4GB"), memory_bytes("1.5 GiB")
+    (4000000000, 1610612736)
+    """
+    found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]{1,9})?)\s*([kmgt]?)(i?)b?", text.strip().lower())
+    if found is None or (found[3] and not found[2]):
+        raise InputError(f"--memory expects a size such as 4GB or 500MiB, got {text!r}")
+    number, unit, binary = found.groups()
+    n_bytes = int(float(number) * (1024 if binary else 1000) ** ["", *"kmgt"].index(unit))
+    if n_bytes < _LEAST:
+        raise InputError(
+            f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"
+        )
+    return n_bytes

@@ -7,8 +7,7 @@ from pathlib import Path
 import pgm_places as pp
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import find_maps
-from pgm_places.batch.label_options import LabelOptions
-from pgm_places.batch.ready_model import ready_model
+from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import say

@@ -20,8 +20,7 @@ from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
-    from pgm_places.batch.label_options import LabelOptions
-    from pgm_places.batch.ready_model import ReadyModel
+    from pgm_places.batch.ready_model import LabelOptions, ReadyModel
     from pgm_places.progress import Progress
 
 
@@ -78,7 +77,7 @@ def label(
         What to write besides labels and places; both by default.
     """
     from pgm_places.batch.found_maps import names_many
-    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.batch.ready_model import LabelOptions
     from pgm_places.io.input_file import is_address
     from pgm_places.report.outputs import Outputs
 

@@ -15,10 +15,9 @@ from pgm_places.errors import InputError
 from pgm_places.options import Positive
 
 if TYPE_CHECKING:
-    from pgm_places.batch.found_maps import FoundMaps
-    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.batch.found_maps import FoundMaps, Shard
     from pgm_places.batch.overview import Overview
-    from pgm_places.batch.shard import Shard
+    from pgm_places.batch.ready_model import LabelOptions
     from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
 
@@ -59,7 +58,7 @@ def make_workers(
     """
     from pgm_places.batch.dask_workers import DaskWorkers
     from pgm_places.batch.local_workers import LocalWorkers
-    from pgm_places.batch.memory_size import memory_bytes
+    from pgm_places.batch.workers import memory_bytes
     from pgm_places.kernels.threads import resolve_threads
 
     memory = None if options.memory is None else memory_bytes(options.memory)
@@ -116,8 +115,7 @@ def label_many(
 ) -> None:
     """Label the maps that arguments name; the exit code says whether one failed."""
     from pgm_places.batch.batch_folder import recorded_root
-    from pgm_places.batch.found_maps import find_maps
-    from pgm_places.batch.shard import Shard
+    from pgm_places.batch.found_maps import Shard, find_maps
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
     found = find_maps(arguments, out, root=recorded_root(out))
@@ -158,7 +156,7 @@ def _say_plan(
     *,
     only_failed: bool,
 ) -> None:
-    from pgm_places.batch.plan import plan
+    from pgm_places.batch.label_batch import plan
 
     planned = plan(found, out, options, shard=shard, only_failed=only_failed)
     say(planned.summary())

@@ -14,8 +14,7 @@ from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_network import DdsNetwork
-from pgm_places.live.live_options import LiveOptions
-from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.options import AtLeastZero
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.export_folders import ExportFolders
-    from pgm_places.studio.given_labels import GivenLabels
+    from pgm_places.studio.layers import GivenLabels
     from pgm_places.studio.shelf import Shelf
 
 
@@ -154,7 +154,7 @@ def _shelf_of(
 
 def _given(paths: "Sequence[Path]", grid: "pp.OccupancyGrid") -> "list[GivenLabels]":
     """Labels to compare with, each by the name of its file."""
-    from pgm_places.studio.given_labels import GivenLabels
+    from pgm_places.studio.layers import GivenLabels
 
     found: list[GivenLabels] = []
     for path in paths:

@@ -11,7 +11,6 @@ from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
-from pgm_places.io.logs import truth_table
 from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.map_prior import MapPrior
@@ -75,15 +74,6 @@ def map_of(options: TrackOptions, progress: Progress) -> MapFile | None:
     if options.map_yaml is None:
         return None
     return read_map(options.map_yaml, options.unknown_value, progress)
-
-
-def with_truth(
-    trajectory: pp.Trajectory, options: TrackOptions, label_names: tuple[str, ...]
-) -> pp.Trajectory:
-    """The trajectory with the true places from a table of as many steps, if one is named."""
-    if options.truth is None:
-        return trajectory
-    return truth_table.with_truth(trajectory, options.truth, label_names)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from pgm_places.batch.map_files import write_labelled
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
-from pgm_places.cli.track_inputs import map_of, with_truth
+from pgm_places.cli.track_inputs import map_of
 from pgm_places.cli.track_log import folder_for, read_log, summary, write
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
@@ -66,8 +66,9 @@ def _labelled(
     labeler: pp.JointLabeler, source: MapFile | None, options: TrackOptions, progress: Progress
 ) -> tuple[Track, LabelledPlaces | None]:
     """The labelled log, and the labelled map where there is one."""
-    read, names = read_log(options, progress), labeler.label_names_
-    drive = with_truth(read.trajectory, options, names)
+    names = labeler.label_names_
+    read = read_log(options, names, progress)
+    drive = read.trajectory
     if source is None:
         steps = labeler.label(drive=drive, progress=progress).steps
         assert steps is not None  # there is a drive

@@ -1,14 +1,16 @@
 """``pgm-places track`` of a whole log: labelled, written, summed up."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say, say_written
-from pgm_places.cli.track_inputs import TrackInputs, with_truth
+from pgm_places.cli.track_inputs import TrackInputs
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
 from pgm_places.io.logs.loaded_log import LoadedLog
+from pgm_places.io.logs.pose_csv import with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.tracking import Track, map_of_scans
@@ -40,20 +42,25 @@ def folder_for(options: TrackOptions) -> Path:
     return options.out
 
 
-def read_log(options: TrackOptions, progress: Progress) -> LoadedLog:
-    """A complete log, with its warnings on standard error."""
+def read_log(options: TrackOptions, names: tuple[str, ...], progress: Progress) -> LoadedLog:
+    """A complete log, with its warnings on standard error, and its true places if they are named.
+
+    ``names`` are the labels that the model knows.
+    """
     with progress.stage("log"):
         read = read_trajectory(options.log, range_max_m=options.max_range_m)
     for message in read.warnings:
         progress.warn(message)
-    return read
+    if options.truth is None:
+        return read
+    return replace(read, trajectory=with_truth(read.trajectory, options.truth, names))
 
 
 def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Track:
     """The labelled log, with all warnings about it."""
-    read, labeler = read_log(options, progress), given.labeler
-    trajectory = with_truth(read.trajectory, options, tuple(labeler.label_names))
-    warnings = list(read.warnings)
+    labeler, names = given.labeler, tuple(given.labeler.label_names)
+    read = read_log(options, names, progress)
+    trajectory, warnings = read.trajectory, list(read.warnings)
     extra = None
     if given.counts is not None:
         extra = given.counts.columns(trajectory.times_s)
@@ -73,7 +80,7 @@ def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Tra
             f"{len(impossible)} observations (first at step {impossible[0]}) have probability 0 in "
             "this model and were skipped"
         )
-    return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
+    return Track(trajectory, labeling, names, tuple(warnings))
 
 
 def write(track: Track, grid: OccupancyGrid | None, out: Path) -> None:

@@ -10,8 +10,8 @@ from pgm_places.errors import LabelError, LogError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_grid, load_map_of
 from pgm_places.experiment.source_config import DriveConfig, SourceConfig
+from pgm_places.io.logs.pose_csv import translated, with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
-from pgm_places.io.logs.truth_table import translated, with_truth
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -8,9 +8,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsBus
 from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.live_node import LiveNode
-from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk
-from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 

@@ -13,10 +13,9 @@ from pgm_places.io.logs.map_messages import ScanMessages
 from pgm_places.live.frame_buffer import FrameBuffer, SoughtPose
 from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
-from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk
 from pgm_places.live.map_view import PlaceOfMap
-from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder
 from pgm_places.live.ros_codec import TYPES, RosCodec
 

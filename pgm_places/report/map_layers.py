@@ -20,7 +20,7 @@ from pgm_places.report.canvas import (
 from pgm_places.report.map_pictures import entropy
 from pgm_places.report.page import data_uri
 from pgm_places.report.sheet import round_length
-from pgm_places.report.track_pictures import belief_plot
+from pgm_places.report.track_page import belief_plot
 
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000
 """Pixels of all label pictures and of all probability pictures together. A pixel of the first takes

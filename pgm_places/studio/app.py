@@ -17,10 +17,15 @@ from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import exports_record, write_export
 from pgm_places.studio.guard import Guard
-from pgm_places.studio.reasons import reasons_record
-from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
+from pgm_places.studio.pyramid import Theme
+from pgm_places.studio.records import (
+    cell_record,
+    drive_record,
+    places_record,
+    reasons_record,
+    state_record,
+)
 from pgm_places.studio.shelf import Shelf
-from pgm_places.studio.tiles import Theme
 
 KINDS = {
     ".html": "text/html; charset=utf-8",

@@ -1,7 +1,8 @@
 """The layers that the studio shows, each a pyramid of a raster with its colours."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,24 +10,48 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.studio.changes import Changes
 from pgm_places.studio.classes import Classes
-from pgm_places.studio.lesson import Lesson, probability_raster
-from pgm_places.studio.pyramid import Pyramid, n_levels
-from pgm_places.studio.repaint import Window
-from pgm_places.studio.tiles import (
+from pgm_places.studio.lesson import Changes, Lesson, probability_raster
+from pgm_places.studio.pyramid import (
     CLEAR,
     ERRORS,
     FLASH,
     FREE_VALUE,
     GROUNDS,
+    Pyramid,
     Theme,
     encode_labels,
     encode_map,
     hatched,
+    n_levels,
     png,
     value_colours,
 )
+from pgm_places.studio.runs import Window
+
+
+@dataclass(frozen=True, eq=False)
+class GivenLabels:
+    """Labels of a file to compare with, such as the truth.
+
+    Parameters
+    ----------
+    title : str
+        What they are called in the browser.
+    labels : (H, W) int16
+        Index into ``names``; -1 for none.
+    names : tuple of str
+    """
+
+    title: str
+    labels: NDArray[np.int16]
+    names: tuple[str, ...]
+
+    def on(self, names: Sequence[str]) -> NDArray[np.int16]:
+        """(H, W) the labels as indices into other names, which these are among."""
+        table = [list(names).index(name) for name in self.names]
+        return np.array([*table, -1], np.int16)[self.labels]  # the last entry serves -1
+
 
 LESSON_SOURCES = {
     "taught": "Labels now",

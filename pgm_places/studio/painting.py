@@ -12,8 +12,7 @@ from pgm_places.errors import InputError, printable
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.classes import Classes, PlaceClass
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.repaint import Repaint, Window
-from pgm_places.studio.runs import checked_runs
+from pgm_places.studio.runs import Repaint, Window, checked_runs
 
 Entry = dict[str, Any]
 Names = dict[tuple[float, float], str]

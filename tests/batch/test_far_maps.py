@@ -11,9 +11,8 @@ import pytest
 
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.index import index_folder
-from pgm_places.batch.label_batch import LabelledBatch, label_batch
-from pgm_places.batch.label_options import LabelOptions
-from pgm_places.batch.plan import Plan, plan
+from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
+from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder, address_of
 from pgm_places.progress import Silent

@@ -11,9 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.manifest import MANIFEST_FILE, done_figures, labelled_row
-from pgm_places.batch.ready_model import ReadyModel, ready_model
+from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.live_options import NodeOptions
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.persistence.stored import save
 from tests.cli.conftest import Run, run

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places.live.live_node import LiveNode
-from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.live_options import NodeOptions
 from pgm_places.live.place_finder import FoundPlace
 from pgm_places.live.ros_codec import RosCodec
 from tests.io.logs.bag_files import BagFile

@@ -9,8 +9,13 @@ import numpy as np
 
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.tracking import Track
-from pgm_places.report.track_page import belief_table, track_page, write_track
-from pgm_places.report.track_pictures import belief_plot, path_raster
+from pgm_places.report.track_page import (
+    belief_plot,
+    belief_table,
+    path_raster,
+    track_page,
+    write_track,
+)
 from pgm_places.trajectories.trajectory import Trajectory
 from tests.drives import building, drive
 

@@ -12,7 +12,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.persistence.stored import load
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.given_labels import GivenLabels
+from pgm_places.studio.layers import GivenLabels
 from tests.studio.conftest import Client
 
 

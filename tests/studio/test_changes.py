@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.studio.changes import Changes, share_that_agrees
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
-from pgm_places.studio.given_labels import GivenLabels
+from pgm_places.studio.layers import GivenLabels
+from pgm_places.studio.lesson import Changes, share_that_agrees
 from pgm_places.studio.records import places_record, state_record
 from tests.quick_labeler import places
 

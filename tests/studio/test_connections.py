@@ -8,9 +8,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from pgm_places.studio.connections import MOST_CONNECTIONS
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.server import _Server, serve
+from pgm_places.studio.server import MOST_CONNECTIONS, _Server, serve
 from pgm_places.studio.shelf import Shelf
 
 PATIENCE_S = 60.0
@@ -19,7 +18,7 @@ PATIENCE_S = 60.0
 @pytest.fixture
 def address(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The address of a studio that waits a fifth of a second for a request."""
-    monkeypatch.setattr("pgm_places.studio.connections.REQUEST_S", 0.2)
+    monkeypatch.setattr("pgm_places.studio.server.REQUEST_S", 0.2)
     monkeypatch.setattr("pgm_places.studio.guard.BODY_S", 0.2)
     monkeypatch.setattr("uvicorn.Server.install_signal_handlers", lambda _: None, raising=False)
     servers: list[_Server] = []
@@ -88,7 +87,7 @@ def test_half_a_body_is_refused_after_its_time(address: str) -> None:
 def test_connections_beyond_the_bound_are_turned_away(
     address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pgm_places.studio.connections.REQUEST_S", 3600.0)
+    monkeypatch.setattr("pgm_places.studio.server.REQUEST_S", 3600.0)
     first = [connected(address) for _ in range(MOST_CONNECTIONS)]
     more = [connected(address) for _ in range(5)]
     assert [answer(each) for each in more] == [b""] * 5

@@ -3,16 +3,176 @@
 The ``rosbags`` package does the reading and writing; it needs no ROS. It is the extra ``bags``.
 """
 
+import bz2
 import contextlib
 import importlib
-from collections.abc import Iterator
-from pathlib import Path
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.errors import LogError, PgmPlacesError, printable
-from pgm_places.io.input_file import file_kind, user_path
-from pgm_places.io.logs.unpacking import bounded_chunks, plain_storage
+from pgm_places.errors import LogError, PgmPlacesError, printable, shown
+from pgm_places.io.input_file import file_kind, open_input, user_path
+from pgm_places.io.strict_yaml import read_yaml
+
+MAX_CHUNK_BYTES = 256 << 20
+"""Of a chunk, unpacked; writers begin a new one after some megabytes."""
+
+MOST_TIMES, FREE_BYTES = 1000, 16 << 20
+"""At most 1000 times their size plus 16 MiB once unpacked; bags of scans shrink to a tenth."""
+
+_PIECE = 1 << 20
+
+
+def zstd_module() -> Any:
+    """The module of Zstandard that ``rosbags`` itself unpacks with."""
+    return importlib.import_module(
+        "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+    )
+
+
+def unpacked(compression: str, data: bytes) -> bytes:
+    """What the data of a chunk hold: at most 256 MiB.
+
+    Parameters
+    ----------
+    compression : {"bz2", "lz4", "zstd"}
+    data : bytes
+
+    Raises
+    ------
+    LogError
+        It would be more, or the data are truncated.
+    OSError, RuntimeError, ZstdError
+        The data are damaged.
+    """
+    pieces: list[bytes] = []
+    size = 0
+    while data:
+        decompressor = _decompressor(compression)
+        while not decompressor.eof:
+            piece = decompressor.decompress(data, _PIECE)
+            if not piece and decompressor.needs_input and not decompressor.eof:
+                raise LogError(f"a chunk of {compression} is truncated")
+            pieces.append(piece)
+            size, data = size + len(piece), b""
+            if size > MAX_CHUNK_BYTES:
+                raise LogError(f"a chunk unpacks to more than {MAX_CHUNK_BYTES} bytes")
+        data = decompressor.unused_data or b""
+    return b"".join(pieces)
+
+
+@contextmanager
+def bounded_chunks(files: Sequence[Path]) -> Iterator[None]:
+    """While a bag is opened: ``rosbags``, which unpacks without limits, gets decompressors of ours.
+
+    All chunks of a ROS 1 bag together may become 16 MiB and a thousand times its size. Those of
+    MCAP are unpacked by what the module holds when they are read; ours stay, since bags may be open
+    side by side.
+    """
+    left = [FREE_BYTES + MOST_TIMES * sum(file.stat().st_size for file in files)]
+
+    def within_budget(compression: str, data: bytes) -> bytes:
+        content = unpacked(compression, data)
+        left[0] -= len(content)
+        if left[0] < 0:
+            raise LogError(
+                f"it unpacks to more than {MOST_TIMES} times its size, which no recording does"
+            )
+        return content
+
+    mcap = importlib.import_module("rosbags.rosbag2.storage_mcap").DECOMPRESSORS
+    mcap.update({name: lambda data, _, n=name: unpacked(n, data) for name in ("lz4", "zstd")})
+    ros1 = importlib.import_module("rosbags.rosbag1.reader").decompressors
+    before = dict(ros1)
+    ros1.update({name: partial(within_budget, name) for name in ("bz2", "lz4")})
+    try:
+        yield
+    finally:
+        ros1.update(before)
+
+
+def _decompressor(compression: str) -> Any:
+    if compression == "bz2":
+        return bz2.BZ2Decompressor()
+    if compression == "lz4":
+        return importlib.import_module("lz4.frame").LZ4FrameDecompressor()
+    return zstd_module().ZstdDecompressor()
+
+
+@contextmanager
+def plain_storage(folder: Path) -> Iterator[list[Path]]:
+    """The files of a ROS 2 bag's folder, unpacked where they are packed.
+
+    ``rosbags`` is given these instead of the folder, because it reads ``metadata.yaml`` without a
+    time limit. Whatever else that file says, such as the topics, the files say too.
+
+    Raises
+    ------
+    LogError
+        ``metadata.yaml`` is not plain YAML of at most 256 KiB, or names no files, one twice or one
+        that is missing; a file unpacks to more than 16 MiB and a thousand times its size, or to
+        more than the disk has room for; messages are compressed individually.
+    """
+    metadata = read_yaml(folder / "metadata.yaml", LogError, "metadata of a ROS 2 bag")
+    content = metadata.values.get("rosbag2_bagfile_information")
+    about = content if isinstance(content, dict) else {}
+    mode, names = about.get("compression_mode"), about.get("relative_file_paths")
+    if isinstance(mode, str) and mode.lower() == "message":
+        raise LogError(
+            f"{folder}: its messages are compressed individually, which cannot be read within "
+            "limits; convert it with 'ros2 bag convert', without compression or by file"
+        )
+    if not (isinstance(names, list) and names and all(isinstance(n, str) and n for n in names)):
+        raise metadata.fail("relative_file_paths must be a list of names")
+    paths = [folder / PurePosixPath(name).name for name in map(str, names)]
+    if len(set(paths)) < len(paths):
+        raise metadata.fail("relative_file_paths names a file twice")
+    if absent := [path for path in paths if file_kind(path) != "file"]:
+        raise metadata.fail(f"there is no file {shown(absent[0].name)}; it is part of the bag")
+    if not (isinstance(mode, str) and mode.lower() == "file"):
+        yield paths
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        yield [_unpacked(path, Path(temporary)) for path in paths]
+
+
+def _unpacked(path: Path, folder: Path) -> Path:
+    """The file in a folder, which is bounded while it is written."""
+    target = folder / path.stem
+    free_bytes = shutil.disk_usage(folder).free - FREE_BYTES
+    zstd = zstd_module()
+    total = 0
+    try:
+        with (
+            open_input(path, LogError, "a file of a ROS 2 bag") as file,
+            zstd.open(file, "rb") as source,
+            target.open("wb") as unpacked,
+        ):
+            most = FREE_BYTES + MOST_TIMES * path.stat().st_size
+            while piece := source.read(_PIECE):
+                total += len(piece)
+                if total > most:
+                    raise LogError(
+                        f"{path}: it unpacks to more than {MOST_TIMES} times its size, which no "
+                        "recording does"
+                    )
+                if total > free_bytes:
+                    raise LogError(
+                        f"{path}: there is not enough space to unpack it in {folder.parent}; "
+                        "set TMPDIR to "
+                        "a folder on a larger disk"
+                    )
+                unpacked.write(piece)
+    except (zstd.ZstdError, EOFError) as error:
+        raise LogError(f"{path} is damaged: {printable(str(error))}") from None
+    return target
+
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 

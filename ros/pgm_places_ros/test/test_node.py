@@ -8,8 +8,7 @@ import yaml
 from stand_in import PACKAGE, FakeNode
 
 from pgm_places.errors import InputError
-from pgm_places.live.live_options import LiveOptions
-from pgm_places.live.node_options import NodeOptions, parameter_name
+from pgm_places.live.live_options import LiveOptions, NodeOptions, parameter_name
 from pgm_places.live.ros_codec import TYPES
 from pgm_places.options import option_values
 

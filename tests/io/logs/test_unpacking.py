@@ -15,10 +15,10 @@ from backports import zstd
 
 from pgm_places import ScanGeometry
 from pgm_places.errors import LogError
-from pgm_places.io.logs import unpacking
+from pgm_places.io.logs import bag_access
+from pgm_places.io.logs.bag_access import unpacked
 from pgm_places.io.logs.bags import read_bag
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.logs.unpacking import unpacked
 from tests.io.logs.log_files import drive, packed_chunks, packed_files
 
 PATH = drive(ScanGeometry.half_circle(4), 5)
@@ -50,7 +50,7 @@ def test_a_trajectory_is_read_from_a_packed_file(
     np.testing.assert_array_equal(found.ranges_m, PATH.ranges_m)
     np.testing.assert_allclose(found.times_s, PATH.times_s, rtol=0, atol=1e-6)
 
-    usage = shutil.disk_usage(tmp_path)._replace(free=unpacking.FREE_BYTES + 1000)
+    usage = shutil.disk_usage(tmp_path)._replace(free=bag_access.FREE_BYTES + 1000)
     with monkeypatch.context() as full:
         full.setattr(shutil, "disk_usage", lambda _: usage)
         with pytest.raises(
@@ -138,7 +138,7 @@ def test_chunks_are_unpacked_up_to_a_limit(name: str, monkeypatch: pytest.Monkey
     pack = PACKERS[name]
     assert unpacked(name, pack(ZEROS)) == ZEROS
     assert unpacked(name, pack(b"ab") + pack(b"c")) == b"abc"  # one stream after the other
-    monkeypatch.setattr(unpacking, "MAX_CHUNK_BYTES", len(ZEROS) - 1)
+    monkeypatch.setattr(bag_access, "MAX_CHUNK_BYTES", len(ZEROS) - 1)
     with pytest.raises(LogError, match="a chunk unpacks to more than 4999999 bytes"):
         unpacked(name, pack(ZEROS))
     with pytest.raises(LogError, match=f"a chunk of {name} is truncated"):
@@ -154,11 +154,11 @@ def test_a_ros_1_bag_that_unpacks_to_too_much_is_refused(
     with packed_chunks(name.upper()):
         path = write_trajectory(tmp_path / "a.bag", PATH)
     with monkeypatch.context() as small:
-        small.setattr(unpacking, "MAX_CHUNK_BYTES", 100)
+        small.setattr(bag_access, "MAX_CHUNK_BYTES", 100)
         with pytest.raises(LogError, match=rf"^{path}: a chunk unpacks to more than 100 bytes$"):
             read_bag(path)
     with monkeypatch.context() as little:
-        little.setattr(unpacking, "FREE_BYTES", 100 - unpacking.MOST_TIMES * path.stat().st_size)
+        little.setattr(bag_access, "FREE_BYTES", 100 - bag_access.MOST_TIMES * path.stat().st_size)
         with pytest.raises(LogError, match=rf"^{path}: it unpacks to more than 1000 times its"):
             read_bag(path)
     assert len(read_bag(path).trajectory) == len(PATH)
