@@ -35,8 +35,16 @@ PGM_INLINE uint32_t word_drawn(uint32_t key_a, uint32_t key_b, uint32_t counter)
     return mixed(mixed(counter * 0x9E3779B9u + key_a) + key_b);
 }
 
-// A word as a number in (0, 1).
-PGM_INLINE double uniform(uint32_t word) { return (word + 0.5) / 4294967296.0; }
+// A word as a number in (0, 1), (word + 0.5) / 2^32: exact, by way of a signed word, which vectors
+// of any width convert.
+PGM_INLINE double uniform(uint32_t word) {
+    return (static_cast<std::int32_t>(word ^ 0x80000000u) + 2147483648.5) / 4294967296.0;
+}
+
+// How many words are below a probability as such numbers: they compare without branches.
+PGM_INLINE std::int64_t words_below(double probability) {
+    return static_cast<std::int64_t>(std::ceil(std::min(probability, 1.0) * 4294967296.0 - 0.5));
+}
 
 // Disturb the scans of the cells, which are the rows `cells.nodes` of `ranges`.
 struct AddNoise {
@@ -54,28 +62,53 @@ struct AddNoise {
             const uint32_t key_b = mixed(mixed(mixed(high) + column) + row);
             float *scan = &ranges(cells.nodes(i), 0);
             for (std::int64_t first = 0; first < n_beams; first += BEAMS) {
-                uint32_t drawn[4 * BEAMS];  // of each beam four, one behind the other
-                for (uint32_t k = 0; k < 4 * BEAMS; ++k)
-                    drawn[k] = word_drawn(key_a, key_b, static_cast<uint32_t>(4 * first) + k);
-                for (std::int64_t k = 0; k < BEAMS && first + k < n_beams; ++k)
-                    scan[first + k] = disturbed(scan[first + k], drawn + 4 * k, noise);
+                const auto n = std::min(BEAMS, n_beams - first);
+                const Words words{key_a, key_b, static_cast<uint32_t>(4 * first)};
+                if (noise.sigma_m > 0.0)
+                    for_words<true>(scan + first, n, words, noise);
+                else
+                    for_words<false>(scan + first, n, words, noise);
             }
         }
     }
 
-    // A reading with the noise that four words make.
-    static PGM_INLINE float disturbed(float reading, const uint32_t *drawn, const Noise &noise) {
+    // Four words for each beam, one behind the other, from a counter on.
+    struct Words {
+        uint32_t key_a, key_b, counter;
+        PGM_INLINE void draw(int which, uint32_t *words) const {
+            for (uint32_t k = 0; k < BEAMS; ++k)
+                words[k] = word_drawn(key_a, key_b, counter + 4 * k + which);
+        }
+    };
+
+    // Disturb n readings; words that make no difference are not drawn.
+    template <bool GAUSSIAN>
+    static PGM_INLINE void for_words(float *scan, std::int64_t n, Words words, const Noise &noise) {
+        uint32_t kinds[BEAMS], anywhere[BEAMS], radii[BEAMS], turns[BEAMS];
+        words.draw(0, kinds);
+        words.draw(1, anywhere);
+        if constexpr (GAUSSIAN) words.draw(2, radii), words.draw(3, turns);
         const auto top = static_cast<float>(noise.max_range_m);
-        const double kind = uniform(drawn[0]);
-        if (kind < noise.p_max) return top;
-        if (kind < noise.p_max + noise.p_random)
-            return std::min(static_cast<float>(uniform(drawn[1]) * noise.max_range_m), top);
-        if (!(noise.sigma_m > 0.0 && reading < top)) return reading;
-        // Box and Muller's transform of two uniform numbers to a gaussian one.
-        const double radius = std::sqrt(-2.0 * std::log(uniform(drawn[2])));
-        const double turn = 2.0 * PI * uniform(drawn[3]);
-        const auto noisy = static_cast<float>(reading + noise.sigma_m * radius * std::cos(turn));
-        return std::min(std::max(noisy, 0.0f), top);
+        const std::int64_t at_top = words_below(noise.p_max);
+        const std::int64_t replaced = words_below(noise.p_max + noise.p_random);
+        if constexpr (GAUSSIAN)
+            for (std::int64_t k = 0; k < n; ++k)
+                if (scan[k] < top && kinds[k] >= replaced)
+                    scan[k] = noisy(scan[k], radii[k], turns[k], noise);
+        for (std::int64_t k = 0; k < n; ++k) {
+            const auto random = static_cast<float>(uniform(anywhere[k]) * noise.max_range_m);
+            const float within = random < top ? random : top;
+            const float other = kinds[k] < at_top ? top : within;
+            scan[k] = kinds[k] < replaced ? other : scan[k];
+        }
+    }
+
+    // A reading with gaussian noise, from two uniform numbers by Box and Muller's transform.
+    static PGM_INLINE float noisy(float reading, uint32_t a, uint32_t b, const Noise &noise) {
+        const double radius = std::sqrt(-2.0 * std::log(uniform(a)));
+        const double turn = 2.0 * PI * uniform(b);
+        const auto moved = static_cast<float>(reading + noise.sigma_m * radius * std::cos(turn));
+        return std::min(std::max(moved, 0.0f), static_cast<float>(noise.max_range_m));
     }
 };
 
