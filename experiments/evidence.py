@@ -10,7 +10,6 @@ from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import MODES, HiddenMarkovModel
-from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.list_learning import (
     RAREST_FIRST,
@@ -44,7 +43,7 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     given = examples.features, examples.truth, examples.groups
     unfitted = with_explicit_order(DecisionListClassifier(order=RAREST_FIRST), examples.truth)
     fitted = fitted_list(unfitted, *given)
-    held_out = held_out_scores(fitted, unfitted, *given, n_labels, Silent(), "held-out scores")
+    held_out = held_out_scores(fitted, unfitted, *given, n_labels, "held-out scores")
     model = ScanModel(fitted, n_labels, sensor)
     learned = path.subset(examples.steps[0])
     scores = model.log_proba(observed_along(path, sensor, beams).circles_m)

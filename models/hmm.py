@@ -33,7 +33,7 @@ from pgm_places.models.evidence_weight import (
     weights_at,
 )
 from pgm_places.models.step_filter import StepFilter
-from pgm_places.options import AtLeastZero, check_options
+from pgm_places.options import AtLeastZero, Options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
     ChainPath,
@@ -53,7 +53,7 @@ RUNS_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenMarkovModel(StepFilter):
+class HiddenMarkovModel(StepFilter, Options):
     """Labels the steps of a trajectory: what the classifier says, and which place follows which.
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
@@ -134,9 +134,6 @@ class HiddenMarkovModel(StepFilter):
     """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
     learning_curve: NDArray[np.float64] | None = learned()
     """(R,) objective of Baum-Welch by rounds, where steps without a label were learned from."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     def fit(
         self,

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pgm_places._option_marks import Ge, Gt, Le, Lt
-from pgm_places.options import Seed, check_options
+from pgm_places.options import Options, Seed
 
 
 @dataclass(frozen=True)
-class BoostingOptions:
+class BoostingOptions(Options):
     """What is boosted, for how long, and how boldly.
 
     Parameters
@@ -38,9 +38,6 @@ class BoostingOptions:
     shrinkage: Annotated[float, Gt(0), Le(1)] = 1.0
     feature_share: Annotated[float, Gt(0), Le(1)] = 1.0
     seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 PriorWeight = Annotated[float, Ge(0), Le(2)]

@@ -17,7 +17,7 @@ from pgm_places.inference.problem import LabelingProblem, evident_unary, labelle
 from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
-from pgm_places.options import AtLeastZero, Whole, check_options
+from pgm_places.options import AtLeastZero, Options, Whole
 
 # Weights that are tried on labelled nodes, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)
@@ -27,7 +27,7 @@ NEIGHBOURHOOD = 2.0
 
 
 @dataclass(frozen=True)
-class PottsField:
+class PottsField(Options):
     """Smooths the unaries: every pair of neighbours that agrees earns a weight.
 
     A labelling scores ``sum_i unary[i, y_i] + weight * sum_ij w_ij [y_i = y_j]`` (the Potts
@@ -79,9 +79,6 @@ class PottsField:
     clique_dissent: Annotated[float, Gt(0), Le(1)] = 0.5
     max_iterations: Whole | None = None
     temperature: Temperature = "auto"
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     @property
     def gives_beliefs(self) -> bool:

@@ -1,9 +1,8 @@
 """Options: declared once, as annotated fields of frozen dataclasses, and checked everywhere alike.
 
-A class of options is a frozen dataclass whose ``__post_init__`` calls :func:`check_options`. Its
-fields say what they take (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call
-in Python, a table of a TOML file and a flag of the command line are refused by one declaration, and
-in the same words.
+A class of options is a frozen dataclass derived from :class:`Options`. Its fields say what they
+take (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call in Python, a table
+of a TOML file and a flag of the command line are refused by one declaration, and in the same words.
 """
 
 import dataclasses
@@ -125,6 +124,13 @@ def check_options(item: Any) -> None:
         if type(value) is type(field.default) and value == field.default:
             continue  # needs no check, and spares the import of pydantic
         object.__setattr__(item, field.name, check_option(field.name, hints[field.name], value))
+
+
+class Options:
+    """The base of classes of options: an object is refused where a value is not as declared."""
+
+    def __post_init__(self) -> None:
+        check_options(self)
 
 
 def taken_from(cls: type[T], item: Any) -> T:

@@ -1,7 +1,8 @@
 """Progress reporting: a small protocol that commands implement with bars or lines."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from typing import Protocol
 
 
@@ -39,6 +40,29 @@ class Silent:
 
     def warn(self, message: str) -> None:
         """Do nothing."""
+
+
+_listening: ContextVar[Progress] = ContextVar("listening", default=Silent())  # noqa: B039  no state
+
+
+@contextmanager
+def reported(progress: Progress | None) -> Iterator[None]:
+    """All stages and warnings of the block are told to ``progress``; None leaves who is told."""
+    before = _listening.set(progress or _listening.get())
+    try:
+        yield
+    finally:
+        _listening.reset(before)
+
+
+def staged(name: str) -> AbstractContextManager[Stage]:
+    """Announce a stage to whoever is told of progress; its end is that of the ``with`` block."""
+    return _listening.get().stage(name)
+
+
+def warn(message: str) -> None:
+    """Show something the user should know, to whoever is told of progress."""
+    _listening.get().warn(message)
 
 
 def duration(seconds: float) -> str:

@@ -17,7 +17,9 @@ from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import Trained, compare, compare_fitted
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.kernels.threads import threads
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.progress import reported
 from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.training_cells import training_features
 
@@ -110,10 +112,8 @@ def features(setting: Setting) -> Outcome:
     experiment = setting.experiment(CONFIG)
     labeler = make_labeler(experiment.config)
     maps = [*load_maps(experiment, "train"), *load_maps(experiment, "test")]
-    parts = [
-        training_features([item], labeler.sensor, setting.n_threads, setting.progress)
-        for item in maps
-    ]
+    with threads(setting.n_threads), reported(setting.progress):
+        parts = [training_features([item], labeler.sensor) for item in maps]
     truths = [item.labels[item.labelled_cells].astype(np.int64) for item in maps]
     some = _some_cells(len(truths[0]), experiment.config.classifier.max_examples_per_map)
     learner = with_explicit_order(labeler.classifier, truths[0])  # type: ignore[arg-type]

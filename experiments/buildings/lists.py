@@ -12,6 +12,7 @@ from experiments.kept import Arrays, KeptArrays, fingerprint
 from experiments.paper.setting import Setting
 from pgm_places._version import __version__
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.threads import threads
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.list_average import list_average
@@ -134,7 +135,8 @@ class _GateRows:
     def without(self, folds: set[int], n_threads: int | None) -> BoostedList | None:
         """The list of gates trained without some folds."""
         seen = self.known & ~np.isin(self.fold, list(folds))
-        return gate_list(self.values, self.truth, self.fold, seen, n_threads)
+        with threads(n_threads):
+            return gate_list(self.values, self.truth, self.fold, seen)
 
 
 def scored_maps(

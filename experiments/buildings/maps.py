@@ -16,10 +16,10 @@ from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
+from pgm_places.kernels.threads import threads
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.training_cells import training_features
@@ -159,7 +159,8 @@ class Sample:
     ) -> NDArray[np.float32]:
         def make() -> dict[str, NDArray[np.float32]]:
             maps = [self.known.item]
-            return {"x": training_features(maps, Sensor(), n_threads, Silent(), masks=[mask])}
+            with threads(n_threads):
+                return {"x": training_features(maps, Sensor(), masks=[mask])}
 
         return self.kept.arrays(f"{self.stem}-{part}", make)["x"]
 

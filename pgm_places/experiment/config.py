@@ -24,7 +24,7 @@ from pgm_places.inference.backends import METHODS
 from pgm_places.io.text_file import read_toml
 from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
-from pgm_places.options import OptionError, Positive, check_options, from_mapping
+from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
@@ -76,18 +76,15 @@ class LabelsConfig:
 
 
 @dataclass(frozen=True)
-class FeatureConfig:
+class FeatureConfig(Options):
     """A custom feature by name, and its options (all other keys)."""
 
     name: str
     options: dict[str, Any]
 
-    def __post_init__(self) -> None:
-        check_options(self)
-
 
 @dataclass(frozen=True)
-class SelectConfig:
+class SelectConfig(Options):
     """Options to choose on the training maps or drives, whole buildings or stripes held out.
 
     ``options`` lists values by dotted key (``"classifier.n_rounds" = [100, 300]``,
@@ -99,9 +96,6 @@ class SelectConfig:
     method: str | None = None
     criterion: Criterion = "balanced_accuracy"
     n_folds: Annotated[int, Ge(2), Le(50)] = 5
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 @dataclass(frozen=True)

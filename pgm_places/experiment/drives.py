@@ -16,6 +16,7 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
+from pgm_places.progress import staged
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -78,7 +79,7 @@ def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
     """
     sources: Sequence[SourceConfig] = getattr(experiment.config, part)
     chosen = [(index, item) for index, item in enumerate(sources) if item.is_drive]
-    with experiment.timed("load"), experiment.progress.stage(f"{part} drives") as stage:
+    with experiment.timed("load"), staged(f"{part} drives") as stage:
         drives = []
         for done, (index, source) in enumerate(chosen):
             where = f"{part}[{index}]"
@@ -105,7 +106,6 @@ def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> Source
         window=known.window,
         seed=drive.seed,
         name=f"drive {drive.seed} through {known.name}",
-        n_threads=experiment.n_threads,
     )
     path = replace(path, building=known.building)
     return SourceDrive(path.labelled_by(known, experiment.config.labels.names), known)
@@ -146,13 +146,8 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         )
     if source.laser is not None:
         assert known is not None  # SourceConfig has checked
-        path = scans_along(
-            known.grid,
-            path,
-            source.laser.geometry(),
-            noise=source.laser.noise(),
-            n_threads=experiment.n_threads,
-        )
+        geometry, noise = source.laser.geometry(), source.laser.noise()
+        path = scans_along(known.grid, path, geometry, noise=noise)
     building = str(log) if known is None else known.building
     return SourceDrive(replace(path, building=building), known)
 

@@ -14,7 +14,8 @@ from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.io.input_file import sha256_of
-from pgm_places.progress import Progress, Silent
+from pgm_places.kernels.threads import threads
+from pgm_places.progress import Progress, Silent, reported
 
 DATA_VARIABLE = "PGM_PLACES_DATA"
 
@@ -51,10 +52,11 @@ class Experiment:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Add the time spent in the block to the named stage."""
+        """Work with the experiment's threads and progress; its time is added to the named stage."""
         start = time.perf_counter()
         try:
-            yield
+            with threads(self.n_threads), reported(self.progress):
+                yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 

@@ -12,8 +12,8 @@ from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.floor.labelled import labelled_raster
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.options import check_options
-from pgm_places.progress import Progress
+from pgm_places.options import Options
+from pgm_places.progress import staged
 from pgm_places.unary.floor_model import FloorModel
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _OWN_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class FloorOptions:
+class FloorOptions(Options):
     """Whether the networks that see the whole floor learn from the training maps.
 
     Parameters
@@ -40,16 +40,12 @@ class FloorOptions:
 
     steps: Annotated[int, Ge(0), Le(100_000)] = 0
 
-    def __post_init__(self) -> None:
-        check_options(self)
-
 
 def taught_floor(
     floor: FloorModel,
     maps: Sequence[LabelledMap],
     label_names: Sequence[str],
     options: FloorOptions,
-    progress: Progress,
 ) -> FloorModel:
     """The networks after some more steps, each from other pieces of the same maps.
 
@@ -65,7 +61,7 @@ def taught_floor(
     from pgm_places.floor.learning import Trainer
 
     networks = []
-    with progress.stage("teaching the floor networks") as stage:
+    with staged("teaching the floor networks") as stage:
         own = [_floor(item, label_names, drawn=False) for item in maps]
         others = [_floor(item, _NAMES, drawn=drawn) for item, drawn in _rehearsal()]
         for number, network in enumerate(floor.networks):

@@ -35,7 +35,7 @@ def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabe
             shared = next(iter(chosen.values()))
             shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
             methods = {name: item.backend for name, item in chosen.items()}
-            learned |= shared.fit_methods(methods, problems, truths, progress=experiment.progress)
+            learned |= shared.fit_methods(methods, problems, truths)
     return {name: learned[name] for name in labelers}
 
 

@@ -15,6 +15,7 @@ from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.tables import is_empty, problem_from_tables
 from pgm_places.io.graph_tables import GraphTables, Table, read_graphml, read_table
+from pgm_places.progress import staged
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,7 @@ def load_graphs(
     """
     sources: Sequence[SourceConfig] = getattr(experiment.config, part)
     graphs: list[SourceGraph] = []
-    with experiment.timed("load"), experiment.progress.stage(f"{part} graphs") as stage:
+    with experiment.timed("load"), staged(f"{part} graphs") as stage:
         for index, source in enumerate(sources):
             where = f"{part}[{index}]"
             graphs.append(_load(experiment, source, where))

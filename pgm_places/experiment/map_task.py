@@ -47,13 +47,12 @@ def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> Place
                 labeler,
                 classes=config.labels.names,
                 options=config.teaching,
-                n_threads=experiment.n_threads,
             )
             labels = item.labels
             if item.window is not None:
                 labels = np.where(item.window, labels, np.int16(-1))
             paint = Paint(labels, config.labels.names)
-            labeler = teacher.learned(paint, experiment.progress)
+            labeler = teacher.learned(paint)
     assert labeler is not None  # there is at least one training map
     return labeler
 
@@ -74,17 +73,12 @@ def _learn(experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:
     if experiment.config.base_model is not None:
         labeler = taught_labeler(experiment, maps)
         return dict.fromkeys(labeler.methods_, labeler)
-    labeler, progress = make_labeler(experiment.config), experiment.progress
+    labeler = make_labeler(experiment.config)
     with experiment.learning():
         if labeler.floor is not None:
             names, options = labeler.label_names, experiment.config.floor
-            labeler.floor = taught_floor(labeler.floor, maps, names, options, progress)
-        labeler = labeler.fit(
-            maps,
-            feature_cache=experiment.feature_cache,
-            n_threads=experiment.n_threads,
-            progress=progress,
-        )
+            labeler.floor = taught_floor(labeler.floor, maps, names, options)
+        labeler.fit(maps, feature_cache=experiment.feature_cache)
     return dict.fromkeys(labeler.methods_, labeler)
 
 
@@ -96,12 +90,7 @@ def _evidence(
     if hall_names is not None:
         item = hall_names.fold(item, labeler.halls)
     with experiment.timed("score cells"):
-        graph, scores = labeler.scores(
-            item.grid,
-            mask=item.cells,
-            n_threads=experiment.n_threads,
-            progress=experiment.progress,
-        )
+        graph, scores = labeler.scores(item.grid, mask=item.cells)
     assert isinstance(graph.layout, GridLayout)  # from_grid made it
     tested, truth = tested_map(item, graph.layout), item.truth(graph)
 

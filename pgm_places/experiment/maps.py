@@ -19,6 +19,7 @@ from pgm_places.io.maps.windows import window_mask
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import staged
 from pgm_places.teaching.paint import Paint
 
 
@@ -26,7 +27,7 @@ def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
     """The maps among the sources of ``"train"`` or ``"test"``, coarsened and windowed."""
     sources: Sequence[SourceConfig] = getattr(experiment.config, part)
     chosen = [(index, item) for index, item in enumerate(sources) if not item.is_drive]
-    with experiment.timed("load"), experiment.progress.stage(f"{part} maps") as stage:
+    with experiment.timed("load"), staged(f"{part} maps") as stage:
         maps = []
         for done, (index, source) in enumerate(chosen):
             maps.append(load_map_of(experiment, source, f"{part}[{index}]"))

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field
 
 from pgm_places.labelers.trajectory_labeler import EVERY_M, REACH_M
-from pgm_places.options import AtLeastZero, Positive, Seed, Whole, check_options
+from pgm_places.options import AtLeastZero, Options, Positive, Seed, Whole
 from pgm_places.unary.scan_model import BeamOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepOptions:
+class StepOptions(Options):
     """How the steps of drives are observed and joined.
 
     Parameters
@@ -32,6 +32,3 @@ class StepOptions:
     n_runs: Whole = 1000
     seed: Seed = 0
     beams: BeamOptions = field(default_factory=BeamOptions)
-
-    def __post_init__(self) -> None:
-        check_options(self)

@@ -33,8 +33,6 @@ def _learn_steps(experiment: Experiment, sources: Sources) -> dict[str, StepLabe
             sources.maps,
             [item.trajectory for item in sources.drives],
             known_map=[item.grid for item in sources.drives],
-            n_threads=experiment.n_threads,
-            progress=experiment.progress,
         )
     return {**learned}
 
@@ -44,11 +42,7 @@ def _learn_both(experiment: Experiment, sources: Sources) -> dict[str, StepLabel
     pairs = [MappedDrive(_map_of(item), item.trajectory) for item in sources.drives]
     with experiment.learning():
         learned = joint_labeler(experiment.config).fit_methods(
-            step_methods(experiment.config),
-            pairs,
-            sources.maps,
-            n_threads=experiment.n_threads,
-            progress=experiment.progress,
+            step_methods(experiment.config), pairs, sources.maps
         )
     return {**learned}
 
@@ -58,9 +52,7 @@ def _steps(
 ) -> Evidence:
     path, first = drive.trajectory, next(iter(labelers.values()))
     with experiment.timed("score steps"):
-        scores = first.scores(
-            path, known_map=drive.grid, n_threads=experiment.n_threads, progress=experiment.progress
-        )
+        scores = first.scores(path, known_map=drive.grid)
         grid = drive.grid if drive.grid is not None else map_of_scans(path)
     item = TestDrive(path.name, path, grid)
 
@@ -78,13 +70,7 @@ def _both(
 ) -> Evidence:
     path, known, first = drive.trajectory, _map_of(drive), next(iter(labelers.values()))
     with experiment.timed("score steps"):
-        scores = first.scores(
-            known.grid,
-            path,
-            mask=known.cells,
-            n_threads=experiment.n_threads,
-            progress=experiment.progress,
-        )
+        scores = first.scores(known.grid, path, mask=known.cells)
     cells = scores.graph.cells
     assert cells is not None and isinstance(cells.layout, GridLayout)
     on_map = tested_map(known, cells.layout, f"{path.name}: cells")

@@ -6,8 +6,9 @@ work in forked processes and are bounded by the caller.
 """
 
 import os
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from itertools import count
 from threading import Lock, Thread
 
@@ -17,8 +18,33 @@ _MOST = 1024
 """More is a slip: the system would refuse them, after some of the work is done."""
 
 
+_wanted: ContextVar[int | None] = ContextVar("wanted", default=None)
+
+
+@contextmanager
+def threads(n_threads: int | None) -> Iterator[None]:
+    """All work in the block is spread over so many threads; None leaves that as it is outside.
+
+    Examples
+    --------
+    >>> with threads(3):
+    ...     resolve_threads()
+    3
+    """
+    before = _wanted.set(_wanted.get() if n_threads is None else n_threads)
+    try:
+        yield
+    finally:
+        _wanted.reset(before)
+
+
 def resolve_threads(n_threads: int | None = None) -> int:
-    """How many threads to use: the argument, else ``PGM_PLACES_NUM_THREADS``, else the cores."""
+    """How many threads to use.
+
+    The argument, else what :func:`threads` says, else ``PGM_PLACES_NUM_THREADS``, else the cores.
+    """
+    if n_threads is None:
+        n_threads = _wanted.get()
     if n_threads is None:
         named = os.environ.get("PGM_PLACES_NUM_THREADS")
         if named:

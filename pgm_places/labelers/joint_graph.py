@@ -15,7 +15,6 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.map_model import CellScores
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,25 +158,15 @@ class JointScores(NamedTuple):
     Parameters
     ----------
     graph : JointGraph
-    cells : CellScores or None
+    cells : (N, K) float or None
+        The unary of the cells that the method is given.
     steps : (T, K) float or None
     """
 
     graph: JointGraph
-    cells: CellScores | None
+    cells: NDArray[np.float64] | None
     steps: NDArray[np.float64] | None
 
-
-class JointExample(NamedTuple):
-    """A map with or without a drive, its held-out scores and its true labels."""
-
-    graph: JointGraph
-    cell_scores: NDArray[np.float64]
-    step_scores: NDArray[np.float64] | None
-    truth: NDArray[np.int64]
-
     def problem(self, names: tuple[str, ...], link_weight: float | None) -> LabelingProblem:
-        """The problem to learn from, with its links weighed if there is a weight."""
-        return self.graph.problem(
-            names, self.cell_scores, self.step_scores, link_weight=link_weight
-        )
+        """The problem, with its links weighed if there is a weight."""
+        return self.graph.problem(names, self.cells, self.steps, link_weight=link_weight)

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
-from pgm_places.labelers.joint_graph import JointExample, JointGraph, JointLabeling, JointScores
+from pgm_places.kernels.threads import threads
+from pgm_places.labelers.joint_graph import JointGraph, JointLabeling, JointScores
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
@@ -26,7 +27,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, reported
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
@@ -151,7 +152,8 @@ class JointLabeler(Labeler):
         LabelError
             A label has no example.
         """
-        self.fit_methods({"": self.method}, drives, maps, n_threads=n_threads, progress=progress)
+        with threads(n_threads), reported(progress):
+            self.fit_methods({"": self.method}, drives, maps)
         return self
 
     def fit_methods(
@@ -183,38 +185,42 @@ class JointLabeler(Labeler):
         methods = {name: as_backend(method) for name, method in methods.items()}
         for name, method in methods.items():
             check_labels_maps(f"method {name!r}" if name else "the method", method)
-        progress = progress or Silent()
         if not drives:
             raise InputError("learning cells and steps together needs at least one labelled drive")
         names = tuple(self.label_names)
         known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()
-        unary = places.learn(known, with_scores=True, n_threads=n_threads, progress=progress)
-        assert unary.scores is not None  # asked for
         paths = [replace(item.drive, building=item.building) for item in drives]
         grids = [item.map.grid for item in drives]
-        methods_of_steps = {"": steps.method}
-        _, of_steps = steps.learn(methods_of_steps, known, paths, None, grids, n_threads, progress)
-        examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
-        shared = {"places_": places, "steps_": steps, "label_names_": names}
+        with threads(n_threads), reported(progress):
+            unary = places.learn(known, with_scores=True)
+            _, of_steps = steps.learn({"": steps.method}, known, paths, None, grids)
+            assert unary.scores is not None  # asked for
+            examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
+            scores, truths = zip(*examples, strict=True)
+            shared = {"places_": places, "steps_": steps, "label_names_": names}
 
-        def learn(method: Any) -> dict[str, Any]:
-            fitted, weight = self._learned(method, examples, names)
-            return shared | {"method_": fitted, "link_weight_": weight}
+            def learn(method: Any) -> dict[str, Any]:
+                return shared | self._learned(method, scores, truths, names)
 
-        return self.set_learned_with(methods, learn, progress)
+            return self.set_learned_with(methods, learn)
 
     def _learned(
-        self, method: Any, examples: Sequence[JointExample], names: tuple[str, ...]
-    ) -> tuple[Any, float | None]:
+        self,
+        method: Any,
+        scores: Sequence[JointScores],
+        truths: Sequence[NDArray[np.int64]],
+        names: tuple[str, ...],
+    ) -> dict[str, Any]:
         """The fitted method, and the weight of links for methods that are told edge weights."""
+        weight = None
         if isinstance(method, Learnable):
-            problems = [item.problem(names, None) for item in examples]
-            return with_edge_kinds(method).fit(problems, [item.truth for item in examples]), None
-        if hasattr(method, "edge_weights"):
+            problems = [item.problem(names, None) for item in scores]
+            method = with_edge_kinds(method).fit(problems, truths)
+        elif hasattr(method, "edge_weights"):
             method = replace(method, edge_weights="given")
-            return method, self._link_weight(method, examples, names)
-        return method, None
+            weight = self._link_weight(method, scores, np.concatenate(truths), names)
+        return {"method_": method, "link_weight_": weight}
 
     def _parts(self) -> tuple[PlaceLabeler, TrajectoryLabeler]:
         """The unfitted labelers of cells and of steps, each with the simplest method."""
@@ -235,21 +241,22 @@ class JointLabeler(Labeler):
         known: Sequence[LabelledMap],
         of_cells: Sequence[CellScores],
         of_steps: Sequence[NDArray[np.float64]],
-    ) -> list[JointExample]:
-        """A problem per drive with its map, and per map without one."""
+    ) -> list[tuple[JointScores, NDArray[np.int64]]]:
+        """Scores and true labels per drive with its map, and per map without one."""
         unary = next(iter(places.resolved_methods().values())).unary
         number = {id(item): index for index, item in enumerate(known)}
 
         def example(
             item: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
-        ) -> JointExample:
+        ) -> tuple[JointScores, NDArray[np.int64]]:
             cells = item.graph(connectivity=places.connectivity, labelled_only=True)
             graph = JointGraph.of(
                 cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m
             )
             of_drive = None if drive is None else drive.labels
             truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
-            return JointExample(graph, getattr(of_cells[number[id(item)]], unary), scores, truth)
+            cell_scores = getattr(of_cells[number[id(item)]], unary)
+            return JointScores(graph, cell_scores, scores), truth
 
         examples = []
         for driven, scores in zip(drives, of_steps, strict=True):
@@ -261,15 +268,18 @@ class JointLabeler(Labeler):
         return examples
 
     def _link_weight(
-        self, method: Any, examples: Sequence[JointExample], names: tuple[str, ...]
+        self,
+        method: Any,
+        scores: Sequence[JointScores],
+        truth: NDArray[np.int64],
+        names: tuple[str, ...],
     ) -> float:
         """The weight given, or the one with the best balanced accuracy on held-out scores."""
         if self.link_weight != "fitted":
             return float(self.link_weight)
-        truth = np.concatenate([item.truth for item in examples])
 
         def accuracy(weight: float) -> float:
-            labels = [method.infer(item.problem(names, weight)).labels for item in examples]
+            labels = [method.infer(item.problem(names, weight)).labels for item in scores]
             return evaluate(truth, np.concatenate(labels), names).balanced_accuracy
 
         return max(LINK_WEIGHTS, key=accuracy)
@@ -288,14 +298,12 @@ class JointLabeler(Labeler):
         """The graph of what is given, and what the lists say of each node by itself."""
         self.check_fitted()
         cells = cell_scores = step_scores = None
-        if grid is not None:
-            cells, cell_scores = self.places_.scores(
-                grid, mask=mask, n_threads=n_threads, progress=progress
-            )
-        if drive is not None:
-            step_scores = self.steps_.scores(
-                drive, known_map=grid, n_threads=n_threads, progress=progress
-            )
+        with threads(n_threads), reported(progress):
+            if grid is not None:
+                cells, found = self.places_.scores(grid, mask=mask)
+                cell_scores = getattr(found, self.places_.method().unary)
+            if drive is not None:
+                step_scores = self.steps_.scores(drive, known_map=grid)
         graph = JointGraph.of(
             cells, grid, drive, every_m=self.steps_.every_m, loop_m=self.steps_.loop_m
         )
@@ -304,13 +312,7 @@ class JointLabeler(Labeler):
     def infer(self, scores: JointScores, *, truth: ArrayLike | None = None) -> JointLabeling:
         """The method's labelling of given scores; ``truth`` is that of all nodes."""
         self.check_fitted()
-        unary = self.places_.method().unary
-        problem = scores.graph.problem(
-            self.label_names_,
-            None if scores.cells is None else getattr(scores.cells, unary),
-            scores.steps,
-            link_weight=self.link_weight_,
-        )
+        problem = scores.problem(self.label_names_, self.link_weight_)
         return scores.graph.split(infer(self.method_, problem, truth))
 
     def label(
@@ -378,6 +380,3 @@ class JointLabeler(Labeler):
         places.methods = {name: PlaceMethod(unfitted(backend), unary)}
         places.methods_ = {name: PlaceMethod(backend, unary)}
         return places
-
-    def _part(self, name: str) -> Any:
-        return as_backend(self.method) if name == "method" else super()._part(name)

@@ -5,10 +5,11 @@ from typing import NamedTuple
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, reported, warn
 from pgm_places.trajectories.trajectory import Trajectory
 
 
@@ -62,12 +63,12 @@ def label_map_and_drive(
         The labeler has not learned.
     """
     labeler.check_fitted()
-    progress = progress or Silent()
-    used, warnings = at_model_resolution(labeler.places_, grid)
-    for message in warnings:
-        progress.warn(message)
-    scores = labeler.scores(used, drive, n_threads=n_threads, progress=progress)
-    labeling = labeler.infer(scores)
+    with threads(n_threads), reported(progress):
+        used, warnings = at_model_resolution(labeler.places_, grid)
+        for message in warnings:
+            warn(message)
+        scores = labeler.scores(used, drive)
+        labeling = labeler.infer(scores)
     cells = scores.graph.cells
     assert cells is not None and isinstance(cells.layout, GridLayout)
     assert labeling.cells is not None and labeling.steps is not None  # there are a map and a drive

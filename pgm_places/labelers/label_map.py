@@ -12,12 +12,13 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.pages import return_freed
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, reported, staged, warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
@@ -197,17 +198,15 @@ def label_map(
     LabelError
         Known labels that do not fit the map or the labels.
     """
-    progress = progress or Silent()
-    used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
-    for message in warnings:
-        progress.warn(message)
-    pinned = None
-    if known is not None:
-        pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
-    name = method or labeler.default_method
-    layout, labeling, doorways = _labelled(
-        labeler, used, name, pinned, features_of, n_threads, progress
-    )
+    with threads(n_threads), reported(progress):
+        used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
+        for message in warnings:
+            warn(message)
+        pinned = None
+        if known is not None:
+            pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
+        name = method or labeler.default_method
+        layout, labeling, doorways = _labelled(labeler, used, name, pinned, features_of)
     places = on_own_raster(
         grid,
         used,
@@ -285,8 +284,6 @@ def _labelled(
     name: str,
     known: KnownCells | None,
     features_of: Callable[[OccupancyGrid], KeptTable] | None,
-    n_threads: int | None,
-    progress: Progress,
 ) -> tuple[GridLayout, Labeling, Doorways | None]:
     """What a method makes of a map, and its doorways; the scores behind both are freed."""
     raster = None if known is None else known.on_cells
@@ -297,22 +294,18 @@ def _labelled(
         lean=True,
         known=raster,
         own=None if features_of is None else features_of(grid),
-        n_threads=n_threads,
-        progress=progress,
     )
     assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
     model, doorways = labeler.unary_model_.space, scores.doorways
     if doorways is None and model is not None and model.gates is not None:
-        spaces = scores.spaces or model.spaces(grid, known=raster, n_threads=n_threads)
-        doorways = spaces.doorways
-        del spaces
+        doorways = (scores.spaces or model.spaces(grid, known=raster)).doorways
     problem = labeler.problem_of(
         graph, scores, method, known=None if known is None else known.of_nodes(graph.layout)
     )
     hall = scores.hall
     del scores
     return_freed()  # what scoring took: a huge map needs it for its labels
-    with progress.stage(f"labelling with {name}"):
+    with staged(f"labelling with {name}"):
         labeling = labeler.with_halls(infer(method.backend, problem), hall)
     if known is not None:
         labeling = known.kept(labeling, graph.layout)

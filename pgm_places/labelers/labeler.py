@@ -43,8 +43,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pgm_places.errors import ConfigError, NotFittedError, nearest_name
 from pgm_places.inference.backends import Learnable, traits_of
+from pgm_places.labelers.method import as_backend
 from pgm_places.options import check_option, option_values
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import staged
 
 
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
@@ -185,7 +186,8 @@ class Labeler:
 
     def _part(self, name: str) -> Any:
         """An option as an object with options of its own; a method's name as the method."""
-        return getattr(self, name)
+        value = getattr(self, name)
+        return as_backend(value) if name == self._method_option else value
 
     # ------------------------------------------------------------------ what was learned
 
@@ -197,10 +199,7 @@ class Labeler:
         return self
 
     def set_learned_with(
-        self,
-        methods: Mapping[str, Any],
-        learn: Callable[[Any], Mapping[str, Any]],
-        progress: Progress | None,
+        self, methods: Mapping[str, Any], learn: Callable[[Any], Mapping[str, Any]]
     ) -> dict[str, Self]:
         """A labeler per method, the last of them this one, with what ``learn`` makes of each.
 
@@ -219,7 +218,7 @@ class Labeler:
                 fitted = as_fitted(method, of_first[f"{option}_"])
                 learned[name] = {**of_first, f"{option}_": fitted}
             else:
-                with (progress or Silent()).stage(f"method {name}".rstrip()):
+                with staged(f"method {name}".rstrip()):
                     learned[name] = learn(method)
             spent = 0.0 if name in shared else time.perf_counter() - start
             last = len(labelers) == len(methods) - 1

@@ -13,13 +13,14 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import PlaceMethod, check_labels_maps, infer, place_methods
 from pgm_places.labelers.place_problem import along_spaces, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, reported
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
@@ -187,7 +188,8 @@ class PlaceLabeler(Labeler):
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
-        self.learn(maps, feature_cache=feature_cache, n_threads=n_threads, progress=progress)
+        with threads(n_threads), reported(progress):
+            self.learn(maps, feature_cache=feature_cache)
         return self
 
     def learn(
@@ -196,8 +198,6 @@ class PlaceLabeler(Labeler):
         *,
         with_scores: bool = False,
         feature_cache: FeatureTables | None = None,
-        n_threads: int | None = None,
-        progress: Progress | None = None,
     ) -> "LearnedUnary":
         """What :meth:`fit` learns of cells on their own, for what learns from it in turn.
 
@@ -207,14 +207,7 @@ class PlaceLabeler(Labeler):
         from pgm_places.labelers.place_learning import learn_places  # labelling does without it
 
         self.check_options()
-        unary, learned = learn_places(
-            self,
-            list(maps),
-            with_scores=with_scores,
-            feature_cache=feature_cache,
-            n_threads=n_threads,
-            progress=progress or Silent(),
-        )
+        unary, learned = learn_places(self, list(maps), with_scores, feature_cache)
         self.set_learned(**learned)
         return unary
 
@@ -239,7 +232,7 @@ class PlaceLabeler(Labeler):
         methods: Sequence[str] | None = None,
         lean: bool = False,
         known: NDArray[np.int16] | None = None,
-        own: NDArray[np.float32] | KeptTable | None = None,
+        own: KeptTable | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
@@ -248,25 +241,24 @@ class PlaceLabeler(Labeler):
         Only what the methods want is computed. ``lean`` scores take less memory: in single
         precision where the methods take that, with the doorways of the map in place of segments,
         gates and places. ``known`` (H, W), labels or -1, tells which gates are doorways where it
-        covers them; ``own`` (N, F), or a table, holds the nodes' features if they are known.
+        covers them; ``own`` is a table of the nodes' features if they are known.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
         traits = [traits_of(method.backend) for method in chosen]
         graph = LabelGraph.from_grid(grid, connectivity=self.connectivity, mask=mask)
-        scores = self.unary_model_.scores(
-            grid,
-            graph,
-            unaries={method.unary for method in chosen},
-            with_node_features=any(item.uses_node_features for item in traits),
-            with_halls=self.halls != "corridor",
-            single=lean and all(item.takes_single_precision for item in traits),
-            with_spaces=not lean,
-            known=known,
-            own=own,
-            n_threads=n_threads,
-            progress=progress,
-        )
+        with threads(n_threads), reported(progress):
+            scores = self.unary_model_.scores(
+                grid,
+                graph,
+                unaries={method.unary for method in chosen},
+                with_node_features=any(item.uses_node_features for item in traits),
+                with_halls=self.halls != "corridor",
+                single=lean and all(item.takes_single_precision for item in traits),
+                with_spaces=not lean,
+                known=known,
+                own=own,
+            )
         return graph, scores
 
     def problem(
@@ -280,9 +272,8 @@ class PlaceLabeler(Labeler):
     ) -> LabelingProblem:
         """The labelling problem that a method is given for a map."""
         name = method or self.default_method
-        graph, scores = self.scores(
-            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
-        )
+        with threads(n_threads), reported(progress):
+            graph, scores = self.scores(grid, mask=mask, methods=[name])
         return self.problem_of(graph, scores, self.method(name))
 
     def label(
@@ -297,9 +288,8 @@ class PlaceLabeler(Labeler):
     ) -> Labeling:
         """The labels of the map's free cells, in the node order of ``LabelGraph.from_grid``."""
         name = method or self.default_method
-        graph, scores = self.scores(
-            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
-        )
+        with threads(n_threads), reported(progress):
+            graph, scores = self.scores(grid, mask=mask, methods=[name])
         return self.infer(graph, scores, method=name, truth=truth)
 
     def infer(

@@ -21,7 +21,7 @@ from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.progress import Progress, Stage
+from pgm_places.progress import Stage, staged, warn
 from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import columns_of
@@ -135,11 +135,8 @@ class LabelledNodes:
 def learn_places(
     labeler: Any,
     maps: list[LabelledMap],
-    *,
     with_scores: bool,
     feature_cache: FeatureTables | None,
-    n_threads: int | None,
-    progress: Progress,
 ) -> tuple[LearnedUnary, dict[str, Any]]:
     """What a PlaceLabeler, which imports this module, learns from maps; its attributes by name."""
     names, space = tuple(labeler.label_names), labeler.space
@@ -165,30 +162,28 @@ def learn_places(
         features=as_features(labeler.features),
         with_scores=with_scores or learn_from_scores(methods),
         feature_cache=feature_cache,
-        n_threads=n_threads,
-        progress=progress,
     ).fit(maps)
     nodes = LabelledNodes.of_maps(maps, labeler.connectivity, names, unary.scores)
     held_out = unary.scores is not None and labeler.learn_on == "out-of-fold"
-    fitted, seconds = learn_methods(methods, nodes, held_out, progress)
+    fitted, seconds = learn_methods(methods, nodes, held_out)
     return unary, {
         "unary_model_": unary.model,
         "methods_": fitted,
         "learn_seconds_": seconds,
         "resolution_m_": resolution_m,
-        "movement_": movement_of(maps, unary, len(names), progress),
+        "movement_": movement_of(maps, unary, len(names)),
         "label_names_": shown_names(names, unary.model, labeler.halls),
     }
 
 
 def movement_of(
-    maps: Sequence[LabelledMap], unary: LearnedUnary, n_labels: int, progress: Progress
+    maps: Sequence[LabelledMap], unary: LearnedUnary, n_labels: int
 ) -> "HiddenMarkovModel | None":
     """How a robot moves between the places, None where it cannot get from one to the next."""
     try:
         return learn_movement(maps, unary.truths, unary.laser, n_labels)
     except InputError as error:
-        progress.warn(f"this model will label maps, but no trajectories: {error}")
+        warn(f"this model will label maps, but no trajectories: {error}")
         return None
 
 
@@ -199,7 +194,7 @@ def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
 
 
 def learn_methods(
-    methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, held_out: bool, progress: Progress
+    methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, held_out: bool
 ) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
     """The methods fitted, those that learn nothing as they are; and how long each took, in s.
 
@@ -214,7 +209,7 @@ def learn_methods(
             fitted[name] = replace(method, backend=backend)
         elif isinstance(method.backend, Learnable):
             problems = nodes.problems(method.unary)
-            with progress.stage(f"training {name}") as stage:
+            with staged(f"training {name}") as stage:
                 start = time.perf_counter()
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.method import infer, infer_further
@@ -16,7 +17,7 @@ from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.trajectory_learning import loops_for, segment_problem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, reported, staged
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
@@ -68,20 +69,13 @@ class StepLabelling(Labeler):
     ) -> NDArray[np.float64]:
         """(T, K) log z of each step by itself: what the list, and the networks, say of it."""
         self.check_fitted()
-        model = self.scan_model_
-        with (progress or Silent()).stage("scans, features and list"):
-            seen = observed_along(
-                trajectory,
-                model.sensor,
-                self.beams,
-                known_map=known_map,
-                floor=self.floor,
-                n_threads=n_threads,
-            )
-            log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces, n_threads=n_threads)
-        if self.floor is None or seen.floor is None:
+        model, beams, floor = self.scan_model_, self.beams, self.floor
+        with threads(n_threads), reported(progress), staged("scans, features and list"):
+            seen = observed_along(trajectory, model.sensor, beams, known_map=known_map, floor=floor)
+            log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces)
+        if floor is None or seen.floor is None:
             return log_z
-        return with_local_floor(log_z, seen.floor, self.floor)
+        return with_local_floor(log_z, seen.floor, floor)
 
     def label(
         self,

@@ -29,7 +29,7 @@ from pgm_places.labelers.structured_learning import (
     require_weighing,
     trained,
 )
-from pgm_places.progress import Progress
+from pgm_places.progress import Progress, reported
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 
@@ -221,7 +221,8 @@ class StructuredLabeler(Labeler):
             fitted = {"classifier_": classifier, "backend_": backend}
             return {**fitted, "label_names_": names, "named_": by_name}
 
-        return self.set_learned_with(methods, learn, progress)
+        with reported(progress):
+            return self.set_learned_with(methods, learn)
 
     # ------------------------------------------------------------------ use
 
@@ -341,9 +342,6 @@ class StructuredLabeler(Labeler):
                 f"the labeler was fitted on labels {list(self.label_names_)}, this problem has "
                 f"{list(problem.label_names)}"
             )
-
-    def _part(self, name: str) -> Any:
-        return as_backend(self.backend) if name == "backend" else super()._part(name)
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so first.

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import NotFittedError
 from pgm_places.features.own import as_features
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.method import as_backend, unfitted, with_edge_kinds
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.step_labelling import StepLabelling
@@ -22,7 +23,7 @@ from pgm_places.labelers.trajectory_learning import (
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.options import AtLeastZero, Seed, Whole
-from pgm_places.progress import Progress
+from pgm_places.progress import Progress, reported
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel, columns_of
@@ -238,8 +239,8 @@ class TrajectoryLabeler(StepLabelling):
         InputError
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
-        methods = {"": self.method}
-        self.learn(methods, maps, trajectories, extra, known_map, n_threads, progress)
+        with threads(n_threads), reported(progress):
+            self.learn({"": self.method}, maps, trajectories, extra, known_map)
         return self
 
     def fit_methods(
@@ -268,7 +269,8 @@ class TrajectoryLabeler(StepLabelling):
         LabelError, InputError
             As :meth:`fit`.
         """
-        return self.learn(methods, maps, trajectories, None, known_map, n_threads, progress)[0]
+        with threads(n_threads), reported(progress):
+            return self.learn(methods, maps, trajectories, None, known_map)[0]
 
     def learn(
         self,
@@ -277,8 +279,6 @@ class TrajectoryLabeler(StepLabelling):
         trajectories: Sequence[Trajectory],
         extra: Sequence[ArrayLike] | None,
         known_map: KnownMaps,
-        n_threads: int | None,
-        progress: Progress | None,
     ) -> tuple[dict[str, Self], list[NDArray[np.float64]]]:
         """A labeler per method, the last of them this one, and the scores of held-out steps.
 
@@ -303,8 +303,6 @@ class TrajectoryLabeler(StepLabelling):
             extra_names=extra_names,
             features=features,
             n_folds=self.n_folds,
-            n_threads=n_threads,
-            progress=progress,
         )
         model, scores = learn_list(
             examples,
@@ -314,7 +312,6 @@ class TrajectoryLabeler(StepLabelling):
             extra_names=extra_names,
             features=features,
             sees_spaces=self.beams.spaces_m > 0,
-            progress=progress,
         )
 
         def learn(method: Any) -> dict[str, Any]:
@@ -332,7 +329,4 @@ class TrajectoryLabeler(StepLabelling):
             )
             return {"scan_model_": model, "method_": fitted, "label_names_": names}
 
-        return self.set_learned_with(methods, learn, progress), examples.split(scores)[1]
-
-    def _part(self, name: str) -> Any:
-        return as_backend(self.method) if name == "method" else super()._part(name)
+        return self.set_learned_with(methods, learn), examples.split(scores)[1]

@@ -16,7 +16,7 @@ from pgm_places.labelers.place_learning import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
@@ -91,8 +91,6 @@ def trajectory_examples(
     extra_names: tuple[str, ...] = (),
     features: tuple[Any, ...] = (),
     n_folds: int = 5,
-    n_threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Examples:
     """All features of labelled cells and steps, and the extra columns of the steps.
 
@@ -104,7 +102,6 @@ def trajectory_examples(
     LabelError
         A label has no example.
     """
-    progress = progress or Silent()
     _require_sources(maps, trajectories, extra, extra_names, label_names)
     check_scan_features(features)
     if maps and beams.spaces_m > 0:
@@ -114,24 +111,20 @@ def trajectory_examples(
         )
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
-    parts = [training_features(maps, sensor, n_threads, progress, features)] if maps else []
+    parts = [training_features(maps, sensor, features)] if maps else []
     buildings = [*map_buildings(maps), *(item.building for item in trajectories)]
     folds = fold_of_buildings(buildings, n_folds)
     groups = [
         _groups(fold, np.argwhere(mask), n_folds) for fold, mask in zip(folds, masks, strict=False)
     ]
     steps = []
-    with progress.stage("scans of trajectories") as stage:
+    with staged("scans of trajectories") as stage:
         for number, item in enumerate(trajectories):
             labels = _labels(item)
             known = np.flatnonzero(labels >= 0)
-            seen = observed_along(
-                item, sensor, beams, known_map=_map_of(known_map, number), n_threads=n_threads
-            )
+            seen = observed_along(item, sensor, beams, known_map=_map_of(known_map, number))
             columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
-            values = feature_values(
-                seen.circles_m[known], features, max_range_m=sensor.max_range_m, n_threads=n_threads
-            )
+            values = feature_values(seen.circles_m[known], features, max_range_m=sensor.max_range_m)
             parts.append(np.concatenate([values, seen.spaces[known], columns[known]], axis=1))
             truths.append(labels[known])
             order = np.arange(len(known))[:, None]
@@ -158,22 +151,18 @@ def learn_list(
     extra_names: tuple[str, ...] = (),
     features: tuple[Any, ...] = (),
     sees_spaces: bool = False,
-    progress: Progress | None = None,
 ) -> tuple[ScanModel, NDArray[np.float64]]:
     """The list fitted on all examples, and (N, K) what lists say of examples held out."""
     from pgm_places.models.decision_list import DecisionListClassifier
 
-    progress = progress or Silent()
     n_labels, truth = len(label_names), examples.truth
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
     unfitted = with_explicit_order(unfitted, truth)
     given = examples.features, truth, examples.groups
-    with progress.stage("decision list"):
+    with staged("decision list"):
         fitted = fitted_list(unfitted, *given, examples.domain)
-    scores = held_out_scores(
-        fitted, unfitted, *given, n_labels, progress, "held-out scores", examples.domain
-    )
+    scores = held_out_scores(fitted, unfitted, *given, n_labels, "held-out scores", examples.domain)
     model = ScanModel(fitted, n_labels, sensor, extra_names, features, sees_spaces)
     return model, scores
 

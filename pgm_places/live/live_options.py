@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pgm_places._option_marks import Ge, Le
-from pgm_places.options import AtLeastZero, Positive, Probability, check_options
+from pgm_places.options import AtLeastZero, Options, Positive, Probability
 
 
 @dataclass(frozen=True)
-class LiveOptions:
+class LiveOptions(Options):
     """How scans become places, and when the map is labelled again.
 
     Parameters
@@ -31,12 +31,9 @@ class LiveOptions:
     hysteresis_s: AtLeastZero = 0.5
     relabel_min_period_s: Positive = 5.0
 
-    def __post_init__(self) -> None:
-        check_options(self)
-
 
 @dataclass(frozen=True)
-class NodeOptions:
+class NodeOptions(Options):
     """Topics and frames of a robot, and how long messages may take.
 
     Parameters
@@ -82,9 +79,6 @@ class NodeOptions:
     use_sim_time: bool = False
     domain: Annotated[int, Ge(-1), Le(232)] = -1
     namespace: str = ""
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     def full_name(self, topic: str) -> str:
         """A topic with its namespace.

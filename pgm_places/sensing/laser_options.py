@@ -5,7 +5,7 @@ from math import radians
 from typing import TYPE_CHECKING, Annotated
 
 from pgm_places._option_marks import Ge, Gt, Le
-from pgm_places.options import AtLeastZero, Positive, Seed, check_options
+from pgm_places.options import AtLeastZero, Options, Positive, Seed
 
 if TYPE_CHECKING:  # the flags that these options become do without NumPy
     from pgm_places.sensing.sensor import SensorNoise
@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # the flags that these options become do without NumPy
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserOptions:
+class LaserOptions(Options):
     """A simulated laser that looks ahead.
 
     Parameters
@@ -45,9 +45,6 @@ class LaserOptions:
     range_m: Positive = 30.0
     noise_m: AtLeastZero = 0.02
     seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     def geometry(self) -> "ScanGeometry":
         """Its beams."""

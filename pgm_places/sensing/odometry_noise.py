@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places.options import AtLeastZero, Seed, check_options
+from pgm_places.options import AtLeastZero, Options, Seed
 
 
 @dataclass(frozen=True)
-class OdometryNoise:
+class OdometryNoise(Options):
     """Errors of each step, seen as a turn, a way straight ahead, and another turn.
 
     With a true step of a turn ``r1``, a way ``d`` and a turn ``r2``, the odometry tells values that
@@ -43,9 +43,6 @@ class OdometryNoise:
     way_by_way: AtLeastZero = 0.02
     way_by_turn: AtLeastZero = 0.01
     seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     def scaled(self, times: float) -> "OdometryNoise":
         """The same noise with all its standard deviations multiplied by ``times``."""

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from pgm_places.options import Positive, check_options
+from pgm_places.options import Options, Positive
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotMotion:
+class RobotMotion(Options):
     """How a round robot moves.
 
     Parameters
@@ -35,6 +35,3 @@ class RobotMotion:
     turn_rad_s: Positive = 1.0
     scan_every_s: Positive = 0.2
     radius_m: Positive = 0.25
-
-    def __post_init__(self) -> None:
-        check_options(self)

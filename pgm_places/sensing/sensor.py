@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
-from pgm_places.options import AtLeastZero, Positive, Probability, Seed, check_options
+from pgm_places.options import AtLeastZero, Options, Positive, Probability, Seed, check_options
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class SensorNoise:
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Options):
     """A laser range finder that sees all around.
 
     Parameters
@@ -85,9 +85,6 @@ class Sensor:
     max_range_m: Positive = 30.0
     stop_at_unknown: bool = True
     noise: SensorNoise | None = None
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:

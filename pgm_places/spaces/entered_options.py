@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-from pgm_places.options import AtLeastZero, check_options
+from pgm_places.options import AtLeastZero, Options
 
 
 @dataclass(frozen=True)
-class EnteredOptions:
+class EnteredOptions(Options):
     """What counts as entered, and whether the rest is labelled.
 
     Parameters
@@ -20,6 +20,3 @@ class EnteredOptions:
 
     disc_radius_m: AtLeastZero = 0.2
     unentered: bool = False
-
-    def __post_init__(self) -> None:
-        check_options(self)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import Progress
+from pgm_places.progress import staged
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.teaching.cell_table import CellPaint, CellTable
@@ -25,9 +25,7 @@ _LASER_ROUNDS, _NODE_FEATURES = 10, 30
 _ONE_FOLD = 1  # gates of a single map leave nothing to calibrate by
 
 
-def learned_alone(
-    paint: CellPaint, table: CellTable, options: TeachingOptions, progress: Progress
-) -> PlaceLabeler:
+def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) -> PlaceLabeler:
     """A labeler that has learned nothing but the paint.
 
     It has a list of trees that sees spaces, a short list of stumps on laser features, a list of
@@ -47,19 +45,19 @@ def learned_alone(
             f"{', '.join(names) or 'none'}"
         )
     painted, doorway = paint.on(names), _SPACES.doorway(names)
-    with progress.stage("learning the paint"):
+    with staged("learning the paint"):
         nodes = table.layout.from_raster(painted).astype(np.int64)
         lesson = chosen_cells(nodes, options)
-        own = table.rows(lesson.nodes, progress)
+        own = table.rows(lesson.nodes)
         order = np.argsort(np.bincount(nodes[nodes >= 0]), kind="stable").tolist()
         learn: dict[str, Any] = {"y": lesson.labels, "sample_weight": lesson.weights}
-        stumps = DecisionListClassifier(_LASER_ROUNDS, order, n_threads=table.n_threads)
+        stumps = DecisionListClassifier(_LASER_ROUNDS, order)
         laser = stumps.fit(own, **learn).boosted_list_
         gates = None if doorway is None else _gates(painted, doorway, table)
         space = SpaceModel(laser, gates, doorway)
-        spaces = space.judged_candidates(table.gates, painted, table.n_threads)
-        trees = _SPACES.classifier().set_params(order=order, n_threads=table.n_threads)
-        trees.fit(table.beside_spaces(lesson.nodes, spaces, progress), **learn)
+        spaces = space.judged_candidates(table.gates, painted)
+        trees = _SPACES.classifier().set_params(order=order)
+        trees.fit(table.beside_spaces(lesson.nodes, spaces), **learn)
     columns = np.asarray(laser.features_in_order_of_choice(_NODE_FEATURES), np.int64)
     model = UnaryModel(
         table.sensor,
@@ -86,4 +84,4 @@ def _gates(painted: NDArray[np.int16], doorway: int, table: CellTable) -> Booste
     truth = match.is_doorway.astype(np.int64)
     values = gate_features(table.gates).astype(np.float32)
     fold = np.full(len(truth), _ONE_FOLD)
-    return gate_list(values, truth, fold, match.known | match.is_doorway, table.n_threads)
+    return gate_list(values, truth, fold, match.known | match.is_doorway)

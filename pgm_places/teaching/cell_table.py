@@ -11,7 +11,6 @@ from pgm_places.features.own import n_columns
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
@@ -61,13 +60,11 @@ class CellTable:
     sensor : Sensor
     features : tuple
         Custom features.
-    n_threads : int, optional
     """
 
     grid: OccupancyGrid
     sensor: Sensor
     features: tuple[Any, ...] = ()
-    n_threads: int | None = None
     _own: NDArray[np.float32] | None = None
 
     @cached_property
@@ -85,31 +82,27 @@ class CellTable:
         """Whether the features of all cells are kept."""
         return 4 * self.layout.n_nodes * n_columns(self.features) <= MAX_BYTES
 
-    def all(self, progress: Progress) -> NDArray[np.float32] | None:
+    def all(self) -> NDArray[np.float32] | None:
         """(N, F) the features of all cells; None where they are too many to keep."""
         if self._own is None and self.fits:
-            self._own = self._computed(self.grid.free, progress)
+            self._own = self._computed(self.grid.free)
         return self._own
 
-    def rows(self, nodes: NDArray[np.int64], progress: Progress) -> NDArray[np.float32]:
+    def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
         """(n, F) the features of some cells, by ascending node."""
-        table = self.all(progress)
+        table = self.all()
         if table is not None:
             return table[nodes]
         mask = np.zeros(self.grid.shape, np.bool_)
         mask[tuple(self.layout.cells[nodes].T)] = True
-        return self._computed(mask, progress)
+        return self._computed(mask)
 
-    def beside_spaces(
-        self, nodes: NDArray[np.int64], spaces: MapSpaces, progress: Progress
-    ) -> NDArray[np.float32]:
+    def beside_spaces(self, nodes: NDArray[np.int64], spaces: MapSpaces) -> NDArray[np.float32]:
         """(n, F + S) the same, followed by what cells see of the spaces around them."""
         cells = self.layout.cells[nodes]
-        around = spaces.features.lookup(cells, n_threads=self.n_threads)
-        return np.concatenate([self.rows(nodes, progress), around], axis=1)
+        around = spaces.features.lookup(cells)
+        return np.concatenate([self.rows(nodes), around], axis=1)
 
-    def _computed(self, mask: NDArray[np.bool_], progress: Progress) -> NDArray[np.float32]:
+    def _computed(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
         item = LabelledMap(self.grid, np.zeros(self.grid.shape, np.int16))
-        return training_features(
-            [item], self.sensor, self.n_threads, progress, self.features, masks=[mask]
-        )
+        return training_features([item], self.sensor, self.features, [mask])

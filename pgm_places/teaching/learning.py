@@ -12,13 +12,14 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.further_boosting import Examples
 from pgm_places.models.mrf import PottsField
-from pgm_places.progress import Progress
+from pgm_places.progress import staged
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
+from pgm_places.unary.floor_model import FloorJudge
 from pgm_places.unary.map_model import UnaryModel
-from pgm_places.unary.space_model import GateJudge, SpaceModel
+from pgm_places.unary.space_model import SpaceModel
 
 POTTS = PlaceMethod(
     PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.6), "space"
@@ -36,12 +37,10 @@ class Learning:
     table : CellTable
         The map's cells.
     options : TeachingOptions
-    progress : Progress
     """
 
     table: CellTable
     options: TeachingOptions
-    progress: Progress
 
     def taught(self, labeler: PlaceLabeler, paint: CellPaint, method: str) -> PlaceLabeler:
         """A labeler that has learned the paint as well; the given one is not changed.
@@ -56,10 +55,10 @@ class Learning:
         new = tuple(name for name in paint.used if name not in labeler.label_names_)
         names, halls = (*learned, *new), labeler.label_names_[len(learned) :]
         unary = labeler.unary_model_
-        with self.progress.stage("learning the paint"):
+        with staged("learning the paint"):
             if labeler.method(method).sees_spaces:
                 sees_floor = labeler.method(method).unary == "floor"
-                judge = self._gate_judge(unary) if sees_floor else None
+                judge = unary.gate_judge(unary.seen(self.table.grid)) if sees_floor else None
                 painted = paint.on((*names, *halls))
                 unary = self._with_spaces(unary, painted, len(new), judge)
             else:
@@ -75,27 +74,23 @@ class Learning:
     def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
         lesson = chosen_cells(nodes, self.options)
-        rows = _Rows(lesson, self.table.rows(lesson.both, self.progress))
+        rows = _Rows(lesson, self.table.rows(lesson.both))
         fitted = self._learned(unary.classifier, rows)
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
-
-    def _gate_judge(self, unary: UnaryModel) -> GateJudge:
-        """How the networks judge the gates of the map."""
-        return unary.gate_judge(unary.seen(self.table.grid, n_threads=self.table.n_threads))
 
     def _with_spaces(
         self,
         unary: UnaryModel,
         painted: NDArray[np.int16],
         n_new: int,
-        judge: GateJudge | None,
+        judge: FloorJudge | None,
     ) -> UnaryModel:
         assert unary.space is not None  # a method of the labeler looks at it
         space = self._with_gates(unary.space, painted)
-        spaces = space.judged_candidates(self.table.gates, painted, self.table.n_threads, judge)
+        spaces = space.judged_candidates(self.table.gates, painted, judge)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
         lesson = chosen_cells(nodes, self.options)
-        rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces, self.progress))
+        rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces))
         hall = unary.n_labels
         if space.corridor is not None:
             rows = rows.with_halls(space.classifier, hall, hall + n_new, space.corridor)
@@ -121,17 +116,13 @@ class Learning:
         labels = match.is_doorway[judged].astype(np.int64)
         weights = 1.0 / np.bincount(labels, minlength=2)[labels]
         examples = Examples(values[judged], labels, weights)
-        gates = learned_further(
-            space.gates, examples, values[~judged], self.options, n_threads=self.table.n_threads
-        )
+        gates = learned_further(space.gates, examples, values[~judged], self.options)
         return replace(space, gates=gates)
 
     def _learned(self, fitted: BoostedList, rows: "_Rows") -> BoostedList:
         lesson = rows.lesson
         examples = Examples(rows.of(lesson.nodes), lesson.labels, lesson.weights)
-        return learned_further(
-            fitted, examples, rows.of(lesson.kept), self.options, n_threads=self.table.n_threads
-        )
+        return learned_further(fitted, examples, rows.of(lesson.kept), self.options)
 
 
 @dataclass(frozen=True, eq=False)

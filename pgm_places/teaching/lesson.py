@@ -15,14 +15,14 @@ from pgm_places.models.further_boosting import (
     own_opinion,
     with_first_class,
 )
-from pgm_places.options import AtLeastZero, check_options
+from pgm_places.options import AtLeastZero, Options
 
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
 """The options that also count where there is no labeler to go on from."""
 
 
 @dataclass(frozen=True)
-class TeachingOptions(FurtherRounds):
+class TeachingOptions(FurtherRounds, Options):
     """How paint is learned on top of what a labeler knows.
 
     Parameters
@@ -39,9 +39,6 @@ class TeachingOptions(FurtherRounds):
     max_cells_per_class: Annotated[int, Ge(10)] = 1000
     n_kept: Annotated[int, Ge(0)] = 1500
     keep: AtLeastZero = 30.0
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +96,6 @@ def learned_further(
     examples: Examples,
     kept: NDArray[np.float32],
     options: TeachingOptions,
-    *,
-    n_threads: int | None = None,
 ) -> BoostedList:
     """A list that has learned painted examples and keeps what it says of other rows (m, F).
 
@@ -118,9 +113,9 @@ def learned_further(
     boosted = fitted
     if (examples.labels < n_old).any():
         part = with_kept(examples.where(examples.labels < n_old), boosted)
-        boosted = boosted_further(boosted, part, options, n_threads=n_threads)
+        boosted = boosted_further(boosted, part, options)
     for label in range(n_old, int(examples.labels.max()) + 1):
         part = with_kept(examples.where(examples.labels <= label), boosted)
         number = int(boosted.classes[-1]) + 1
-        boosted = with_first_class(boosted, number, part, options, n_threads=n_threads)
+        boosted = with_first_class(boosted, number, part, options)
     return boosted

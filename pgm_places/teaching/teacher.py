@@ -11,6 +11,7 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import (
     SAME_RESOLUTION,
@@ -23,7 +24,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
-from pgm_places.progress import Progress, Silent, Stage
+from pgm_places.progress import Progress, Silent, Stage, reported, staged, warn
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.alone import learned_alone
@@ -60,7 +61,7 @@ class Turns:
         self._newest = 0
 
     @contextmanager
-    def turn(self, progress: Progress) -> "Iterator[Progress]":
+    def turn(self, progress: Progress) -> Iterator[Progress]:
         """Wait until no other runs; the progress raises SupersededError once there is a newer turn.
 
         Raises
@@ -72,7 +73,8 @@ class Turns:
         with self._running:
             watched = _Watched(progress, self, number)
             watched.check()
-            yield watched
+            with reported(watched):
+                yield watched
 
     def cancel(self) -> None:
         """End whatever runs or waits, at its next stage or update."""
@@ -99,7 +101,7 @@ class _Watched:
             raise SupersededError("a newer request has superseded this one")
 
     @contextmanager
-    def stage(self, name: str) -> "Iterator[Stage]":
+    def stage(self, name: str) -> Iterator[Stage]:
         self.check()
         with self._progress.stage(name) as stage:
             yield _WatchedStage(stage, self)
@@ -227,11 +229,10 @@ class Teacher:
             Paint that does not fit the map or the classes; without a labeler, paint of fewer than
             two classes.
         """
-        with self._turns.turn(progress or Silent()) as watched:
+        with self._turns.turn(progress or Silent()), threads(self.n_threads):
             start = time.perf_counter()
             self._check_known(paint)
-            labeler = self.labeler or self.learned(paint, watched)
-            return self._labelled(labeler, paint, watched, start)
+            return self._labelled(self.labeler or self.learned(paint), paint, start)
 
     def teach(self, paint: Paint, *, progress: Progress | None = None) -> Taught:
         """The map labelled by a labeler that has learned the paint, which keeps its labels.
@@ -241,9 +242,9 @@ class Teacher:
         SupersededError, LabelError
             As :meth:`label`.
         """
-        with self._turns.turn(progress or Silent()) as watched:
+        with self._turns.turn(progress or Silent()), threads(self.n_threads):
             start = time.perf_counter()
-            return self._labelled(self.learned(paint, watched), paint, watched, start)
+            return self._labelled(self.learned(paint), paint, start)
 
     def learned(self, paint: Paint, progress: Progress | None = None) -> PlaceLabeler:
         """The labeler that has learned the paint, on top of the given one or of nothing.
@@ -253,13 +254,14 @@ class Teacher:
         LabelError
             As :meth:`label`.
         """
-        progress, table = progress or Silent(), self._table
+        table = self._table
         known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
         cells = CellPaint(known.on_cells, paint.classes)
-        if self.labeler is None:
-            return learned_alone(cells, table, self.options, progress)
-        method = self.method or self.labeler.default_method
-        return Learning(table, self.options, progress).taught(self.labeler, cells, method)
+        with threads(self.n_threads), reported(progress):
+            if self.labeler is None:
+                return learned_alone(cells, table, self.options)
+            method = self.method or self.labeler.default_method
+            return Learning(table, self.options).taught(self.labeler, cells, method)
 
     def cancel(self) -> None:
         """End a call that is running in another thread at its next stage."""
@@ -280,44 +282,37 @@ class Teacher:
         if self.labeler is not None:
             model = self.labeler.unary_model_
             used, _ = at_model_resolution(self.labeler, self.grid)
-            return CellTable(used, model.sensor, model.features, self.n_threads)
+            return CellTable(used, model.sensor, model.features)
         fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
         used = coarsen(self.grid, FINEST_M) if fine else self.grid
-        return CellTable(used, Sensor(), (), self.n_threads)
+        return CellTable(used, Sensor())
 
-    def _rows(self, labeler: PlaceLabeler, progress: Progress) -> KeptTable | None:
+    def _rows(self, labeler: PlaceLabeler) -> KeptTable | None:
         """The cells' features with what is known to follow from them; None for a huge map.
 
         The given labeler is asked again only about cells that the paint can reach: those whose
         segments, places or gates are not what they were. What it was taught is asked about all, but
         the networks, which are not taught, look at the map once.
         """
-        own = self._table.all(progress)
+        own = self._table.all()
         if own is None:
             return None
         if self._kept is None:
             self._kept = KeptTable.of_cells(own)
         return self._kept if labeler is self.labeler else self._kept.for_model()
 
-    def _labelled(
-        self, labeler: PlaceLabeler, paint: Paint, progress: Progress, start: float
-    ) -> Taught:
+    def _labelled(self, labeler: PlaceLabeler, paint: Paint, start: float) -> Taught:
         names, method = labeler.label_names_, self.method or labeler.default_method
         if method not in labeler.methods_:  # one that knows other classes
             method = labeler.default_method
         used, warnings = at_model_resolution(labeler, self.grid)
         for message in warnings:
-            progress.warn(message)
+            warn(message)
         known = KnownCells.of(
             paint.with_classes(names).labels, self.grid, used, names, labeler.learned_names
         )
         graph, scores = labeler.scores(
-            used,
-            methods=[method],
-            known=known.on_cells,
-            own=self._rows(labeler, progress),
-            n_threads=self.n_threads,
-            progress=progress,
+            used, methods=[method], known=known.on_cells, own=self._rows(labeler)
         )
         layout = graph.layout
         assert isinstance(layout, GridLayout)  # scores() made it from a grid
@@ -342,9 +337,9 @@ class Teacher:
             )
 
         unary = placed(infer(Independent(), problem), "independent")
-        with progress.stage(f"labelling with {method}"), kept_in(self._field):
+        with staged(f"labelling with {method}"), kept_in(self._field):
             labelled = placed(infer(chosen.backend, problem), method)
-        with progress.stage("places"):
+        with staged("places"):
             topology = topological_map(
                 self.grid,
                 labelled.labels,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pgm_places.errors import ConfigError, shown
-from pgm_places.options import AtLeastZero, check_options, from_mapping
+from pgm_places.options import AtLeastZero, Options, from_mapping
 
 DoorwaysFrom = Literal["gates", "labels"]
 
@@ -14,7 +14,7 @@ _RETIRED = ("widest_doorway_m", "close_leaks_m", "split_rooms_m")
 
 
 @dataclass(frozen=True)
-class CorrectionRules:
+class CorrectionRules(Options):
     """Which regions count as classification errors.
 
     Parameters
@@ -33,9 +33,6 @@ class CorrectionRules:
     min_doorway_area_m2: AtLeastZero = 0.1
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Lists that score the cells of one map while their features are streamed."""
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
@@ -16,8 +14,8 @@ _CELLS_PER_TASK = 1024
 """Cells whose columns of both kinds are put side by side at a time, by one thread."""
 
 
-class CellList(Protocol):
-    """Takes the features of cells block by block, and holds what it makes of them.
+class LaserList:
+    """The list on laser and custom features: takes them block by block, and holds its scores.
 
     Attributes
     ----------
@@ -29,56 +27,39 @@ class CellList(Protocol):
         The scores of the nodes.
     """
 
-    unary: str
-    columns: NDArray[np.int64]
-    scores: NDArray[np.float64]
-
-    def expect(self, columns: NDArray[np.int64]) -> None:
-        """Say which columns the blocks will have, its own among them."""
-
-    def take(
-        self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
-    ) -> None:
-        """Score some nodes by the expected columns (n, F)."""
-
-    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
-        """Score some nodes of a table, as :meth:`take` does, where they are not known."""
-
-
-class LaserList:
-    """The list on laser and custom features."""
-
     unary = "laser"
 
     def __init__(
         self, fitted: BoostedList, n_nodes: int, n_labels: int, dtype: DTypeLike = np.float64
     ) -> None:
-        self.fitted, self.n_labels = fitted, n_labels
+        self.fitted, self.n_scores = fitted, n_labels
         self.columns = fitted.used_features
         self.scores = np.empty((n_nodes, n_labels), dtype)
 
     def expect(self, columns: NDArray[np.int64]) -> None:
-        """Say which columns the blocks will have."""
+        """Say which columns the blocks will have, its own among them."""
         self.expected, self.part = columns, self.fitted.restricted(columns)
 
-    def take(
-        self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
-    ) -> None:
-        """Score some nodes."""
-        self.scores[nodes] = aligned_log_proba(self.part, values, self.n_labels, n_threads)
+    def take(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
+        """Score some nodes by the expected columns (n, F)."""
+        self.scores[nodes, : self.n_scores] = self._of(values)
 
-    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
-        """Score the nodes that are not known."""
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> None:
+        """Score some nodes of a table, as :meth:`take` does, where they are not known."""
 
         def score(some: NDArray[np.int64]) -> NDArray[np.float64]:
-            values = table.take(nodes[some], self.expected)
-            return aligned_log_proba(self.part, values, self.n_labels, n_threads)
+            return self._of(table.take(nodes[some], self.expected))
 
-        table.prepare(self.unary, 0, self.n_labels)
-        self.scores[nodes] = table.scores(self.unary, nodes, _nothing(len(nodes)), score)
+        table.prepare(self.unary, 0, self.n_scores)
+        nothing_beside = np.empty((len(nodes), 0), np.float32)
+        scores = table.scores(self.unary, nodes, nothing_beside, score)
+        self.scores[nodes, : self.n_scores] = scores
+
+    def _of(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
+        return aligned_log_proba(self.part, values, self.n_scores)
 
 
-class ContextPart:
+class ContextPart(LaserList):
     """The votes that the list with context casts on laser and custom features.
 
     It waits for the scores all around; its stumps on the scans vote now, so that the scans'
@@ -88,33 +69,16 @@ class ContextPart:
     unary = "context"
 
     def __init__(self, fitted: BoostedList, n_own: int, n_nodes: int, n_labels: int) -> None:
-        self.fitted = fitted
-        used = fitted.used_features
-        self.columns = np.asarray(used[used < n_own], np.int64)
-        self.scores = np.empty((n_nodes, n_labels))
+        super().__init__(fitted, n_nodes, n_labels)
+        self.n_scores = len(fitted.classes) - 1
+        self.columns = np.asarray(self.columns[self.columns < n_own], np.int64)
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
         self.expected, self.part = columns, self.fitted.part(columns)
 
-    def take(
-        self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
-    ) -> None:
-        """Let the stumps vote on some nodes."""
-        votes = self.part.scores(values, n_threads=n_threads)
-        self.scores[nodes, : len(votes)] = votes.T
-
-    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
-        """Let the stumps vote on the nodes that are not known."""
-
-        def votes(some: NDArray[np.int64]) -> NDArray[np.float64]:
-            values = table.take(nodes[some], self.expected)
-            return self.part.scores(values, n_threads=n_threads).T
-
-        n_votes = len(self.fitted.classes) - 1
-        table.prepare(self.unary, 0, n_votes)
-        scores = table.scores(self.unary, nodes, _nothing(len(nodes)), votes)
-        self.scores[nodes, :n_votes] = scores
+    def _of(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
+        return self.part.scores(values).T
 
 
 class SpaceList:
@@ -148,18 +112,16 @@ class SpaceList:
         """Say which columns the blocks will have."""
         self.places = np.searchsorted(columns, self.columns)
 
-    def take(
-        self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
-    ) -> None:
+    def take(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
         """Score some nodes, doorways weighed by their gates."""
 
         def score(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
             self.scores[nodes[some]] = self._scores(nodes[some], values[some])
 
-        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
+        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK))
 
-    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> None:
         """Score the nodes whose row or spaces are not those of before; weigh all by their gates."""
 
         def score(task: int) -> None:
@@ -167,7 +129,7 @@ class SpaceList:
             self.scores[some] = self._weighed(some, self._kept(table, some))
 
         table.prepare(self.unary, len(self.of_spaces), self._n_classes)
-        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
+        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK))
 
     def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
         """(n, K) what the list says of a few nodes, on one thread; notes which are halls."""
@@ -203,9 +165,7 @@ class SpaceList:
         return with_gates(found, self.at_gates.of(nodes), self.doorway)
 
 
-def _nothing(n_rows: int) -> NDArray[np.float32]:
-    """(n, 0) for lists that look at nothing beside a row."""
-    return np.empty((n_rows, 0), np.float32)
+CellList = LaserList | SpaceList
 
 
 def aligned_log_proba(

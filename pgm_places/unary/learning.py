@@ -1,7 +1,7 @@
 """Training the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.feature_tables import FeatureTables
@@ -114,8 +114,6 @@ class UnaryLearner:
     feature_cache : FeatureTables, optional
         Where laser features of the maps are kept; not used with custom features, whose code may
         change.
-    n_threads, progress
-        Threads to use, and where stages are reported.
     """
 
     sensor: Sensor
@@ -133,8 +131,6 @@ class UnaryLearner:
     features: tuple[Any, ...] = ()
     with_scores: bool = True
     feature_cache: FeatureTables | None = None
-    n_threads: int | None = None
-    progress: Progress = field(default_factory=Silent)
 
     def fit(self, maps: Sequence[LabelledMap]) -> LearnedUnary:
         """The unary model fitted on the free, labelled cells of maps, and scores to learn from."""
@@ -147,8 +143,6 @@ class UnaryLearner:
             seed=self.classifier.seed,
             wants_all=self.with_scores or bool(self.context_m),
             feature_cache=self.feature_cache,
-            n_threads=self.n_threads,
-            progress=self.progress,
         )
         classifier = with_explicit_order(self.classifier, cells.truth)
         laser = self._lists("decision list", classifier, cells, held_out=self._holds_out)
@@ -203,7 +197,7 @@ class UnaryLearner:
 
     def _with_spaces(self, options: SpaceOptions, cells: TrainingCells) -> "_SpaceLists":
         """The stage of the list that also sees segments, gates and places."""
-        spaces = learn_spaces(cells, self.doorway, self.n_threads, self.progress)
+        spaces = learn_spaces(cells, self.doorway)
         if self.halls is not None:
             truth = np.where(self.halls.are_halls, self.n_labels, cells.truth)
             cells = replace(cells, truth=truth)
@@ -244,16 +238,16 @@ class UnaryLearner:
         tempered = unfitted.calibration == "temperature"
         if tempered:
             unfitted = like(unfitted, calibration="none")
-        with self.progress.stage(name):
+        with staged(name):
             fitted = fitted_list(unfitted, values, truth, groups, domain)
         of_fold = {}
         if tempered or held_out:
             stage = f"held-out scores: {name}"
             ordered = in_the_order_of(fitted, unfitted)
-            of_fold = held_out_lists(ordered, values, truth, groups, self.progress, stage, domain)
+            of_fold = held_out_lists(ordered, values, truth, groups, stage, domain)
         if tempered:
             fitted, of_fold = with_temperatures(fitted, of_fold, values, truth, groups)
-        return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra, self.n_threads)
+        return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
     def _scores(
         self,
@@ -270,11 +264,11 @@ class UnaryLearner:
             for name, stage in stages.items()
             if stage is not None
         }
-        tables["node_features"] = cells.by_map(_columns(cells, model.node_columns, self.n_threads))
+        tables["node_features"] = cells.by_map(_columns(cells, model.node_columns))
         if self.floor is not None and spaces is not None:
             tables["floor"] = []
             for m, log_z in enumerate(tables["space"]):
-                seen = self.floor.scores(cells.maps[m].grid, self.n_threads)
+                seen = self.floor.scores(cells.maps[m].grid)
                 tables["floor"].append(with_floor(log_z, seen, self.floor, cells.layout(m)))
         of_maps: list[dict[str, Any]] = [
             {name: table[m] for name, table in tables.items()} for m in range(len(cells.maps))
@@ -291,7 +285,6 @@ class _Lists:
     cells: TrainingCells
     n_labels: int
     extra: Extra | None
-    n_threads: int | None
 
     def scores(self, *, held_out: bool) -> NDArray[np.float64]:
         """(N, K) log z of all cells, from the fitted list or from those that have not seen them."""
@@ -303,7 +296,7 @@ class _Lists:
 
     def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
         found = np.empty((len(self.cells.truth), self.n_labels))
-        for some, values in self.cells.blocks(self.n_threads):
+        for some, values in self.cells.blocks():
             found[some] = self._of(some, _beside(values, some, self.extra), held_out)
         return found
 
@@ -318,7 +311,7 @@ class _Lists:
         groups = self.cells.groups[some]
         everyone = dict.fromkeys(np.unique(groups).tolist(), self.fitted)
         lists = self.of_fold if held_out else everyone
-        return scores_of(lists, values, groups, self.n_labels, self.n_threads)
+        return scores_of(lists, values, groups, self.n_labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,12 +335,10 @@ class _SpaceLists:
         return self.spaces.scores(log_z)
 
 
-def _columns(
-    cells: TrainingCells, columns: NDArray[np.int64], n_threads: int | None
-) -> NDArray[np.float32]:
+def _columns(cells: TrainingCells, columns: NDArray[np.int64]) -> NDArray[np.float32]:
     """(N, D) some columns of all cells."""
     found = np.empty((len(cells.truth), len(columns)), np.float32)
-    for some, values in cells.blocks(n_threads):
+    for some, values in cells.blocks():
         found[some] = values[:, columns]
     return found
 

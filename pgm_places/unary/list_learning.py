@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.list_average import list_average
-from pgm_places.progress import Progress
+from pgm_places.progress import staged
 from pgm_places.unary.cell_lists import aligned_log_proba
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -76,7 +76,6 @@ def held_out_lists(
     features: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
-    progress: Progress,
     name: str,
     domain: NDArray[np.int64] | None = None,
 ) -> dict[int, BoostedList]:
@@ -86,7 +85,7 @@ def held_out_lists(
     """
     lists = {}
     folds = np.unique(groups).tolist()
-    with progress.stage(name) as stage:
+    with staged(name) as stage:
         for count, fold in enumerate(folds, start=1):
             seen = groups != fold
             order = [label for label in unfitted.order if (truth[seen] == label).any()]
@@ -113,13 +112,12 @@ def held_out_scores(
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
     n_labels: int,
-    progress: Progress,
     name: str,
     domain: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
     """(N, K) log z of every row from a list of the same order that has not seen its group."""
     ordered = in_the_order_of(fitted, unfitted)
-    lists = held_out_lists(ordered, features, truth, groups, progress, name, domain)
+    lists = held_out_lists(ordered, features, truth, groups, name, domain)
     return scores_of(lists, features, groups, n_labels)
 
 
@@ -128,16 +126,15 @@ def scores_of(
     values: NDArray[np.float32],
     groups: NDArray[np.int64],
     n_labels: int,
-    n_threads: int | None = None,
 ) -> NDArray[np.float64]:
     """(n, K) log z of rows, each from the list of its group."""
     folds = np.unique(groups).tolist()
     if len({id(lists[fold]) for fold in folds}) == 1:
-        return aligned_log_proba(lists[folds[0]], values, n_labels, n_threads)
+        return aligned_log_proba(lists[folds[0]], values, n_labels)
     scores = np.empty((len(values), n_labels))
     for fold in folds:
         rows = groups == fold
-        scores[rows] = aligned_log_proba(lists[fold], values[rows], n_labels, n_threads)
+        scores[rows] = aligned_log_proba(lists[fold], values[rows], n_labels)
     return scores
 
 

@@ -1,6 +1,6 @@
 """The unary model of maps: from scans to the boosted list's scores of every cell."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,29 +10,25 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.features.context import iter_window_means
-from pgm_places.features.own import feature_values, n_columns, values_on_map
+from pgm_places.features.own import n_columns
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.pages import return_freed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import Progress, Silent, Stage
-from pgm_places.sensing.ray_casting import iter_cast
+from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.node_features import NodeSegments
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
+from pgm_places.unary.feature_tables import iter_features
 from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.space_model import GateJudge, MapSpaces, SpaceModel
+from pgm_places.unary.space_model import MapSpaces, SpaceModel
 
 UNARIES = ("laser", "context", "space", "floor")
 """What a method can be given, by name."""
-
-_SCANS_AT_ONCE = 8_192
-"""Scans whose features are held at a time: ten megabytes of all columns, which the next scans find
-again; for much larger arrays the system gives new pages each time, and clears them."""
 
 
 def sees_spaces(unaries: Collection[str]) -> bool:
@@ -157,9 +153,7 @@ class UnaryModel:
         single: bool = False,
         with_spaces: bool = True,
         known: NDArray[np.int16] | None = None,
-        own: NDArray[np.float32] | KeptTable | None = None,
-        n_threads: int | None = None,
-        progress: Progress | None = None,
+        own: KeptTable | None = None,
     ) -> CellScores:
         """The scores of a grid graph's nodes: scans, features and lists, streamed in tiles.
 
@@ -184,12 +178,11 @@ class UnaryModel:
             alone, and the rasters of a huge map are freed before its cells are scored.
         known : (H, W) int16, optional
             Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
-        own : (N, F) float32 or KeptTable, optional
-            All laser and custom features of the nodes, where they are known from before; or a
-            table of those that are needed, which also keeps the scores.
+        own : KeptTable, optional
+            The laser and custom features of the nodes that are needed, where they are known from
+            before, and the scores that follow from them.
         """
         layout, n = _grid_layout(graph), graph.n_nodes
-        progress = progress or Silent()
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
         second = self.context_classifier if "context" in unaries else None
@@ -202,13 +195,13 @@ class UnaryModel:
             lists.append(ContextPart(second, n_own, n, self.n_labels))
         spaces, doorways, around, seen = None, None, None, None
         if "floor" in unaries and self.floor is not None:
-            with progress.stage("the whole floor"):
-                seen = self.seen(grid, own, n_threads)
+            with staged("the whole floor"):
+                seen = self.seen(grid, own)
         with_halls = with_halls and self.knows_halls
         if self.space is not None and (sees_spaces(unaries) or with_halls):
-            with progress.stage("segments, gates and places"):
+            with staged("segments, gates and places"):
                 judge = None if seen is None else self.gate_judge(seen)
-                spaces = self.space.spaces(grid, known=known, n_threads=n_threads, judge=judge)
+                spaces = self.space.spaces(grid, known=known, judge=judge)
             if not with_spaces and self.space.gates is not None:
                 doorways = spaces.doorways
             around = SpaceList(
@@ -221,26 +214,24 @@ class UnaryModel:
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
             item.expect(needed)
-
-        def take(nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
-            for item in lists:
-                item.take(nodes, values, n_threads)
-            if features is not None:
-                features[nodes] = values[:, np.searchsorted(needed, handed)]
-
-        with progress.stage("scans, features and list") as stage:
-            if own is None:
-                self._stream(grid, layout, needed, take, n_threads, stage)
-            elif isinstance(own, KeptTable):
+        with staged("scans, features and list") as stage:
+            if own is not None:
                 for item in lists:
-                    item.take_kept(own, np.arange(n), n_threads)
+                    item.take_kept(own, np.arange(n))
                 if features is not None:
                     features[:] = own.take(np.arange(n), handed)
             else:
-                _from_table(own, needed, take, stage)
+                mask, done = layout.mask(), 0
+                for nodes, values in iter_features(grid, self.sensor, self.features, mask, needed):
+                    for item in lists:
+                        item.take(nodes, values)
+                    if features is not None:
+                        features[nodes] = values[:, np.searchsorted(needed, handed)]
+                    done += len(nodes)
+                    stage.update(done / n)
         by_unary = {item.unary: item.scores for item in lists}
         if second is not None:
-            with progress.stage("spatial context"):
+            with staged("spatial context"):
                 self._add_context(second, grid, layout, by_unary["laser"], by_unary["context"])
         hall = None if around is None else around.hall
         if seen is not None and self.floor is not None and around is not None:
@@ -261,53 +252,15 @@ class UnaryModel:
             floor,
         )
 
-    def gate_judge(self, seen: FloorScores) -> GateJudge:
+    def gate_judge(self, seen: FloorScores) -> FloorJudge:
         """How the networks judge gates, together with the list of gates."""
         assert self.floor is not None  # they have seen a map
         return FloorJudge(self.floor, seen)
 
-    def seen(
-        self,
-        grid: OccupancyGrid,
-        own: NDArray[np.float32] | KeptTable | None = None,
-        n_threads: int | None = None,
-    ) -> FloorScores:
+    def seen(self, grid: OccupancyGrid, own: KeptTable | None = None) -> FloorScores:
         """What the networks make of a map, if a table of it does not know that yet."""
         assert self.floor is not None  # its scores are asked for
-
-        def look(grid: OccupancyGrid, floor: FloorModel = self.floor) -> FloorScores:
-            return floor.scores(grid, n_threads)
-
-        return own.floor_of(grid, look) if isinstance(own, KeptTable) else look(grid)
-
-    def _stream(
-        self,
-        grid: OccupancyGrid,
-        layout: GridLayout,
-        columns: NDArray[np.int64],
-        take: Callable[[NDArray[np.int64], NDArray[np.float32]], None],
-        n_threads: int | None,
-        stage: Stage,
-    ) -> None:
-        """Hand the nodes and features (n, F) of block after block of scans to ``take``."""
-        done, total = 0, layout.n_nodes
-        of_cells = {}
-        if self.features:  # the cells of a huge map are not listed without need
-            of_cells = values_on_map(self.features, grid, layout.cells_rc, columns)
-        for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
-            for first in range(0, len(block.nodes), _SCANS_AT_ONCE):
-                nodes = block.nodes[first : first + _SCANS_AT_ONCE]
-                values = feature_values(
-                    block.ranges[first : first + _SCANS_AT_ONCE],
-                    self.features,
-                    columns,
-                    max_range_m=self.sensor.max_range_m,
-                    from_map={place: rows[nodes] for place, rows in of_cells.items()},
-                    n_threads=n_threads,
-                )
-                take(nodes, values)
-                done += len(nodes)
-                stage.update(done / max(total, 1))
+        return self.floor.scores(grid) if own is None else own.floor_of(grid, self.floor.scores)
 
     def _add_context(
         self,
@@ -330,19 +283,6 @@ class UnaryModel:
             scores = context_part.scores(means)
             scores += context[nodes, : len(scores)].T
             context[nodes] = on_labels(second, second.log_histogram_of(scores), self.n_labels)
-
-
-def _from_table(
-    own: NDArray[np.float32],
-    columns: NDArray[np.int64],
-    take: Callable[[NDArray[np.int64], NDArray[np.float32]], None],
-    stage: Stage,
-) -> None:
-    """Hand the nodes and features of block after block of known features to ``take``."""
-    for first in range(0, len(own), _SCANS_AT_ONCE):
-        some = own[first : first + _SCANS_AT_ONCE]
-        take(np.arange(first, first + len(some)), some[:, columns])
-        stage.update((first + len(some)) / len(own))
 
 
 def _grid_layout(graph: LabelGraph) -> GridLayout:

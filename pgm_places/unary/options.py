@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.models.list_options import ListOptions, PriorWeight
-from pgm_places.options import Positive, check_options, option_values, taken_from
+from pgm_places.options import Options, Positive, option_values, taken_from
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -77,7 +77,7 @@ class ClassifierOptions(ListOptions):
 
 
 @dataclass(frozen=True)
-class ContextOptions:
+class ContextOptions(Options):
     """The second list, which also sees the mean scores in windows around each cell.
 
     Parameters
@@ -88,9 +88,6 @@ class ContextOptions:
     """
 
     half_widths_m: WindowsM = (0.3, 0.75, 1.5, 3.0)
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 @dataclass(frozen=True)

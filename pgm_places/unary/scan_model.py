@@ -252,7 +252,6 @@ def observed_along(
     *,
     known_map: OccupancyGrid | None = None,
     floor: FloorModel | None = None,
-    n_threads: int | None = None,
 ) -> Observations:
     """What a robot sees at each step of a trajectory.
 
@@ -269,11 +268,7 @@ def observed_along(
                 f"{trajectory.name} has no scans; give the map in which they are to be cast"
             )
         circles = cast_poses(
-            known_map,
-            trajectory.poses,
-            sensor.angles_rad,
-            max_range_m=sensor.max_range_m,
-            n_threads=n_threads,
+            known_map, trajectory.poses, sensor.angles_rad, max_range_m=sensor.max_range_m
         )
         around = Surroundings(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
         return Observations(

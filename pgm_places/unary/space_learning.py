@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import Progress
+from pgm_places.progress import staged
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates
@@ -65,28 +65,23 @@ class LearnedSpaces:
         return SpaceModel(classifier, self.gates, self.doorway, corridor)
 
 
-def learn_spaces(
-    cells: TrainingCells,
-    doorway: int | None,
-    n_threads: int | None,
-    progress: Progress,
-) -> LearnedSpaces:
+def learn_spaces(cells: TrainingCells, doorway: int | None) -> LearnedSpaces:
     """The spaces of all maps of some training cells, and the list of gates."""
     found = []
-    with progress.stage("segments and gates") as stage:
+    with staged("segments and gates") as stage:
         for count, item in enumerate(cells.maps, start=1):
             found.append(gate_candidates(Segmentation.of(item.grid)))
             stage.update(count / len(cells.maps), item.name)
     gates, judged = None, [np.zeros(len(item)) for item in found]
     if doorway is not None:
-        with progress.stage("gates"):
-            gates, judged = _learn_gates(cells, found, doorway, n_threads)
+        with staged("gates"):
+            gates, judged = _learn_gates(cells, found, doorway)
     spaces = [MapSpaces.of(item, part) for item, part in zip(found, judged, strict=True)]
     return LearnedSpaces(cells, spaces, gates, doorway)
 
 
 def _learn_gates(
-    cells: TrainingCells, gates: list[Gates], doorway: int, n_threads: int | None
+    cells: TrainingCells, gates: list[Gates], doorway: int
 ) -> tuple[BoostedList | None, list[NDArray[np.float64]]]:
     """The list of all gates, and (G,) what lists say that were learned without a gate's fold."""
     matches = [
@@ -100,10 +95,10 @@ def _learn_gates(
     probability = np.zeros(len(truth))
     for number in np.unique(fold):
         out = fold == number
-        part = gate_list(values, truth, fold, known & ~out, n_threads)
-        probability[out] = gate_probabilities(part, values[out], n_threads)
+        part = gate_list(values, truth, fold, known & ~out)
+        probability[out] = gate_probabilities(part, values[out])
     ends = np.cumsum([len(item) for item in gates])[:-1]
-    whole = gate_list(values, truth, fold, known, n_threads)
+    whole = gate_list(values, truth, fold, known)
     return whole, np.split(probability, ends)
 
 
@@ -112,7 +107,6 @@ def gate_list(
     truth: NDArray[np.int64],
     fold: NDArray[np.int64],
     seen: NDArray[np.bool_],
-    n_threads: int | None,
 ) -> BoostedList | None:
     """The list learned from some gates; None where all of them are doorways, or none is.
 
@@ -127,14 +121,13 @@ def gate_list(
         where fewer than three folds are seen.
     seen : (G,) bool
         The gates to learn from.
-    n_threads : int, optional
     """
     from pgm_places.models.decision_list import DecisionListClassifier
 
     if len(np.unique(truth[seen])) < 2:
         return None
     several = len(np.unique(fold[seen])) > 2
-    unfitted = DecisionListClassifier(order=[1, 0], n_threads=n_threads, **GATE_OPTIONS)
+    unfitted = DecisionListClassifier(order=[1, 0], **GATE_OPTIONS)
     unfitted.set_params(calibration="platt" if several else "none")
     groups = fold[seen] if several else None
     boosted: BoostedList = unfitted.fit(values[seen], truth[seen], groups=groups).boosted_list_

@@ -1,7 +1,7 @@
 """The spaces of a map as features of its cells: segments, gates, and the places between them."""
 
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
+from pgm_places.unary.floor_model import FloorJudge
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Columns that cells get from segments and places."""
@@ -33,16 +34,6 @@ _GATES_AT_ONCE = 256
 _GAIN, _FLOOR = 1.2, 0.02
 """A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
 probability of its gate; chosen on buildings held out (docs/results.md)."""
-
-
-class GateJudge(Protocol):
-    """Who has a say in the gates of a map, beside their list."""
-
-    def cuts(self, gates: Gates) -> NDArray[np.int64]:
-        """(n, 2) cells of lines at which there are doorways, but none of these candidates."""
-
-    def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(G,) probabilities of candidates, from those that their list gives them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,23 +162,19 @@ class SpaceModel:
         grid: OccupancyGrid,
         *,
         known: NDArray[np.int16] | None = None,
-        n_threads: int | None = None,
-        judge: GateJudge | None = None,
+        judge: FloorJudge | None = None,
     ) -> MapSpaces:
         """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover.
 
         ``judge`` adds candidates, and has a further say in the probabilities of the others.
         """
-        return self.judged_candidates(
-            gate_candidates(Segmentation.of(grid)), known, n_threads, judge
-        )
+        return self.judged_candidates(gate_candidates(Segmentation.of(grid)), known, judge)
 
     def judged_candidates(
         self,
         candidates: Gates,
         known: NDArray[np.int16] | None = None,
-        n_threads: int | None = None,
-        judge: GateJudge | None = None,
+        judge: FloorJudge | None = None,
     ) -> MapSpaces:
         """The spaces between the candidates of a map, known labels judging those they cover.
 
@@ -200,7 +187,7 @@ class SpaceModel:
             grid, ratios = segmentation.watershed.grid, segmentation.ratios
             del candidates, segmentation  # nobody holds two segmentations of a huge map
             candidates = gate_candidates(Segmentation.of(grid, ratios, cuts))
-        probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
+        probability = gate_probabilities(self.gates, gate_features(candidates))
         if heard is not None:
             probability = heard.judged(candidates, probability)
         if known is None or self.doorway is None:
@@ -218,14 +205,12 @@ class SpaceModel:
         return spaces.nodes_at_gates(layout)
 
 
-def gate_probabilities(
-    gates: BoostedList | None, features: ArrayLike, n_threads: int | None = None
-) -> NDArray[np.float64]:
+def gate_probabilities(gates: BoostedList | None, features: ArrayLike) -> NDArray[np.float64]:
     """(G,) how likely each gate is a doorway, by its features; 0 where there is no list."""
     values = np.asarray(features, np.float32)
     if gates is None or not len(values):
         return np.zeros(len(values))
-    return np.exp(gates.log_histogram(values, n_threads=n_threads)[:, 1])
+    return np.exp(gates.log_histogram(values)[:, 1])
 
 
 def gate_log_odds(probability: float) -> float:

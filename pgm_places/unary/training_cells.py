@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.folds import building_folds
-from pgm_places.features.own import feature_values, n_columns, values_on_map
+from pgm_places.features.own import n_columns
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.progress import Progress
-from pgm_places.sensing.ray_casting import iter_cast
+from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.feature_tables import Block, FeatureTables
+from pgm_places.unary.feature_tables import Block, FeatureTables, iter_features
 
 _AT_ONCE = 65_536
 
@@ -66,8 +65,6 @@ class TrainingCells:
         seed: int = 0,
         wants_all: bool = False,
         feature_cache: FeatureTables | None = None,
-        n_threads: int | None = None,
-        progress: Progress,
     ) -> Self:
         """Those of some maps, with at most ``limit`` examples of each, drawn from the seed.
 
@@ -86,16 +83,7 @@ class TrainingCells:
             truth.astype(np.int64),
             building_folds(maps, masks, n_folds),
             chosen,
-            training_features(
-                maps,
-                sensor,
-                n_threads,
-                progress,
-                own,
-                masks=examples,
-                kept=masks if wants_all else examples,
-                feature_cache=cache,
-            ),
+            training_features(maps, sensor, own, examples, masks if wants_all else examples, cache),
             cache,
         )
 
@@ -126,7 +114,7 @@ class TrainingCells:
         """The cells of one map."""
         return GridLayout.of_mask(self.maps[number].labelled_cells)
 
-    def blocks(self, n_threads: int | None = None) -> Iterator[Block]:
+    def blocks(self) -> Iterator[Block]:
         """All cells with their features, some at a time."""
         if self.chosen.all():
             for first in range(0, len(self.truth), _AT_ONCE):
@@ -136,9 +124,8 @@ class TrainingCells:
         first = 0
         for item, size in zip(self.maps, self.sizes, strict=True):
             mask = item.labelled_cells
-            parts = _map_features(item, mask, self.sensor, self.own, n_threads, self.feature_cache)
-            for nodes, values in parts:
-                yield first + nodes, values
+            parts = _map_features(item, mask, self.sensor, self.own, self.feature_cache)
+            yield from ((first + nodes, values) for nodes, values in parts)
             first += size
 
     def by_map(self, values: NDArray[Any]) -> list[NDArray[Any]]:
@@ -149,10 +136,7 @@ class TrainingCells:
 def training_features(
     maps: Sequence[LabelledMap],
     sensor: Sensor,
-    n_threads: int | None,
-    progress: Progress,
     own: tuple[Any, ...] = (),
-    *,
     masks: Sequence[NDArray[np.bool_]] | None = None,
     kept: Sequence[NDArray[np.bool_]] | None = None,
     feature_cache: FeatureTables | None = None,
@@ -164,16 +148,22 @@ def training_features(
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     if feature_cache is not None:
-        _make_room(maps, masks if kept is None else kept, sensor, feature_cache)
+        held = zip(maps, masks if kept is None else kept, strict=True)
+        feature_cache.make_room(
+            [
+                _shape(mask)
+                for item, mask in held
+                if _kept(item, mask, sensor, feature_cache) is None
+            ]
+        )
     total = sum(int(mask.sum()) for mask in masks)
     features = np.empty((total, n_columns(own)), np.float32)
     start = 0
-    with progress.stage("scans and features") as stage:
+    with staged("scans and features") as stage:
         for item, mask, hold in zip(maps, masks, kept or masks, strict=True):
             if feature_cache is not None:
-                _keep(item, hold, sensor, n_threads, feature_cache)
-            parts = _map_features(item, mask, sensor, own, n_threads, feature_cache)
-            for nodes, values in parts:
+                _keep(item, hold, sensor, feature_cache)
+            for nodes, values in _map_features(item, mask, sensor, own, feature_cache):
                 features[start + nodes] = values
                 stage.update((start + int(nodes[-1])) / max(total, 1))
             start += int(mask.sum())
@@ -185,27 +175,17 @@ def _map_features(
     mask: NDArray[np.bool_],
     sensor: Sensor,
     own: tuple[Any, ...],
-    n_threads: int | None,
     feature_cache: FeatureTables | None = None,
 ) -> Iterator[Block]:
     found = None if feature_cache is None else _kept(item, mask, sensor, feature_cache)
-    if found is not None:
-        hold, table = found
-        rows = np.flatnonzero(mask[hold])
-        for first in range(0, len(rows), _AT_ONCE):
-            some = rows[first : first + _AT_ONCE]
-            yield np.arange(first, first + len(some)), table[some]
+    if found is None:
+        yield from iter_features(item.grid, sensor, own, mask)
         return
-    of_cells = values_on_map(own, item.grid, np.argwhere(mask))
-    for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
-        values = feature_values(
-            block.ranges,
-            own,
-            max_range_m=sensor.max_range_m,
-            from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
-            n_threads=n_threads,
-        )
-        yield block.nodes, values
+    hold, table = found
+    rows = np.flatnonzero(mask[hold])
+    for first in range(0, len(rows), _AT_ONCE):
+        some = rows[first : first + _AT_ONCE]
+        yield np.arange(first, first + len(some)), table[some]
 
 
 def _kept(
@@ -219,32 +199,12 @@ def _kept(
     return None
 
 
-def _make_room(
-    maps: Sequence[LabelledMap],
-    masks: Sequence[NDArray[np.bool_]],
-    sensor: Sensor,
-    cache: FeatureTables,
-) -> None:
-    missing = [
-        _shape(mask)
-        for item, mask in zip(maps, masks, strict=True)
-        if _kept(item, mask, sensor, cache) is None
-    ]
-    cache.make_room(missing)
-
-
-def _keep(
-    item: LabelledMap,
-    mask: NDArray[np.bool_],
-    sensor: Sensor,
-    n_threads: int | None,
-    cache: FeatureTables,
-) -> None:
+def _keep(item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables) -> None:
     """See to it that the cache has the features of the cells in a mask of a map."""
     if _kept(item, mask, sensor, cache) is not None:
         return
     key, shape = cache.key(item, sensor, mask), _shape(mask)
-    cache.keep(key, shape, _map_features(item, mask, sensor, (), n_threads))
+    cache.keep(key, shape, iter_features(item.grid, sensor, (), mask))
     if cache.kept(key, shape) is None:
         raise OutputError(f"cannot read back the features written to {cache}; check the disk")
 

@@ -19,9 +19,8 @@ from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import training_cells
+from pgm_places.unary import feature_tables
 from pgm_places.unary.training_cells import TrainingCells
 
 
@@ -38,13 +37,13 @@ def maps() -> list[LabelledMap]:
 def casts(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """A list that grows with every map that is cast."""
     grown: list[Any] = []
-    cast = vars(training_cells)["iter_cast"]
+    cast = vars(feature_tables)["iter_cast"]
 
     def counted(grid: Any, *rest: Any, **options: Any) -> Iterator[Any]:
         grown.append(grid)
         return iter(cast(grid, *rest, **options))
 
-    monkeypatch.setattr(training_cells, "iter_cast", counted)
+    monkeypatch.setattr(feature_tables, "iter_cast", counted)
     return grown
 
 
@@ -64,7 +63,6 @@ def cells(
         limit=limit,
         wants_all=wants_all,
         feature_cache=cache,
-        progress=Silent(),
     )
 
 

@@ -10,7 +10,6 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.floor_teaching import FloorOptions, taught_floor
 from pgm_places.experiment.setup import make_labeler
-from pgm_places.progress import Silent
 from pgm_places.unary.floor_model import FloorModel
 
 CONFIG = {
@@ -36,7 +35,7 @@ def test_labels_must_be_theirs() -> None:
 
 def test_without_steps_they_stay_as_they_are() -> None:
     floor = FloorModel(())
-    assert taught_floor(floor, [], ("room",), FloorOptions(), Silent()) is floor
+    assert taught_floor(floor, [], ("room",), FloorOptions()) is floor
 
 
 @pytest.mark.parametrize("missing", ["cv2", "tensorflow"])
@@ -50,7 +49,7 @@ def test_teaching_says_what_it_needs(missing: str, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(importlib, "import_module", load)
     with pytest.raises(InputError) as caught:
-        taught_floor(FloorModel(()), [], ("room",), FloorOptions(steps=5), Silent())
+        taught_floor(FloorModel(()), [], ("room",), FloorOptions(steps=5))
     assert str(caught.value) == (
         f"teaching the floor networks (floor.steps) needs the package {missing!r} (No module named "
         f"{missing!r}); install it with: {install_command('train')}"

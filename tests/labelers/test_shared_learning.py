@@ -11,7 +11,6 @@ from pgm_places.labelers.labeler import as_fitted, learned_with
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.place_learning import LabelledNodes, learn_methods
 from pgm_places.models.amn import AssociativeMarkovNetwork
-from pgm_places.progress import Silent
 from pgm_places.unary.map_model import CellScores
 
 NAMES = ("ground", "spot")
@@ -82,7 +81,7 @@ def test_places_learn_once_for_all_decoders(fits: list[str]) -> None:
         name: PlaceMethod(build("amn", {"inference": name, "certify": name == "lp"}), "laser")
         for name in ("graph-cut", "lp")
     }
-    found, seconds = learn_methods(methods, nodes, False, Silent())
+    found, seconds = learn_methods(methods, nodes, False)
     assert fits == ["graph-cut"]
     assert list(seconds) == ["graph-cut"]
     lp = found["lp"].backend

@@ -10,7 +10,6 @@ from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import UnaryLearner
 from pgm_places.unary.list_learning import without_a_domain
@@ -76,8 +75,8 @@ def test_gates_are_judged_by_lists_that_have_not_seen_their_building(
     known: list[LabelledMap],
 ) -> None:
     def learned(maps: list[LabelledMap]) -> np.ndarray:
-        cells = TrainingCells.of(maps, Sensor(), limit=200, progress=Silent())
-        return learn_spaces(cells, 2, None, Silent()).spaces[0].probability
+        cells = TrainingCells.of(maps, Sensor(), limit=200)
+        return learn_spaces(cells, 2).spaces[0].probability
 
     turned = LabelledMap(
         known[0].grid, np.where(known[0].labels == 2, 1, known[0].labels), name="no doors"

@@ -95,7 +95,7 @@ def test_cells_are_scored_alike_in_blocks_of_any_size(
         columns = item.columns if given is None else given
         item.expect(columns)
         for nodes in np.array_split(np.arange(len(own)), 3):
-            item.take(nodes, own[nodes][:, columns], 2)
+            item.take(nodes, own[nodes][:, columns])
         assert np.array_equal(item.scores, wanted)
 
 
@@ -107,7 +107,7 @@ def test_scores_in_single_precision_are_those_in_double_rounded() -> None:
     for dtype in (np.float64, np.float32):
         item = SpaceList(model, spaces, layout, N_OWN, 3, dtype)
         item.expect(np.arange(N_OWN))
-        item.take(np.arange(layout.n_nodes), own, 2)
+        item.take(np.arange(layout.n_nodes), own)
         found.append(item.scores)
     assert found[1].dtype == np.float32
     assert np.array_equal(found[1], found[0].astype(np.float32))
