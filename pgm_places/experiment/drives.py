@@ -1,6 +1,5 @@
 """The drives of an experiment with their true places, read from logs or simulated."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,6 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
-from pgm_places.progress import staged
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -40,6 +38,11 @@ class SourceDrive:
     prior: MapPrior | None = None
 
     @property
+    def name(self) -> str:
+        """What the drive is called."""
+        return self.trajectory.name
+
+    @property
     def grid(self) -> OccupancyGrid | None:
         """The map without its labels."""
         return None if self.map is None else self.map.grid
@@ -60,11 +63,9 @@ class SourceDrive:
         """(T, 2) where the robot was."""
         return self.trajectory.poses[:, :2]
 
-    def with_labels_at(self, steps: NDArray[np.int64]) -> "SourceDrive":
-        """The drive with the true places of these steps alone."""
-        labels = np.full(len(self.labels), -1, np.int64)
-        labels[steps] = self.labels[steps]
-        names = self.trajectory.label_names
+    def with_labels_at(self, chosen: NDArray[np.bool_]) -> "SourceDrive":
+        """The drive with the true places of the steps of a mask (T,) alone."""
+        labels, names = np.where(chosen, self.labels, -1), self.trajectory.label_names
         assert names is not None
         return replace(self, trajectory=self.trajectory.with_labels(labels, names))
 
@@ -77,23 +78,19 @@ def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
     LogError, MapError, LabelError
         A file cannot be read, or no step of a drive has a known place.
     """
-    sources: Sequence[SourceConfig] = getattr(experiment.config, part)
-    chosen = [(index, item) for index, item in enumerate(sources) if item.is_drive]
-    with experiment.timed("load"), staged(f"{part} drives") as stage:
-        drives = []
-        for done, (index, source) in enumerate(chosen):
-            where = f"{part}[{index}]"
-            if source.drive is not None:
-                whole = _simulated(experiment, source.drive, where)
-            else:
-                whole = _recorded(experiment, source, where)
-            if source.map_labels is not None:
-                folder = experiment.resolve(source.map_labels)
-                prior = read_labelled_map(folder, experiment.config.labels.names).prior
-                whole = replace(whole, prior=prior)
-            drives.append(_windowed(source, whole, where))
-            stage.update((done + 1) / len(chosen), drives[-1].trajectory.name)
-    return drives
+    return experiment.loaded(part, "drives", lambda item: item.is_drive, _load)
+
+
+def _load(experiment: Experiment, source: SourceConfig, where: str) -> SourceDrive:
+    if source.drive is not None:
+        whole = _simulated(experiment, source.drive, where)
+    else:
+        whole = _recorded(experiment, source, where)
+    if source.map_labels is not None:
+        folder = experiment.resolve(source.map_labels)
+        prior = read_labelled_map(folder, experiment.config.labels.names).prior
+        whole = replace(whole, prior=prior)
+    return _windowed(source, whole, where)
 
 
 def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> SourceDrive:

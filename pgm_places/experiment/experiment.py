@@ -3,7 +3,7 @@
 import os
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +13,10 @@ from pgm_places.errors import LearningWarning
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.input_file import sha256_of
 from pgm_places.kernels.threads import threads
-from pgm_places.progress import Progress, Silent, reported
+from pgm_places.progress import Progress, Silent, reported, staged
 
 DATA_VARIABLE = "PGM_PLACES_DATA"
 
@@ -59,6 +60,26 @@ class Experiment:
                 yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def loaded(
+        self,
+        part: str,
+        what: str,
+        wanted: Callable[[SourceConfig], bool],
+        load: Callable[["Experiment", SourceConfig, str], Any],
+    ) -> list[Any]:
+        """The wanted sources of ``"train"`` or ``"test"``, in their order.
+
+        ``load`` is given the place of a source in the configuration, to name it in messages.
+        """
+        sources = enumerate(getattr(self.config, part))
+        chosen = [(f"{part}[{index}]", item) for index, item in sources if wanted(item)]
+        found: list[Any] = []
+        with self.timed("load"), staged(f"{part} {what}") as stage:
+            for where, source in chosen:
+                found.append(load(self, source, where))
+                stage.update(len(found) / len(chosen), found[-1].name)
+        return found
 
     @contextmanager
     def learning(self) -> Iterator[None]:

@@ -1,13 +1,12 @@
 """Experiments on the nodes of graphs of one's own."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError
-from pgm_places.evaluation.folds import contiguous_parts, fold_of_buildings
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
@@ -68,31 +67,6 @@ def _evidence(
 def _method(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
     [unary] = [method.unary for method in config.methods if method.id == name]
     return GraphMethod(labeler.backend_, unary)
-
-
-def graph_splits(
-    graphs: Sequence[SourceGraph], n_folds: int, n_labels: int
-) -> Iterator[tuple[list[SourceGraph], list[SourceGraph]]]:
-    """What to learn from and what to test on, fold by fold.
-
-    Whole buildings of graphs where there are several, else parts of the only one: nodes that lie
-    together (:func:`pgm_places.evaluation.folds.contiguous_parts`). These stay in the graph that is
-    learned from, without their labels. Folds that leave a label without an example are skipped.
-    """
-    of_graph = fold_of_buildings([item.building for item in graphs], n_folds)
-    folds = [
-        contiguous_parts(item.problem.graph, n_folds, item.truth)
-        if fold is None
-        else np.full(len(item.truth), fold, np.int64)
-        for item, fold in zip(graphs, of_graph, strict=True)
-    ]
-    for fold in np.unique(np.concatenate(folds)):
-        learn = [g.with_labels_at(part != fold) for g, part in zip(graphs, folds, strict=True)]
-        test = [g.with_labels_at(part == fold) for g, part in zip(graphs, folds, strict=True)]
-        learn, test = ([g for g in part if (g.truth >= 0).any()] for part in (learn, test))
-        known = np.concatenate([np.zeros(0, np.int64), *(g.truth for g in learn)])
-        if test and len(np.unique(known[known >= 0])) == n_labels:
-            yield learn, test
 
 
 GRAPHS = Task(graph_labelers, _learn, "graphs", _evidence, _method)

@@ -15,7 +15,6 @@ from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.tables import is_empty, problem_from_tables
 from pgm_places.io.graph_tables import GraphTables, Table, read_graphml, read_table
-from pgm_places.progress import staged
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +60,9 @@ def load_graphs(
     LabelError
         No node of a graph has a label to learn or to test.
     """
-    sources: Sequence[SourceConfig] = getattr(experiment.config, part)
-    graphs: list[SourceGraph] = []
-    with experiment.timed("load"), staged(f"{part} graphs") as stage:
-        for index, source in enumerate(sources):
-            where = f"{part}[{index}]"
-            graphs.append(_load(experiment, source, where))
-            _check_features([*like, *graphs][0], graphs[-1], where)
-            stage.update((index + 1) / len(sources), graphs[-1].name)
+    graphs = experiment.loaded(part, "graphs", lambda _: True, _load)
+    for index, graph in enumerate(graphs):
+        _check_features([*like, *graphs][0], graph, f"{part}[{index}]")
     return graphs
 
 

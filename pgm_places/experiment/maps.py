@@ -1,6 +1,5 @@
 """The labelled maps of an experiment, coarsened and cropped to windows as configured."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.map_config import MapConfig
-from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
@@ -19,20 +17,12 @@ from pgm_places.io.maps.windows import window_mask
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import staged
 from pgm_places.teaching.paint import Paint
 
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
     """The maps among the sources of ``"train"`` or ``"test"``, coarsened and windowed."""
-    sources: Sequence[SourceConfig] = getattr(experiment.config, part)
-    chosen = [(index, item) for index, item in enumerate(sources) if not item.is_drive]
-    with experiment.timed("load"), staged(f"{part} maps") as stage:
-        maps = []
-        for done, (index, source) in enumerate(chosen):
-            maps.append(load_map_of(experiment, source, f"{part}[{index}]"))
-            stage.update((done + 1) / len(chosen), maps[-1].name)
-    return maps
+    return experiment.loaded(part, "maps", lambda item: not item.is_drive, load_map_of)
 
 
 def load_map_of(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:

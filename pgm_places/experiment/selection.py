@@ -1,7 +1,7 @@
 """Grid search over options on the training maps and drives, holding out buildings or stripes."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
+from pgm_places.evaluation.folds import (
+    contiguous_blocks,
+    contiguous_parts,
+    fold_of_buildings,
+    map_buildings,
+)
 from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.graph_task import graph_splits
-from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.graphs import SourceGraph
+from pgm_places.experiment.sources import Source, Sources
 from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests_of
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Silent
@@ -129,18 +135,25 @@ def held_out_splits(sources: Sources, n_folds: int, n_labels: int) -> list[tuple
     Whole buildings are held out if there are several, otherwise stripes of the only one; never
     single cells or steps, because neighbours look alike. Folds that leave some label without
     training examples are skipped, and where there are drives, so are those that hold none of them
-    out.
+    out. Nodes of a graph that are held out stay in the one that is learned from, without labels.
 
     Raises
     ------
     LabelError
         No fold is left.
     """
-    if sources.graphs:
-        parts = graph_splits(sources.graphs, n_folds, n_labels)
-        splits = [(Sources(graphs=learn), Sources(graphs=test)) for learn, test in parts]
-    else:
-        splits = list(_splits(sources, n_folds, n_labels))
+    labels = [_labels(item) for item in sources.all]
+    known = [part >= 0 for part in labels]
+    folds = _folds(sources, known, n_folds)
+    fold_of = np.concatenate(folds)
+    label_of = np.concatenate([part[some] for part, some in zip(labels, known, strict=True)])
+    splits = []
+    for fold in np.unique(fold_of):
+        learn = _parts(sources, known, [part != fold for part in folds])
+        test = _parts(sources, known, [part == fold for part in folds])
+        learnable = len(np.unique(label_of[fold_of != fold])) == n_labels
+        if learnable and (test.drives or not sources.drives):
+            splits.append((learn, test))
     if not splits:
         raise LabelError(
             "no fold can be held out: each one leaves some label without examples; label more, or "
@@ -149,23 +162,27 @@ def held_out_splits(sources: Sources, n_folds: int, n_labels: int) -> list[tuple
     return splits
 
 
-def _splits(sources: Sources, n_folds: int, n_labels: int) -> Iterator[tuple[Sources, Sources]]:
-    """Those of maps and drives."""
-    fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
-    every = np.concatenate(fold_of)
-    for fold in np.unique(every):
-        test = _parts(sources, [numbers == fold for numbers in fold_of])
-        learnable = len(np.unique(labels[every != fold])) == n_labels
-        if learnable and (test.drives or not sources.drives):
-            yield _parts(sources, [numbers != fold for numbers in fold_of]), test
+def _labels(item: Source) -> NDArray[np.integer]:
+    """The label of each cell (H, W), step or node of a source, -1 where none is to be learned."""
+    if isinstance(item, LabelledMap):
+        return np.where(item.labelled_cells, item.labels, np.int16(-1))
+    return item.truth if isinstance(item, SourceGraph) else item.labels
 
 
-def _folds(sources: Sources, n_folds: int) -> list[NDArray[np.int64]]:
-    """The folds of the labelled cells of each map and of the labelled steps of each drive."""
-    sizes = [len(item) for item in _labels(sources)]
-    folds = _building_folds(sources, n_folds)
+def _folds(
+    sources: Sources, known: Sequence[NDArray[np.bool_]], n_folds: int
+) -> list[NDArray[np.int64]]:
+    """The folds of the labelled cells of each map, steps of each drive, or nodes of each graph."""
+    sizes, folds = [int(part.sum()) for part in known], _building_folds(sources, n_folds)
     if None not in folds:
         return [np.full(size, fold, np.int64) for size, fold in zip(sizes, folds, strict=True)]
+    if sources.graphs:
+        return [
+            contiguous_parts(item.problem.graph, n_folds, item.truth)[some]
+            if fold is None
+            else np.full(size, fold, np.int64)
+            for item, some, size, fold in zip(sources.graphs, known, sizes, folds, strict=True)
+        ]
     # The same stripes for maps and drives, so that no drive is tested where its map was learned.
     places = [item.grid.cell_centres_m(np.argwhere(item.labelled_cells)) for item in sources.maps]
     places += [item.positions_m[item.labels >= 0] for item in sources.drives]
@@ -173,37 +190,31 @@ def _folds(sources: Sources, n_folds: int) -> list[NDArray[np.int64]]:
 
 
 def _building_folds(sources: Sources, n_folds: int) -> list[int | None]:
-    """The fold of each map and drive by its building; None where there is only one."""
-    buildings = [*map_buildings(sources.maps), *(item.building for item in sources.drives)]
+    """The fold of each source by its building; None where there is only one."""
+    others = [item.building for item in sources.all if not isinstance(item, LabelledMap)]
+    buildings = [*map_buildings(sources.maps), *others]
     return fold_of_buildings(buildings, n_folds)
 
 
-def _labels(sources: Sources) -> list[NDArray[np.int64]]:
-    """The known labels of the cells of each map and of the steps of each drive."""
-    of_maps = [item.labels[item.labelled_cells].astype(np.int64) for item in sources.maps]
-    return [*of_maps, *(item.labels[item.labels >= 0] for item in sources.drives)]
-
-
-def _parts(sources: Sources, chosen: Sequence[NDArray[np.bool_]]) -> Sources:
-    """Maps with windows, and drives with labels, reduced to the chosen cells and steps."""
-    n_maps = len(sources.maps)
-    maps = [
-        _windowed(item, item.labelled_cells, kept)
-        for item, kept in zip(sources.maps, chosen[:n_maps], strict=True)
-        if kept.any()
-    ]
-    drives = [
-        item.with_labels_at(np.flatnonzero(item.labels >= 0)[kept])
-        for item, kept in zip(sources.drives, chosen[n_maps:], strict=True)
-        if kept.any()
-    ]
-    return Sources(maps, drives)
-
-
-def _windowed(item: LabelledMap, cells: NDArray[np.bool_], kept: NDArray[np.bool_]) -> LabelledMap:
-    window = np.zeros(item.grid.shape, np.bool_)
-    window[cells] = kept
-    return replace(item, window=window)
+def _parts(
+    sources: Sources, known: Sequence[NDArray[np.bool_]], chosen: Sequence[NDArray[np.bool_]]
+) -> Sources:
+    """Maps with windows, others with labels, reduced to the chosen of their labelled nodes."""
+    maps: list[LabelledMap] = []
+    drives: list[SourceDrive] = []
+    graphs: list[SourceGraph] = []
+    for item, some, kept in zip(sources.all, known, chosen, strict=True):
+        mask = np.zeros(some.shape, np.bool_)
+        mask[some] = kept
+        if not kept.any():
+            continue
+        if isinstance(item, LabelledMap):
+            maps.append(replace(item, window=mask))
+        elif isinstance(item, SourceGraph):
+            graphs.append(item.with_labels_at(mask))
+        else:
+            drives.append(item.with_labels_at(mask))
+    return Sources(maps, drives, graphs)
 
 
 def _candidates(

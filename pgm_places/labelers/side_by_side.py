@@ -8,6 +8,7 @@ import numpy as np
 from pgm_places._checks import stacked_rows
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
+from pgm_places.graph.known_labels import known_beside
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
@@ -69,7 +70,7 @@ def beside(problems: Sequence[LabelingProblem]) -> LabelingProblem | None:
         _stacked([problem.unary for problem in problems]),
         _stacked([problem.node_features for problem in problems]),
         _stacked([problem.edge_features for problem in problems]),
-        _known(problems),
+        known_beside([(problem.known, problem.graph.n_nodes) for problem in problems]),
     )
 
 
@@ -104,14 +105,3 @@ def _has_diagonals(problem: LabelingProblem) -> bool:
 
 def _stacked(parts: Sequence[Any]) -> Any:
     return None if parts[0] is None else stacked_rows(parts)
-
-
-def _known(problems: Sequence[LabelingProblem]) -> Any:
-    if all(problem.known is None for problem in problems):
-        return None
-    return np.concatenate(
-        [
-            np.full(problem.graph.n_nodes, -1) if problem.known is None else problem.known
-            for problem in problems
-        ]
-    )

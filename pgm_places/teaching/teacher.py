@@ -3,9 +3,10 @@
 import copy
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property, partial
+from typing import Any
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
@@ -70,11 +71,15 @@ class Turns:
             From this method, or from the stages and updates of what it yields.
         """
         number = self._next()
-        with self._running:
-            watched = _Watched(progress, self, number)
-            watched.check()
-            with reported(watched):
-                yield watched
+
+        def check() -> None:
+            if not self.is_newest(number):
+                raise SupersededError("a newer request has superseded this one")
+
+        watched = _Watched(progress, check)
+        with self._running, reported(watched):
+            check()
+            yield watched
 
     def cancel(self) -> None:
         """End whatever runs or waits, at its next stage or update."""
@@ -91,32 +96,23 @@ class Turns:
 
 
 class _Watched:
-    """Progress that ends work that nobody waits for any more."""
+    """Progress, or a stage of it, that ends work that nobody waits for any more."""
 
-    def __init__(self, progress: Progress, turns: Turns, number: int) -> None:
-        self._progress, self._turns, self._number = progress, turns, number
-
-    def check(self) -> None:
-        if not self._turns.is_newest(self._number):
-            raise SupersededError("a newer request has superseded this one")
+    def __init__(self, told: Any, check: Callable[[], None]) -> None:
+        self._told, self._check = told, check
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Stage]:
-        self.check()
-        with self._progress.stage(name) as stage:
-            yield _WatchedStage(stage, self)
-
-    def warn(self, message: str) -> None:
-        self._progress.warn(message)
-
-
-class _WatchedStage:
-    def __init__(self, stage: Stage, watched: _Watched) -> None:
-        self._stage, self._watched = stage, watched
+        self._check()
+        with self._told.stage(name) as stage:
+            yield _Watched(stage, self._check)
 
     def update(self, fraction: float, note: str = "") -> None:
-        self._watched.check()
-        self._stage.update(fraction, note)
+        self._check()
+        self._told.update(fraction, note)
+
+    def warn(self, message: str) -> None:
+        self._told.warn(message)
 
 
 FINEST_M = 0.05

@@ -13,7 +13,6 @@ from pgm_places.cli.tables import comparison_table
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.graph_task import graph_splits
 from pgm_places.experiment.graphs import load_graphs
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.selection import held_out_splits
@@ -117,10 +116,10 @@ def test_parts_of_a_single_graph_are_held_out_by_their_labels(tmp_path: Path) ->
     config = content(tmp_path)
     only = [{"graph": {**config["train"][0]["graph"], "positions": ["y", "x"]}}]
     [graph] = load_graphs(experiment(tmp_path, train=only), "train")
-    splits = list(graph_splits([graph], 4, 3))
+    splits = held_out_splits(Sources(graphs=[graph]), 4, 3)
     assert len(splits) > 1
     for learn, test in splits:
-        [known], [asked] = learn, test
+        [known], [asked] = learn.graphs, test.graphs
         assert known.problem is asked.problem is graph.problem
         assert not ((known.truth >= 0) & (asked.truth >= 0)).any()
         np.testing.assert_array_equal(np.maximum(known.truth, asked.truth), graph.truth)
