@@ -62,7 +62,8 @@ def category_lists_table(data: Building79) -> str:
     """Per list: accuracy / balanced accuracy, on the half learned from and on the other one."""
     truth = np.where(data.left, -1, data.category)
     path = data.path.with_labels(truth, CATEGORY_NAMES)
-    examples = trajectory_examples([], [path], CATEGORY_NAMES, sensor=SENSOR, beams=BEAMS)
+    labeler = TrajectoryLabeler(CATEGORY_NAMES, sensor=SENSOR, beams=BEAMS)
+    examples = trajectory_examples(labeler, [], [path])
     seen = observed_along(path, SENSOR, BEAMS)
     lines = [f"| list | half | single scans | {' | '.join(METHODS)} |", "|---" * 8 + "|"]
     for name, (sees_spaces, is_mean, options) in LISTS.items():
@@ -73,9 +74,8 @@ def category_lists_table(data: Building79) -> str:
             domain=examples.groups if is_mean else None,
         )
         unfitted = DecisionListClassifier(order=RAREST_FIRST, **options)
-        model, held_out = learn_list(
-            given, CATEGORY_NAMES, sensor=SENSOR, classifier=unfitted, sees_spaces=sees_spaces
-        )
+        beams = BEAMS if sees_spaces else BeamOptions()
+        model, held_out = learn_list(labeler.set_params(classifier=unfitted, beams=beams), given)
         scores = model.log_proba(seen.circles_m, spaces=seen.spaces if sees_spaces else None)
         labelers = dict(_labelers(path, given, model, held_out))
         learned = path.subset(examples.steps[0])
@@ -92,9 +92,8 @@ def _labelers(
     """Each method, fitted on what lists say of what they have not seen."""
     beams = BEAMS if model.sees_spaces else BeamOptions()
     for name, (method, loop_m) in METHODS.items():
-        fitted = learn_method(
-            method, CATEGORY_NAMES, [], [path], examples, held_out, every_m=EVERY_M, loop_m=loop_m
-        )
+        unfitted = TrajectoryLabeler(CATEGORY_NAMES, every_m=EVERY_M, loop_m=loop_m)
+        fitted = learn_method(unfitted, method, [], [path], examples, held_out)
         labeler = TrajectoryLabeler.of_parts(
             CATEGORY_NAMES, fitted, model, every_m=EVERY_M, beams=beams, loop_m=loop_m
         )

@@ -39,7 +39,8 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     sensor = Sensor(max_range_m=REACH_M)
     path = data.path.with_labels(np.where(data.left, -1, data.category), names)
     truth = np.where(data.left, data.category, -1)
-    examples = trajectory_examples([], [path], names, sensor=sensor, beams=beams)
+    labeler = TrajectoryLabeler(names, sensor=sensor, beams=beams)
+    examples = trajectory_examples(labeler, [], [path])
     given = examples.features, examples.truth, examples.groups
     unfitted = with_explicit_order(DecisionListClassifier(order=RAREST_FIRST), examples.truth)
     fitted = fitted_list(unfitted, *given)
@@ -48,10 +49,8 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     learned = path.subset(examples.steps[0])
     scores = model.log_proba(observed_along(path, sensor, beams).circles_m)
     for every_m in (0.1, 0.3, 0.5):
-        unfitted_method = TrajectoryLabeler(names).method
-        method = learn_method(
-            unfitted_method, names, [], [path], examples, held_out, every_m=every_m
-        )
+        labeler.set_params(every_m=every_m)
+        method = learn_method(labeler, labeler.method, [], [path], examples, held_out)
         assert isinstance(method, HiddenMarkovModel)
         assert method.fitted_weights is not None
         plain = replace(method, evidence_weight=1.0)

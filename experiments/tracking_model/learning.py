@@ -71,7 +71,8 @@ class Learned:
     def labeler(self, method: Any = METHOD) -> TrajectoryLabeler:
         """A labeler whose method learned on the held-out scores."""
         paths = [item.trajectory for item in self.table.drives]
-        fitted = learn_method(method, NAMES, [], paths, self.examples, self.scores, every_m=EVERY_M)
+        labeler = TrajectoryLabeler(NAMES, every_m=EVERY_M)
+        fitted = learn_method(labeler, method, [], paths, self.examples, self.scores)
         return TrajectoryLabeler.of_parts(NAMES, fitted, self.model, every_m=EVERY_M, beams=BEAMS)
 
 
@@ -126,7 +127,8 @@ def learned(
         tuple(np.arange(size) for size in sizes),
         None if composition is None else np.repeat(composition(table.drives), sizes),
     )
-    model, scores = learn_list(
-        examples, NAMES, sensor=SENSOR, classifier=unfitted or classifier(), sees_spaces=True
+    labeler = TrajectoryLabeler(
+        NAMES, sensor=SENSOR, beams=BEAMS, classifier=unfitted or classifier()
     )
+    model, scores = learn_list(labeler, examples)
     return Learned(model, examples, scores, table)

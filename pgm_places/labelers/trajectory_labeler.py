@@ -287,46 +287,16 @@ class TrajectoryLabeler(StepLabelling):
         """
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
-        names, extra_names = tuple(self.label_names), tuple(self.extra_names)
-        features = as_features(self.features)
         if maps or trajectories:
             for method in methods.values():
                 check_can_learn(method, trajectories)
-        examples = trajectory_examples(
-            maps,
-            trajectories,
-            names,
-            sensor=self.sensor,
-            beams=self.beams,
-            known_map=known_map,
-            extra=extra,
-            extra_names=extra_names,
-            features=features,
-            n_folds=self.n_folds,
-        )
-        model, scores = learn_list(
-            examples,
-            names,
-            sensor=self.sensor,
-            classifier=self.classifier,
-            extra_names=extra_names,
-            features=features,
-            sees_spaces=self.beams.spaces_m > 0,
-        )
+        examples = trajectory_examples(self, maps, trajectories, extra, known_map)
+        model, scores = learn_list(self, examples)
 
         def learn(method: Any) -> dict[str, Any]:
-            fitted = learn_method(
-                with_edge_kinds(method) if self.loop_m > 0 else method,
-                names,
-                maps,
-                trajectories,
-                examples,
-                scores,
-                every_m=self.every_m,
-                loop_m=self.loop_m,
-                n_runs=self.n_runs,
-                seed=self.seed,
-            )
+            seen = with_edge_kinds(method) if self.loop_m > 0 else method
+            fitted = learn_method(self, seen, maps, trajectories, examples, scores)
+            names = tuple(self.label_names)
             return {"scan_model_": model, "method_": fitted, "label_names_": names}
 
         return self.set_learned_with(methods, learn), examples.split(scores)[1]

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
-from pgm_places.features.own import feature_values
+from pgm_places.features.own import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.place_learning import learn_movement
@@ -17,7 +17,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import staged
-from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.list_learning import (
@@ -27,16 +26,12 @@ from pgm_places.unary.list_learning import (
     with_explicit_order,
 )
 from pgm_places.unary.scan_model import (
-    BeamOptions,
     ScanModel,
     check_extra,
     check_scan_features,
     observed_along,
 )
 from pgm_places.unary.training_cells import training_features
-
-if TYPE_CHECKING:
-    from pgm_places.models.decision_list import DecisionListClassifier
 
 KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
 """The map of all trajectories, or one for each."""
@@ -80,19 +75,15 @@ class Examples:
 
 
 def trajectory_examples(
+    labeler: Any,
     maps: Sequence[LabelledMap],
     trajectories: Sequence[Trajectory],
-    label_names: tuple[str, ...],
-    *,
-    sensor: Sensor,
-    beams: BeamOptions,
-    known_map: KnownMaps = None,
     extra: Sequence[ArrayLike] | None = None,
-    extra_names: tuple[str, ...] = (),
-    features: tuple[Any, ...] = (),
-    n_folds: int = 5,
+    known_map: KnownMaps = None,
 ) -> Examples:
     """All features of labelled cells and steps, and the extra columns of the steps.
+
+    What they are is said by the options of a TrajectoryLabeler, which imports this module.
 
     Raises
     ------
@@ -102,9 +93,11 @@ def trajectory_examples(
     LabelError
         A label has no example.
     """
-    _require_sources(maps, trajectories, extra, extra_names, label_names)
+    names, extra_names = tuple(labeler.label_names), tuple(labeler.extra_names)
+    sensor, n_folds, features = labeler.sensor, labeler.n_folds, as_features(labeler.features)
+    _require_sources(maps, trajectories, extra, extra_names, names)
     check_scan_features(features)
-    if maps and beams.spaces_m > 0:
+    if maps and labeler.beams.spaces_m > 0:
         raise InputError(
             "spaces_m: the spaces that a robot sees along its path are unknown for cells of "
             "maps; train on drives alone, such as simulated ones through these maps"
@@ -122,7 +115,8 @@ def trajectory_examples(
         for number, item in enumerate(trajectories):
             labels = _labels(item)
             known = np.flatnonzero(labels >= 0)
-            seen = observed_along(item, sensor, beams, known_map=_map_of(known_map, number))
+            around = known_map[number] if isinstance(known_map, Sequence) else known_map
+            seen = observed_along(item, sensor, labeler.beams, known_map=around)
             columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
             values = feature_values(seen.circles_m[known], features, max_range_m=sensor.max_range_m)
             parts.append(np.concatenate([values, seen.spaces[known], columns[known]], axis=1))
@@ -132,7 +126,7 @@ def trajectory_examples(
             steps.append(known)
             stage.update((number + 1) / len(trajectories))
     truth = np.concatenate(truths)
-    _require_examples(truth, label_names)
+    _require_examples(truth, names)
     return Examples(
         np.concatenate(parts),
         truth,
@@ -142,43 +136,30 @@ def trajectory_examples(
     )
 
 
-def learn_list(
-    examples: Examples,
-    label_names: tuple[str, ...],
-    *,
-    sensor: Sensor,
-    classifier: "DecisionListClassifier | None" = None,
-    extra_names: tuple[str, ...] = (),
-    features: tuple[Any, ...] = (),
-    sees_spaces: bool = False,
-) -> tuple[ScanModel, NDArray[np.float64]]:
+def learn_list(labeler: Any, examples: Examples) -> tuple[ScanModel, NDArray[np.float64]]:
     """The list fitted on all examples, and (N, K) what lists say of examples held out."""
     from pgm_places.models.decision_list import DecisionListClassifier
 
-    n_labels, truth = len(label_names), examples.truth
+    n_labels, truth = len(labeler.label_names), examples.truth
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
-    unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
+    unfitted = labeler.classifier or DecisionListClassifier(order=RAREST_FIRST)
     unfitted = with_explicit_order(unfitted, truth)
     given = examples.features, truth, examples.groups
     with staged("decision list"):
         fitted = fitted_list(unfitted, *given, examples.domain)
     scores = held_out_scores(fitted, unfitted, *given, n_labels, "held-out scores", examples.domain)
-    model = ScanModel(fitted, n_labels, sensor, extra_names, features, sees_spaces)
-    return model, scores
+    own, further = as_features(labeler.features), tuple(labeler.extra_names)
+    sees_spaces = labeler.beams.spaces_m > 0
+    return ScanModel(fitted, n_labels, labeler.sensor, further, own, sees_spaces), scores
 
 
 def learn_method(
+    labeler: Any,
     method: Any,
-    label_names: tuple[str, ...],
     maps: Sequence[LabelledMap],
     trajectories: Sequence[Trajectory],
     examples: Examples,
     scores: NDArray[np.float64],
-    *,
-    every_m: float,
-    loop_m: float = 0.0,
-    n_runs: int = 1000,
-    seed: int = 0,
 ) -> Any:
     """The method fitted on observations as it will see them: on segments where there are any.
 
@@ -186,25 +167,21 @@ def learn_method(
     """
     if not isinstance(method, Learnable):
         return method
-    n_labels, loop_m = len(label_names), loops_for(method, loop_m)
+    names, loop_m = tuple(labeler.label_names), loops_for(method, labeler.loop_m)
     of_cells, of_steps = examples.split(scores)
     problems, truths = [], []
     for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
         labelled = item.subset(steps)
-        segments = Segments(labelled.poses, every_m)
-        problems.append(segment_problem(segments, part, label_names, loop_m=loop_m))
-        truths.append(segments.majority(_labels(labelled), n_labels))
+        segments = Segments(labelled.poses, labeler.every_m)
+        problems.append(segment_problem(segments, part, names, loop_m=loop_m))
+        truths.append(segments.majority(_labels(labelled), len(names)))
     if not isinstance(method, HiddenMarkovModel) or not maps:
         return method.fit(problems, truths)
-    if problems:
-        unaries = [problem.unary for problem in problems if problem.unary is not None]
-        learned = learn_movement(
-            maps, truths, unaries, n_labels, model=method, n_runs=n_runs, seed=seed
-        )
-        return learned.with_sequences(problems, truths)
-    ends = np.cumsum(examples.n_of_map)[:-1]
-    cells = np.split(examples.truth, ends)
-    return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)
+    observed = [problem.unary for problem in problems if problem.unary is not None] or of_cells
+    known = truths or np.split(examples.truth, np.cumsum(examples.n_of_map)[:-1])
+    drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
+    learned = learn_movement(maps, known, observed, len(names), model=method, **drawn)
+    return learned.with_sequences(problems, truths) if problems else learned
 
 
 def loops_for(method: Any, loop_m: float) -> float:
@@ -248,10 +225,6 @@ def _groups(fold: int | None, places: NDArray[np.int64], n_folds: int) -> NDArra
     if fold is None:
         return contiguous_blocks(places, n_folds)
     return np.full(len(places), fold, np.int64)
-
-
-def _map_of(known: KnownMaps, number: int) -> OccupancyGrid | None:
-    return known[number] if isinstance(known, Sequence) else known
 
 
 def _labels(trajectory: Trajectory) -> NDArray[np.int64]:

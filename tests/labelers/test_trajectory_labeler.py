@@ -100,8 +100,9 @@ def test_any_method_labels_the_chain(name: str) -> None:
 def test_options_of_learning_reach_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {}
 
-    def learn(method: Any, *_: Any, **options: Any) -> Any:
-        asked.update(options, method=method)
+    def learn(labeler: Any, method: Any, *_: Any) -> Any:
+        options = ("every_m", "loop_m", "n_runs", "seed")
+        asked.update({name: getattr(labeler, name) for name in options}, method=method)
         return method
 
     monkeypatch.setattr("pgm_places.labelers.trajectory_labeler.learn_method", learn)

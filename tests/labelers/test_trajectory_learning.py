@@ -8,11 +8,11 @@ import pytest
 
 from pgm_places.features.own import n_columns
 from pgm_places.labelers import trajectory_learning
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.list_average import list_average
-from pgm_places.sensing.sensor import Sensor
 
 NAMES = ("room", "corridor", "doorway")
 TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
@@ -29,7 +29,7 @@ def examples() -> Examples:
 
 def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
     given = examples()
-    model, scores = learn_list(given, NAMES, sensor=Sensor(), classifier=TREES)
+    model, scores = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), given)
     assert given.domain is not None
     expected = np.empty_like(scores)
     for fold in (0, 1):
@@ -54,16 +54,15 @@ def test_simulated_runs_are_as_many_and_drawn_as_asked(monkeypatch: pytest.Monke
     given = replace(examples(), n_of_map=(90,), steps=())
     known: Any = [None]
     method = HiddenMarkovModel()
-    found = trajectory_learning.learn_method(
-        method, NAMES, known, [], given, np.zeros((90, 3)), every_m=0.5, n_runs=7, seed=4
-    )
+    labeler = TrajectoryLabeler(NAMES, every_m=0.5, n_runs=7, seed=4)
+    found = trajectory_learning.learn_method(labeler, method, known, [], given, np.zeros((90, 3)))
     assert found is method
     assert asked == [{"n_runs": 7, "seed": 4}]
 
 
 def test_without_domains_there_is_one_list() -> None:
     plain = replace(examples(), domain=None)
-    model, _ = learn_list(plain, NAMES, sensor=Sensor(), classifier=TREES)
+    model, _ = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), plain)
     alone = TREES.fit(plain.features, plain.truth).boosted_list_
     np.testing.assert_array_equal(
         model.classifier.log_histogram(plain.features), alone.log_histogram(plain.features)
