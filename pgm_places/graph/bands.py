@@ -1,6 +1,9 @@
 """Bands of rows: processing a huge raster a few million cells at a time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
 
 BAND_CELLS = 4_000_000
 
@@ -18,3 +21,18 @@ def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slic
     high = multiple * max(1, BAND_CELLS // max(shape[1] * multiple, 1))
     for first in range(0, shape[0], high):
         yield slice(first, min(first + high, shape[0]))
+
+
+def counted(parts: Iterable[NDArray[np.integer]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The different numbers in some arrays, ascending, and how often each occurs in all of them.
+
+    Examples
+    --------
+    >>> [found.tolist() for found in counted([np.array([3, 1, 3]), np.array([1, 1])])]
+    [[1, 3], [3, 2]]
+    """
+    found = [np.unique(part, return_counts=True) for part in parts]
+    values, counts = (np.concatenate(part) for part in zip(*found, strict=True))
+    numbers, of = np.unique(values, return_inverse=True)
+    cells = np.bincount(of.reshape(-1), counts, len(numbers))
+    return numbers.astype(np.int64), cells.astype(np.int64)

@@ -1,13 +1,13 @@
 """Pieces of a labelled map between its gates: doorways are gates, and gates separate places."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.bands import bands_of_rows, counted
 from pgm_places.maps.components import Components, connected_components, number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
@@ -68,21 +68,123 @@ def pieces_between(
     correct : bool
         Whether to apply these corrections.
     """
-    doorway = label_names.index(rules.doorway_label)
-    labels = _on_free_cells(labels, grid)
-    gate = _painted_gates(labels, grid, doorways)
-    painted = (labels == doorway) & (gate < 0)
-    log = _without_gate(labels, gate, painted, doorway, label_names, grid)
-    place, n_places = _numbered_places(labels, gate, doorways.place_on(grid), grid, rules)
-    labels = _relabelled(labels, painted, gate, place, doorway, len(label_names))
-    key, names = _keys(labels, gate, place, n_places, label_names, len(doorways), doorway)
-    del gate, place, painted, labels  # a huge map's rasters
+    division = _Division(labels, grid, label_names, doorways, rules)
+    log = division.without_gate()
+    division.number_places(doorways.place_on(grid))
+    division.relabel()
+    key, names = division.keys(len(doorways))
+    first_gate, n_labels, doorway = len(names) - len(doorways), len(label_names), division.doorway
+    del division  # a huge map's rasters
     if correct:
         # Gates stay whatever their size; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
         key, corrected = correct_regions(key, names, grid.resolution_m, bare, fixed_doorways=True)
         log += corrected
-    return _pieces(key, n_places * len(label_names), len(label_names), doorway, tuple(log))
+    return _pieces(key, first_gate, n_labels, doorway, tuple(log))
+
+
+class _Division:
+    """A map while it is divided: labels, gates and places of its cells."""
+
+    place: Numbers
+    n_places: int
+
+    def __init__(
+        self,
+        labels: NDArray[np.int16],
+        grid: OccupancyGrid,
+        names: Sequence[str],
+        doorways: Doorways,
+        rules: CorrectionRules,
+    ) -> None:
+        self.grid, self.names, self.rules = grid, names, rules
+        self.doorway = names.index(rules.doorway_label)
+        self.labels = _on_free_cells(labels, grid)
+        self.gate = _painted_gates(self.labels, grid, doorways)
+        self.painted = (self.labels == self.doorway) & (self.gate < 0)
+
+    @property
+    def bands(self) -> Iterator[slice]:
+        """Some rows at a time, which bounds the memory for huge maps."""
+        return bands_of_rows(self.grid.shape)
+
+    def without_gate(self) -> list[Correction]:
+        """A correction for each painted doorway that no gate touches."""
+        if not self.painted.any():
+            return []
+        pieces = connected_components(self.labels == self.doorway)
+        with_gate = np.zeros(pieces.count, np.bool_)
+        for band in self.bands:
+            piece = pieces.piece[band]
+            with_gate[piece[(piece >= 0) & (self.gate[band] >= 0)]] = True
+        cells = np.argwhere(self.painted)
+        numbers, first = np.unique(pieces.piece[self.painted], return_index=True)
+        cell_m2, name = self.grid.resolution_m**2, self.names[self.doorway]
+        log = []
+        for number, (r, c) in zip(numbers.tolist(), cells[first].tolist(), strict=True):
+            if not with_gate[number]:
+                area_m2 = float(pieces.size[number]) * cell_m2
+                log.append(Correction((r, c), area_m2, name, "", "no gate"))
+        return log
+
+    def number_places(self, place: Numbers) -> None:
+        """Take the places of the gates for those of labelled cells outside gates, -1 elsewhere.
+
+        The numbers are written into ``place``, where they fit.
+
+        Pieces separated only by rectangles belong together, except for places of at least
+        ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at
+        the narrowest point, not along rectangles.
+        """
+        labels = self.labels
+        grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
+        parted = connected_components((labels >= 0) & (self.gate < 0)).piece
+        n = int(place.max(initial=-1)) + 2  # the first is for cells in no place
+
+        def pairs(rows: slice) -> NDArray[np.int64]:
+            inside = parted[rows] >= 0
+            return parted[rows][inside].astype(np.int64) * n + place[rows][inside] + 1
+
+        kinds, cells = counted(pairs(rows) for rows in self.bands)
+        piece = kinds // n
+        order = np.lexsort((kinds, -cells, piece))
+        largest = order[np.unique(piece[order], return_index=True)[1]]
+        home = np.where(
+            (cells * self.grid.resolution_m**2 >= self.rules.min_area_m2) & (kinds % n > 0),
+            np.arange(len(kinds)),
+            largest[piece],
+        )
+        used, number = np.unique(home, return_inverse=True)
+        place = place.astype(np.promote_types(place.dtype, number_type(len(used))), copy=False)
+        for rows in self.bands:
+            both = pairs(rows)
+            place[rows] = -1
+            place[rows][parted[rows] >= 0] = number.reshape(-1)[np.searchsorted(kinds, both)]
+        self.place, self.n_places = place, len(used)
+
+    def relabel(self) -> None:
+        """Give painted doorways outside gates another label of their place."""
+        found, painted, n_labels = self.labels.copy(), self.painted, len(self.names)
+        counts = np.zeros(n_labels, np.int64)
+        for rows in self.bands:
+            found[rows][painted[rows] | (self.gate[rows] >= 0)] = -1
+            counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
+        grow(found, painted, self.place)
+        others = [k for k in range(n_labels) if k != self.doorway]
+        most = max(others, key=lambda k: counts[k], default=self.doorway)
+        for rows in self.bands:
+            found[rows][painted[rows] & (found[rows] < 0)] = most  # places that are all doorway
+        self.labels = found
+
+    def keys(self, n_gates: int) -> tuple[NDArray[np.int32], list[str]]:
+        """One number for each cell's place and label, gates last, and the name of each number."""
+        k, n_places = len(self.names), self.n_places
+        key = np.full(self.grid.shape, -1, np.int32)
+        for rows in self.bands:
+            place, gate = self.place[rows].astype(np.int32), self.gate[rows].astype(np.int32)
+            np.copyto(key[rows], place * k + self.labels[rows], where=place >= 0)
+            np.copyto(key[rows], gate + n_places * k, where=gate >= 0)
+        return key, [*list(self.names) * n_places, *[self.names[self.doorway]] * n_gates]
 
 
 def _on_free_cells(labels: NDArray[np.int16], grid: OccupancyGrid) -> NDArray[np.int16]:
@@ -108,108 +210,6 @@ def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doo
         r, c = gate.cells(grid, wider_m=side + edge, deeper_m=thicker + edge).T
         inside = labels[r, c] >= 0
         found[r[inside], c[inside]] = g
-    return found
-
-
-def _numbered_places(
-    labels: NDArray[np.int16],
-    gate: Numbers,
-    place: Numbers,
-    grid: OccupancyGrid,
-    rules: CorrectionRules,
-) -> tuple[Numbers, int]:
-    """(H, W) place of each labelled cell outside gates, -1 elsewhere, and the number of places.
-
-    The numbers are written into ``place``, where they fit.
-
-    Pieces separated only by rectangles belong together, except for places of at least
-    ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at the
-    narrowest point, not along rectangles.
-    """
-    grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
-    parted = connected_components((labels >= 0) & (gate < 0))
-    n = int(place.max(initial=-1)) + 2  # the first is for cells in no place
-    kinds, cells = _counted(parted.piece, place, n)
-    piece = kinds // n
-    order = np.lexsort((kinds, -cells, piece))
-    largest = order[np.unique(piece[order], return_index=True)[1]]
-    home = np.where(
-        (cells * grid.resolution_m**2 >= rules.min_area_m2) & (kinds % n > 0),
-        np.arange(len(kinds)),
-        largest[piece],
-    )
-    used, number = np.unique(home, return_inverse=True)
-    place = place.astype(np.promote_types(place.dtype, number_type(len(used))), copy=False)
-    for rows in bands_of_rows(labels.shape):
-        inside = parted.piece[rows] >= 0
-        both = parted.piece[rows][inside].astype(np.int64) * n + place[rows][inside] + 1
-        place[rows] = -1
-        place[rows][inside] = number.reshape(-1)[np.searchsorted(kinds, both)]
-    return place, len(used)
-
-
-def _counted(
-    piece: NDArray[np.int32], place: Numbers, n: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The existing pairs of piece and place, ``piece n + place + 1``, and their cell counts."""
-    found, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for rows in bands_of_rows(piece.shape):  # bounds the memory for huge maps
-        inside = piece[rows] >= 0
-        both = piece[rows][inside].astype(np.int64) * n + place[rows][inside] + 1
-        kinds, cells = np.unique(both, return_counts=True)
-        found.append(kinds)
-        counts.append(cells)
-    kinds, of = np.unique(np.concatenate(found), return_inverse=True)
-    cells = np.bincount(of.reshape(-1), np.concatenate(counts), len(kinds))
-    return kinds, cells.astype(np.int64)
-
-
-def _without_gate(
-    labels: NDArray[np.int16],
-    gate: Numbers,
-    painted: NDArray[np.bool_],
-    doorway: int,
-    label_names: Sequence[str],
-    grid: OccupancyGrid,
-) -> list[Correction]:
-    """A correction for each painted doorway that no gate touches."""
-    if not painted.any():
-        return []
-    pieces = connected_components(labels == doorway)
-    with_gate = np.zeros(pieces.count, np.bool_)
-    for band in bands_of_rows(labels.shape):
-        piece = pieces.piece[band]
-        with_gate[piece[(piece >= 0) & (gate[band] >= 0)]] = True
-    rows, columns = np.nonzero(painted)
-    numbers, first = np.unique(pieces.piece[rows, columns], return_index=True)
-    cell_m2, name = grid.resolution_m**2, label_names[doorway]
-    log = []
-    for number, k in zip(numbers.tolist(), first.tolist(), strict=True):
-        if not with_gate[number]:
-            cell = (int(rows[k]), int(columns[k]))
-            log.append(Correction(cell, float(pieces.size[number]) * cell_m2, name, "", "no gate"))
-    return log
-
-
-def _relabelled(
-    labels: NDArray[np.int16],
-    painted: NDArray[np.bool_],
-    gate: Numbers,
-    place: Numbers,
-    doorway: int,
-    n_labels: int,
-) -> NDArray[np.int16]:
-    """The labels, those of painted doorways outside gates replaced by others of their place."""
-    found = labels.copy()
-    counts = np.zeros(n_labels, np.int64)
-    for rows in bands_of_rows(found.shape):
-        found[rows][painted[rows] | (gate[rows] >= 0)] = -1
-        counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
-    grow(found, painted, place)
-    others = [k for k in range(n_labels) if k != doorway]
-    most = max(others, key=lambda k: counts[k], default=doorway)
-    for rows in bands_of_rows(found.shape):
-        found[rows][painted[rows] & (found[rows] < 0)] = most  # places that are all doorway
     return found
 
 
@@ -254,26 +254,6 @@ def _empty_around(
     inside &= open_cells[r, c] & (values[r, c] < 0)
     flat = np.unique(r[inside] * values.shape[1] + c[inside])
     return np.stack(np.divmod(flat, values.shape[1]), axis=1)
-
-
-def _keys(
-    labels: NDArray[np.int16],
-    gate: Numbers,
-    place: Numbers,
-    n_places: int,
-    label_names: Sequence[str],
-    n_gates: int,
-    doorway: int,
-) -> tuple[NDArray[np.int32], list[str]]:
-    """One number for each cell's place and label, gates last, and the name of each number."""
-    k = len(label_names)
-    key = np.full(labels.shape, -1, np.int32)
-    for rows in bands_of_rows(labels.shape):
-        inside = place[rows] >= 0
-        key[rows][inside] = place[rows][inside].astype(np.int32) * k + labels[rows][inside]
-        inside = gate[rows] >= 0
-        key[rows][inside] = gate[rows][inside].astype(np.int32) + n_places * k
-    return key, [*list(label_names) * n_places, *[label_names[doorway]] * n_gates]
 
 
 def _pieces(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
-from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.bands import bands_of_rows, counted
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -135,17 +135,12 @@ def _overlaps(
 ) -> list[tuple[float, int, int]]:
     """Pieces and places that may be the same, best match first: (-share, piece, place)."""
     n_places = int(known.region.max(initial=0)) + 1
-    old_cells, found_keys, found_counts = np.zeros(n_places, np.int64), [], []
     height, width = known.grid.shape
-    for rows in bands_of_rows((height, 4 * width)):  # positions take much more than cells
-        place, piece = _shared_cells(pieces, grid, known, rows)
-        old_cells += np.bincount(place, minlength=n_places)
-        hit = piece >= 0
-        keys, counts = np.unique(piece[hit] * n_places + place[hit], return_counts=True)
-        found_keys.append(keys)
-        found_counts.append(counts)
-    keys, of = np.unique(np.concatenate(found_keys), return_inverse=True)
-    counts = np.bincount(of.reshape(-1), np.concatenate(found_counts), len(keys)).astype(np.int64)
+    bands = [*bands_of_rows((height, 4 * width))]  # positions take much more than cells
+    keys, counts = counted(_shared_cells(pieces, grid, known, rows, n_places) for rows in bands)
+    old_cells = np.zeros(n_places, np.int64)
+    for rows in bands:
+        old_cells += np.bincount(known.region[rows].ravel(), minlength=n_places)
     old_m2 = old_cells * known.grid.resolution_m**2
     new_m2 = pieces.size * grid.resolution_m**2
     found = []
@@ -161,17 +156,16 @@ def _overlaps(
 
 
 def _shared_cells(
-    pieces: Components, grid: OccupancyGrid, known: KnownPlaces, rows: slice
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(n,) the place of each cell of a band of the earlier map, and (n,) its piece now or -1."""
+    pieces: Components, grid: OccupancyGrid, known: KnownPlaces, rows: slice, n_places: int
+) -> NDArray[np.int64]:
+    """(n,) ``piece n_places + place`` of the cells of a band of the earlier map that have both."""
     cells = np.argwhere(known.region[rows] > 0)
     cells[:, 0] += rows.start
-    place = known.region[cells[:, 0], cells[:, 1]].astype(np.int64)
     there = grid.cells_at_m(known.grid.cell_centres_m(cells))
     inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
-    piece = np.full(len(cells), -1, np.int64)
-    piece[inside] = pieces.piece[there[inside, 0], there[inside, 1]]
-    return place, piece
+    piece = pieces.piece[tuple(there[inside].T)].astype(np.int64)
+    place = known.region[tuple(cells[inside].T)]
+    return (piece * n_places + place)[piece >= 0]
 
 
 def middles(pieces: Components) -> NDArray[np.float64]:
