@@ -9,13 +9,8 @@ from typing import Any
 from pgm_places._version import __version__
 from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.experiment.comparison import (
-    Comparison,
-    MethodResult,
-    history_of,
-    learning_of,
-    score_intervals,
-)
+from pgm_places.experiment import comparison
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.labelled_items import TestItem
@@ -161,9 +156,9 @@ def method_result(
         evaluation=Evaluation.merged(evaluations),
         seconds={**seconds, "infer": seconds["infer"] - recording},
         learned=dict(getattr(method.backend, "summary", None) or {}),
-        intervals=score_intervals(items, [labelings], len(label_names)),
-        histories=tuple(history_of(labeling) for labeling in labelings),
-        learning=learning_of(method.backend),
+        intervals=comparison.score_intervals(items, [labelings], len(label_names)),
+        histories=tuple(comparison.history_of(labeling) for labeling in labelings),
+        learning=comparison.learning_of(method.backend),
     )
 
 

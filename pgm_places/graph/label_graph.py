@@ -12,22 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, number_array, require_type
 from pgm_places.errors import InputError
+from pgm_places.graph import edge_list
 from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph.cliques import Cliques
-from pgm_places.graph.edge_list import (
-    EdgeList,
-    check_links,
-    checked_pairs,
-    joined_edges,
-    lattice_edges,
-    mapped_edges,
-    mapped_nodes,
-    matrix_edges,
-    nearest_pairs,
-    order_among,
-    path_edges,
-    sparse_pairs,
-)
+from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout, grid_layout, lattice_mask
 from pgm_places.graph.raster_edges import RasterEdges
@@ -78,7 +66,7 @@ class LabelGraph:
             raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
         if self.node_names is not None and len(set(self.node_names)) != self.n_nodes:
             raise InputError(f"node_names must be {self.n_nodes} names, each once")
-        check_links(self.n_nodes, self.links)
+        edge_list.check_links(self.n_nodes, self.links)
         if self.points_m is not None:
             points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
             if points.shape[1] not in (2, 3):
@@ -174,7 +162,7 @@ class LabelGraph:
         mask = lattice_mask(nodes)
         if mask.ndim == 2:
             return cls.from_grid(mask, connectivity=8 if diagonals else 4)
-        return cls(int(mask.sum()), lattice_edges(mask, diagonals=diagonals))
+        return cls(int(mask.sum()), edge_list.lattice_edges(mask, diagonals=diagonals))
 
     @classmethod
     def from_points(cls, points: ArrayLike, *, n_neighbours: int = 8) -> Self:
@@ -198,7 +186,7 @@ class LabelGraph:
         if n_neighbours < 1:
             raise InputError(f"n_neighbours must be at least 1, got {n_neighbours}")
         positions_m = where if where.shape[1] in (2, 3) else None
-        pairs = nearest_pairs(where, int(n_neighbours))
+        pairs = edge_list.nearest_pairs(where, int(n_neighbours))
         return cls.from_edges(len(where), pairs, positions_m=positions_m)
 
     @classmethod
@@ -212,7 +200,7 @@ class LabelGraph:
         InputError
             The matrix is not square, or its diagonal is not 0.
         """
-        return cls.from_edges(*sparse_pairs(matrix), positions_m=positions_m)
+        return cls.from_edges(*edge_list.sparse_pairs(matrix), positions_m=positions_m)
 
     @classmethod
     def from_trajectory(cls, positions_m: ArrayLike, *, loops: ArrayLike | None = None) -> Self:
@@ -232,7 +220,7 @@ class LabelGraph:
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
         n = len(poses)
-        return cls(n, path_edges(n, loops), poses[:, :2], StepLayout(n))
+        return cls(n, edge_list.path_edges(n, loops), poses[:, :2], StepLayout(n))
 
     @classmethod
     def from_networkx(
@@ -271,7 +259,7 @@ class LabelGraph:
         sets = [(g.cliques, at) for g, at in ((first, 0), (second, first.n_nodes)) if g.cliques]
         cliques = Cliques.beside(*zip(*sets, strict=True)) if sets else None
         n_nodes = first.n_nodes + second.n_nodes
-        return cls(n_nodes, joined_edges(*both, links), positions, cliques=cliques)
+        return cls(n_nodes, edge_list.joined_edges(*both, links), positions, cliques=cliques)
 
     def with_cliques(self, cliques: Cliques) -> Self:
         """The graph with sets of nodes that want to have one label.
@@ -295,7 +283,7 @@ class LabelGraph:
         For example ``graph.node_values(networkx.get_node_attributes(g, "age"))``. Without a
         ``default`` every node must have a value.
         """
-        return mapped_nodes(self._names, values, default)
+        return edge_list.mapped_nodes(self._names, values, default)
 
     def edge_values(self, values: Any, default: Any = None) -> NDArray[np.float64]:
         """(E,) a value per edge, from a sparse matrix or by the names of its ends.
@@ -311,8 +299,8 @@ class LabelGraph:
             For edges that a mapping leaves out.
         """
         if isinstance(values, Mapping):
-            return mapped_edges(self._names, self.edges, values, default)
-        return matrix_edges(self.n_nodes, self.edges, values)
+            return edge_list.mapped_edges(self._names, self.edges, values, default)
+        return edge_list.matrix_edges(self.n_nodes, self.edges, values)
 
     def edge_order(self, pairs: ArrayLike) -> EdgeOrder:
         """Where pairs (E, 2) in any order and direction are among the edges.
@@ -331,7 +319,9 @@ class LabelGraph:
         >>> order.values(["of 2 and 1", "of 0 and 1"]).tolist(), order.flipped.tolist()
         (['of 0 and 1', 'of 2 and 1'], [False, True])
         """
-        return order_among(self.edges, checked_pairs(pairs, self.n_nodes, "pairs"))
+        return edge_list.order_among(
+            self.edges, edge_list.checked_pairs(pairs, self.n_nodes, "pairs")
+        )
 
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.

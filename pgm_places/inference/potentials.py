@@ -9,14 +9,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import (
-    ROWS_AT_ONCE,
-    finite_array,
-    frozen,
-    integer_array,
-    number_array,
-    require_type,
-)
+from pgm_places import _checks
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
@@ -52,27 +45,27 @@ class Potentials:
     agreement: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        unary = finite_array("unary", self.unary, ("N", "K"), allow_minus_inf=True)
+        unary = _checks.finite_array("unary", self.unary, ("N", "K"), allow_minus_inf=True)
         n_labels = unary.shape[1]
-        object.__setattr__(self, "unary", frozen(unary))
+        object.__setattr__(self, "unary", _checks.frozen(unary))
         if self.pairwise is not None and self.agreement is not None:
             raise InputError("give pairwise or agreement, not both")
         if self.pairwise is not None:
-            pairwise = number_array("pairwise", self.pairwise)
+            pairwise = _checks.number_array("pairwise", self.pairwise)
             shape: tuple[int | str, ...] = (n_labels, n_labels)
             if pairwise.ndim == 3:
                 shape = ("E", n_labels, n_labels)
-            checked = finite_array("pairwise", pairwise, shape, allow_minus_inf=True)
-            object.__setattr__(self, "pairwise", frozen(checked))
+            checked = _checks.finite_array("pairwise", pairwise, shape, allow_minus_inf=True)
+            object.__setattr__(self, "pairwise", _checks.frozen(checked))
         if self.agreement is not None:
-            checked = finite_array("agreement", self.agreement, ("E", n_labels))
-            object.__setattr__(self, "agreement", frozen(checked))
+            checked = _checks.finite_array("agreement", self.agreement, ("E", n_labels))
+            object.__setattr__(self, "agreement", _checks.frozen(checked))
 
     @classmethod
     def potts(cls, unary: ArrayLike, weight: float) -> Self:
         """Every edge earns ``weight`` when its ends agree, whatever the label."""
-        table = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
-        earned = finite_array("weight", weight, ())
+        table = _checks.finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
+        earned = _checks.finite_array("weight", weight, ())
         return cls(table, pairwise=earned * np.eye(table.shape[1]))
 
     @classmethod
@@ -104,7 +97,7 @@ class Potentials:
         >>> Potentials.by_distance(np.zeros((2, 4)), 0.5, cap=1.0).pairwise[0].tolist()
         [0.0, -0.5, -1.0, -1.0]
         """
-        table = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
+        table = _checks.finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
         if power not in (1, 2):
             raise InputError(f"power must be 1 or 2, got {power!r}")
         steps, most = np.asarray(weight, np.float64), np.asarray(cap, np.float64)
@@ -122,7 +115,7 @@ class Potentials:
 
     def with_known(self, known: ArrayLike) -> "Potentials":
         """The same with all other labels forbidden where a label is known: (N,) int, else -1."""
-        labels = integer_array("known", known, (self.n_nodes,), low=-1, high=self.n_labels)
+        labels = _checks.integer_array("known", known, (self.n_nodes,), low=-1, high=self.n_labels)
         return Potentials(keep_known(self.unary, labels), self.pairwise, self.agreement)
 
     @property
@@ -167,8 +160,8 @@ def checked_potentials(
     graph: LabelGraph, potentials: Potentials, known: ArrayLike | None = None
 ) -> Potentials:
     """The potentials, with what is known; refused unless they are such, and of that graph."""
-    require_type("graph", graph, LabelGraph)
-    require_type("potentials", potentials, Potentials)
+    _checks.require_type("graph", graph, LabelGraph)
+    _checks.require_type("potentials", potentials, Potentials)
     potentials.check_fits(graph)
     return potentials if known is None else potentials.with_known(known)
 
@@ -184,7 +177,9 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
         A label index per node, ``0..K-1``.
     """
     potentials.check_fits(graph)
-    chosen = integer_array("labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels)
+    chosen = _checks.integer_array(
+        "labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels
+    )
     total = float(_picked(potentials.unary, chosen).sum())
     if potentials.agreement is None and potentials.pairwise is None:
         return total
@@ -204,7 +199,7 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
 def _picked(table: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """(N,) the entry of each row (N, K) that ``columns`` (N,) names; few temporary arrays."""
     picked = np.empty(len(table))
-    for first in range(0, len(table), ROWS_AT_ONCE):
-        part = slice(first, first + ROWS_AT_ONCE)
+    for first in range(0, len(table), _checks.ROWS_AT_ONCE):
+        part = slice(first, first + _checks.ROWS_AT_ONCE)
         picked[part] = np.take_along_axis(table[part], columns[part, np.newaxis], axis=1)[:, 0]
     return picked

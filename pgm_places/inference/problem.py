@@ -7,14 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import (
-    ROWS_AT_ONCE,
-    feature_rows,
-    finite_array,
-    frozen,
-    integer_array,
-    require_type,
-)
+from pgm_places import _checks
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.known_labels import keep_known
@@ -81,7 +74,7 @@ class LabelingProblem:
     clique_features: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        require_type("graph", self.graph, LabelGraph)
+        _checks.require_type("graph", self.graph, LabelGraph)
         if isinstance(self.label_names, str) or not isinstance(self.label_names, Iterable):
             raise InputError(
                 f"label_names must be a list of names, got {self.label_names!r}; a list of one is "
@@ -93,8 +86,8 @@ class LabelingProblem:
         object.__setattr__(self, "label_names", names)
         n, e = self.graph.n_nodes, self.graph.n_edges
         if self.known is not None:
-            known = integer_array("known", self.known, (n,), low=-1, high=len(names))
-            object.__setattr__(self, "known", frozen(known))
+            known = _checks.integer_array("known", self.known, (n,), low=-1, high=len(names))
+            object.__setattr__(self, "known", _checks.frozen(known))
             if self.unary is None and self.node_features is None:
                 object.__setattr__(self, "unary", np.zeros((n, len(names))))
         self._check_cliques()
@@ -104,30 +97,32 @@ class LabelingProblem:
                 f"node_features of shape ({n}, D); it has neither"
             )
         if self.unary is not None:
-            unary = finite_array(
+            unary = _checks.finite_array(
                 "unary", self.unary, (n, len(names)), dtype=None, allow_minus_inf=True
             )
-            object.__setattr__(self, "unary", frozen(unary))
+            object.__setattr__(self, "unary", _checks.frozen(unary))
             self._check_allowed()
         if self.node_features is not None:
-            nodes = feature_rows("node_features", self.node_features, n)
+            nodes = _checks.feature_rows("node_features", self.node_features, n)
             object.__setattr__(self, "node_features", nodes)
         if self.edge_features is not None:
-            edges = finite_array("edge_features", self.edge_features, (e, "F"))
-            object.__setattr__(self, "edge_features", frozen(edges))
+            edges = _checks.finite_array("edge_features", self.edge_features, (e, "F"))
+            object.__setattr__(self, "edge_features", _checks.frozen(edges))
 
     def _check_cliques(self) -> None:
         """Take the graph's cliques over, and refuse features that do not fit them."""
         if self.cliques is None:
             object.__setattr__(self, "cliques", self.graph.cliques)
         if self.cliques is not None:
-            require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
+            _checks.require_type(
+                "cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes"
+            )
             self.cliques.check_fits(self.graph.n_nodes)
         if self.clique_features is None:
             return
         if self.cliques is None:
             raise InputError("clique_features need cliques, the sets of nodes that they are of")
-        features = finite_array(
+        features = _checks.finite_array(
             "clique_features", self.clique_features, (len(self.cliques.sizes), "G")
         )
         if features.min(initial=0.0) < 0:
@@ -135,7 +130,7 @@ class LabelingProblem:
                 f"clique_features must be at least 0, got {features.min():g}; split signed "
                 "features into a positive and a negative column"
             )
-        object.__setattr__(self, "clique_features", frozen(features))
+        object.__setattr__(self, "clique_features", _checks.frozen(features))
 
     def __repr__(self) -> str:
         given = [
@@ -168,7 +163,9 @@ class LabelingProblem:
         InputError
             A probability outside 0..1, or a row whose sum is not 1 within 1e-3.
         """
-        table = finite_array("probabilities", probabilities, (graph.n_nodes, len(label_names)))
+        table = _checks.finite_array(
+            "probabilities", probabilities, (graph.n_nodes, len(label_names))
+        )
         if table.size and (table.min() < 0 or table.max() > 1):
             raise InputError(
                 f"probabilities must be from 0 to 1, got values from {table.min():g} to "
@@ -229,7 +226,7 @@ class LabelingProblem:
         """
         truth = np.full(self.graph.n_nodes, -1) if self.known is None else self.known
         if labels is not None:
-            truth = integer_array("labels", labels, truth.shape, low=-1, high=self.n_labels)
+            truth = _checks.integer_array("labels", labels, truth.shape, low=-1, high=self.n_labels)
         return describe(self.graph, self.label_names, truth, self.unary, self.cliques)
 
     def with_unary(self, unary: NDArray[np.float64]) -> Self:
@@ -270,8 +267,8 @@ class LabelingProblem:
     def _check_allowed(self) -> None:
         """Refuse a node at which no label is allowed; piece by piece, for maps of any size."""
         assert self.unary is not None
-        for first in range(0, len(self.unary), ROWS_AT_ONCE):
-            part = self.unary[first : first + ROWS_AT_ONCE]
+        for first in range(0, len(self.unary), _checks.ROWS_AT_ONCE):
+            part = self.unary[first : first + _checks.ROWS_AT_ONCE]
             barred = np.flatnonzero(part.max(axis=1, initial=-np.inf) == -np.inf)
             if len(barred):
                 raise InputError(
@@ -314,7 +311,7 @@ def evident_unary(
     InputError
         The problem has no unary, is no problem, or has cliques, of which the method knows nothing.
     """
-    require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
+    _checks.require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
     if not with_cliques:
         require_no_cliques(problem)
     if problem.unary is None:
@@ -337,7 +334,7 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
         raise InputError(f"problems must be a list of LabelingProblem, got {problems!r}")
     listed = list(problems)
     for number, problem in enumerate(listed):
-        require_type(f"problems[{number}]", problem, LabelingProblem)
+        _checks.require_type(f"problems[{number}]", problem, LabelingProblem)
     return listed
 
 
@@ -368,7 +365,9 @@ def labelled_problems(
                 f"problems have different labels: {list(names)} and {list(problem.label_names)}"
             )
     truths = [
-        integer_array(f"labelings[{m}]", labels, (problem.graph.n_nodes,), low=-1, high=len(names))
+        _checks.integer_array(
+            f"labelings[{m}]", labels, (problem.graph.n_nodes,), low=-1, high=len(names)
+        )
         for m, (problem, labels) in enumerate(zip(problems, labelings, strict=True))
     ]
     return list(zip(problems, truths, strict=True))

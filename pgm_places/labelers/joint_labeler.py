@@ -12,16 +12,9 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
 from pgm_places.kernels.threads import threads
+from pgm_places.labelers import method as method_use
 from pgm_places.labelers.joint_graph import JointGraph, JointLabeling, JointScores
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import (
-    PlaceMethod,
-    as_backend,
-    check_labels_maps,
-    infer,
-    unfitted,
-    with_edge_kinds,
-)
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
@@ -113,7 +106,7 @@ class JointLabeler(Labeler):
             An option is not understood, the method is for chains, or a part has other labels.
         """
         super().check_options()
-        check_labels_maps("the method", as_backend(self.method))
+        method_use.check_labels_maps("the method", method_use.as_backend(self.method))
         for name in ("places", "steps"):
             part = getattr(self, name)
             if part is not None and tuple(part.label_names) != tuple(self.label_names):
@@ -182,9 +175,9 @@ class JointLabeler(Labeler):
             As :meth:`fit`.
         """
         self.check_options()
-        methods = {name: as_backend(method) for name, method in methods.items()}
+        methods = {name: method_use.as_backend(method) for name, method in methods.items()}
         for name, method in methods.items():
-            check_labels_maps(f"method {name!r}" if name else "the method", method)
+            method_use.check_labels_maps(f"method {name!r}" if name else "the method", method)
         if not drives:
             raise InputError("learning cells and steps together needs at least one labelled drive")
         names = tuple(self.label_names)
@@ -216,7 +209,7 @@ class JointLabeler(Labeler):
         weight = None
         if isinstance(method, Learnable):
             problems = [item.problem(names, None) for item in scores]
-            method = with_edge_kinds(method).fit(problems, truths)
+            method = method_use.with_edge_kinds(method).fit(problems, truths)
         elif hasattr(method, "edge_weights"):
             method = replace(method, edge_weights="given")
             weight = self._link_weight(method, scores, np.concatenate(truths), names)
@@ -313,7 +306,7 @@ class JointLabeler(Labeler):
         """The method's labelling of given scores; ``truth`` is that of all nodes."""
         self.check_fitted()
         problem = scores.problem(self.label_names_, self.link_weight_)
-        return scores.graph.split(infer(self.method_, problem, truth))
+        return scores.graph.split(method_use.infer(self.method_, problem, truth))
 
     def label(
         self,
@@ -377,6 +370,6 @@ class JointLabeler(Labeler):
             backend = replace(backend, edge_weights="equal")
         name, unary = METHODS.name_of(type(backend)), self.places_.method().unary
         places = copy.copy(self.places_)
-        places.methods = {name: PlaceMethod(unfitted(backend), unary)}
-        places.methods_ = {name: PlaceMethod(backend, unary)}
+        places.methods = {name: method_use.PlaceMethod(method_use.unfitted(backend), unary)}
+        places.methods_ = {name: method_use.PlaceMethod(backend, unary)}
         return places

@@ -15,20 +15,12 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, listed_problems
 from pgm_places.inference.temperature import calibrated
+from pgm_places.labelers import structured_learning
 from pgm_places.labelers.label_names import numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.labelers.side_by_side import beside, label_all
-from pgm_places.labelers.structured_learning import (
-    Truth,
-    checked,
-    counted,
-    features_of,
-    held_out_problems,
-    log_probabilities,
-    require_weighing,
-    trained,
-)
+from pgm_places.labelers.structured_learning import Truth
 from pgm_places.progress import Progress, reported
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
@@ -180,7 +172,7 @@ class StructuredLabeler(Labeler):
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
         y, by_name = numbered(X, y)
-        problems, truths = checked(X, y)
+        problems, truths = structured_learning.checked(X, y)
         if not all(problem.graph.is_chain for problem in problems):
             for backend in methods.values():
                 check_labels_any_graph("the backend", backend, "a problem's graph")
@@ -197,11 +189,11 @@ class StructuredLabeler(Labeler):
             weights = weights_of(sample_weight, problems)
             learners = [item for item in methods.values() if isinstance(item, Learnable)]
             for part in (self.classifier, *learners):
-                require_weighing(part)
+                structured_learning.require_weighing(part)
         if self.classifier is not None:
-            classifier = trained(self.classifier, problems, truths, weights)
+            classifier = structured_learning.trained(self.classifier, problems, truths, weights)
             if self.learn_on == "out-of-fold":
-                seen = held_out_problems(
+                seen = structured_learning.held_out_problems(
                     self.classifier,
                     problems,
                     truths,
@@ -217,7 +209,7 @@ class StructuredLabeler(Labeler):
                 extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
                 backend = backend.fit(seen, truths, **extra)
             if self.learn_on == "out-of-fold":
-                backend = calibrated(backend, seen, counted(truths, weights))
+                backend = calibrated(backend, seen, structured_learning.counted(truths, weights))
             fitted = {"classifier_": classifier, "backend_": backend}
             return {**fitted, "label_names_": names, "named_": by_name}
 
@@ -269,8 +261,10 @@ class StructuredLabeler(Labeler):
 
     def _unary(self, classifier: Any, problem: LabelingProblem) -> NDArray[np.float64]:
         """(N, K) log-probabilities of a problem's nodes."""
-        features = features_of(problem)
-        return log_probabilities(classifier, features, problem.n_labels, self.min_probability)
+        features = structured_learning.features_of(problem)
+        return structured_learning.log_probabilities(
+            classifier, features, problem.n_labels, self.min_probability
+        )
 
     def label_all(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
         """The labelling of each problem; many small ones without cycles in one call.
@@ -313,7 +307,7 @@ class StructuredLabeler(Labeler):
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
-        problems, truths = checked(X, numbered(X, y)[0])
+        problems, truths = structured_learning.checked(X, numbered(X, y)[0])
         labelings = [item.labels for item in self.label_all(problems)]
         result = evaluate(
             np.concatenate(truths), np.concatenate(labelings), problems[0].label_names

@@ -10,16 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.kernels.threads import threads
+from pgm_places.labelers import trajectory_learning
 from pgm_places.labelers.method import as_backend, unfitted, with_edge_kinds
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.step_labelling import StepLabelling
-from pgm_places.labelers.trajectory_learning import (
-    KnownMaps,
-    check_can_learn,
-    learn_list,
-    learn_method,
-    trajectory_examples,
-)
+from pgm_places.labelers.trajectory_learning import KnownMaps
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.options import AtLeastZero, Seed, Whole
@@ -289,13 +284,17 @@ class TrajectoryLabeler(StepLabelling):
         methods = {name: as_backend(method) for name, method in methods.items()}
         if maps or trajectories:
             for method in methods.values():
-                check_can_learn(method, trajectories)
-        examples = trajectory_examples(self, maps, trajectories, extra, known_map)
-        model, scores = learn_list(self, examples)
+                trajectory_learning.check_can_learn(method, trajectories)
+        examples = trajectory_learning.trajectory_examples(
+            self, maps, trajectories, extra, known_map
+        )
+        model, scores = trajectory_learning.learn_list(self, examples)
 
         def learn(method: Any) -> dict[str, Any]:
             seen = with_edge_kinds(method) if self.loop_m > 0 else method
-            fitted = learn_method(self, seen, maps, trajectories, examples, scores)
+            fitted = trajectory_learning.learn_method(
+                self, seen, maps, trajectories, examples, scores
+            )
             names = tuple(self.label_names)
             return {"scan_model_": model, "method_": fitted, "label_names_": names}
 

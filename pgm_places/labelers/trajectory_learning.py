@@ -19,18 +19,8 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import staged
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.list_learning import (
-    RAREST_FIRST,
-    fitted_list,
-    held_out_scores,
-    with_explicit_order,
-)
-from pgm_places.unary.scan_model import (
-    ScanModel,
-    check_extra,
-    check_scan_features,
-    observed_along,
-)
+from pgm_places.unary import list_learning, scan_model
+from pgm_places.unary.scan_model import ScanModel
 from pgm_places.unary.training_cells import training_features
 
 KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
@@ -96,7 +86,7 @@ def trajectory_examples(
     names, extra_names = tuple(labeler.label_names), tuple(labeler.extra_names)
     sensor, n_folds, features = labeler.sensor, labeler.n_folds, as_features(labeler.features)
     _require_sources(maps, trajectories, extra, extra_names, names)
-    check_scan_features(features)
+    scan_model.check_scan_features(features)
     if maps and labeler.beams.spaces_m > 0:
         raise InputError(
             "spaces_m: the spaces that a robot sees along its path are unknown for cells of "
@@ -116,8 +106,10 @@ def trajectory_examples(
             labels = _labels(item)
             known = np.flatnonzero(labels >= 0)
             around = known_map[number] if isinstance(known_map, Sequence) else known_map
-            seen = observed_along(item, sensor, labeler.beams, known_map=around)
-            columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
+            seen = scan_model.observed_along(item, sensor, labeler.beams, known_map=around)
+            columns = scan_model.check_extra(
+                None if extra is None else extra[number], len(item), extra_names
+            )
             values = feature_values(seen.circles_m[known], features, max_range_m=sensor.max_range_m)
             parts.append(np.concatenate([values, seen.spaces[known], columns[known]], axis=1))
             truths.append(labels[known])
@@ -142,12 +134,14 @@ def learn_list(labeler: Any, examples: Examples) -> tuple[ScanModel, NDArray[np.
 
     n_labels, truth = len(labeler.label_names), examples.truth
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
-    unfitted = labeler.classifier or DecisionListClassifier(order=RAREST_FIRST)
-    unfitted = with_explicit_order(unfitted, truth)
+    unfitted = labeler.classifier or DecisionListClassifier(order=list_learning.RAREST_FIRST)
+    unfitted = list_learning.with_explicit_order(unfitted, truth)
     given = examples.features, truth, examples.groups
     with staged("decision list"):
-        fitted = fitted_list(unfitted, *given, examples.domain)
-    scores = held_out_scores(fitted, unfitted, *given, n_labels, "held-out scores", examples.domain)
+        fitted = list_learning.fitted_list(unfitted, *given, examples.domain)
+    scores = list_learning.held_out_scores(
+        fitted, unfitted, *given, n_labels, "held-out scores", examples.domain
+    )
     own, further = as_features(labeler.features), tuple(labeler.extra_names)
     sees_spaces = labeler.beams.spaces_m > 0
     return ScanModel(fitted, n_labels, labeler.sensor, further, own, sees_spaces), scores

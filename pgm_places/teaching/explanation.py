@@ -20,18 +20,12 @@ from pgm_places.spaces.cell_features import space_feature_names
 from pgm_places.spaces.places import place_features
 from pgm_places.spaces.segmentation import RATIOS
 from pgm_places.spaces.space_spec import PLACE_FEATURES
-from pgm_places.teaching.reasons import (
-    CellExplanation,
-    FeatureVote,
-    NeighbourPull,
-    Question,
-    RegionExplanation,
-)
+from pgm_places.teaching import reasons
 from pgm_places.teaching.taught import Taught
 from pgm_places.unary.space_model import MapSpaces, gate_log_odds
 
 
-def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
+def explain_cell(taught: Taught, x_m: float, y_m: float) -> reasons.CellExplanation:
     """Why the cell at a position of the map frame has its label.
 
     Raises
@@ -54,7 +48,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     found, alone = taught.labelled, taught.unary
     final, before = (int(part.labels[on_map]) for part in (found, alone))
     [(x, y)] = view.grid.cell_centres_m(cell).tolist()
-    return CellExplanation(
+    return reasons.CellExplanation(
         x,
         y,
         names[final],
@@ -74,7 +68,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     )
 
 
-def explain_region(taught: Taught, key: int | str) -> RegionExplanation:
+def explain_region(taught: Taught, key: int | str) -> reasons.RegionExplanation:
     """What is known of a place, by its id or name.
 
     Raises
@@ -85,21 +79,21 @@ def explain_region(taught: Taught, key: int | str) -> RegionExplanation:
     region = taught.topology.place(key)
     view = _View(taught)
     if view.model.space is None:
-        return RegionExplanation(region, {}, ())
+        return reasons.RegionExplanation(region, {}, ())
     spaces = view.spaces
     cells = taught.grid.cell_centres_m(taught.topology.cells(region.id))
     inside = view.grid.cells_at_m(cells).clip(0, np.array(view.grid.shape) - 1)
     numbers = spaces.places.segments.raster()[tuple(inside.T)]
     numbers = numbers[numbers >= 0]
     if not len(numbers):
-        return RegionExplanation(region, {}, ())
+        return reasons.RegionExplanation(region, {}, ())
     place = int(np.bincount(numbers).argmax())
     row = place_features(spaces.places)[place]
     names = [spec.id for spec in PLACE_FEATURES]
     beside = np.flatnonzero((spaces.places.gate_places == place).any(axis=1))
     order = beside[np.argsort(-spaces.probability[beside], kind="stable")]
     gates = tuple((spaces.gates[int(g)], float(spaces.probability[g])) for g in order)
-    return RegionExplanation(region, dict(zip(names, row.tolist(), strict=True)), gates)
+    return reasons.RegionExplanation(region, dict(zip(names, row.tolist(), strict=True)), gates)
 
 
 class _View:
@@ -140,7 +134,9 @@ class _View:
         values = feature_values(ranges, own, max_range_m=most, from_map=of_map)
         return ranges[0], np.asarray(values[0], np.float32)
 
-    def questions(self, fitted: BoostedList, row: NDArray[np.float32]) -> tuple[Question, ...]:
+    def questions(
+        self, fitted: BoostedList, row: NDArray[np.float32]
+    ) -> tuple[reasons.Question, ...]:
         """What a list asks of a row of features, one label after the other."""
         own, learned = self.model.features, self.labeler.learned_names
         names = [*column_names(own), *space_feature_names(RATIOS, places=True)]
@@ -150,12 +146,14 @@ class _View:
             parts = vote_parts(classifier, row)
             columns = parts.column.tolist(), parts.part.tolist(), parts.threshold.tolist()
             votes = tuple(
-                FeatureVote(names[j], j >= n_columns(own), float(row[j]), threshold, slope * part)
+                reasons.FeatureVote(
+                    names[j], j >= n_columns(own), float(row[j]), threshold, slope * part
+                )
                 for j, part, threshold in zip(*columns, strict=True)
             )
             number = int(fitted.classes[fitted.order[k]])
             label = learned[number] if number < len(learned) else "hall"
-            questions.append(Question(label, offset + slope * parts.bias, votes))
+            questions.append(reasons.Question(label, offset + slope * parts.bias, votes))
         return tuple(questions)
 
     @cached_property
@@ -190,7 +188,7 @@ class _View:
         judge = None if self.seen is None else self.model.gate_judge(self.seen)
         return self.model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 
-    def pulls(self, final: int, before: int, x_m: float, y_m: float) -> list[NeighbourPull]:
+    def pulls(self, final: int, before: int, x_m: float, y_m: float) -> list[reasons.NeighbourPull]:
         """The neighbours in the raster of the result."""
         found = self.taught.labelled
         layout, source = found.layout, _source(found)
@@ -209,7 +207,7 @@ class _View:
             towards = float((label == final) - (label == before))
             if beliefs is not None:
                 towards = float(beliefs[node, final] - beliefs[node, before])
-            pulls.append(NeighbourPull(x, y, names[label], towards))
+            pulls.append(reasons.NeighbourPull(x, y, names[label], towards))
         return pulls
 
 

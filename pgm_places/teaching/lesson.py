@@ -7,14 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._option_marks import Ge
+from pgm_places.models import further_boosting
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.further_boosting import (
-    Examples,
-    FurtherRounds,
-    boosted_further,
-    own_opinion,
-    with_first_class,
-)
+from pgm_places.models.further_boosting import Examples, FurtherRounds
 from pgm_places.options import AtLeastZero, Options
 
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
@@ -108,14 +103,14 @@ def learned_further(
     def with_kept(part: Examples, so_far: BoostedList) -> Examples:
         if not len(kept) or not weight:
             return part
-        return part.and_also(own_opinion(so_far, kept, weight))
+        return part.and_also(further_boosting.own_opinion(so_far, kept, weight))
 
     boosted = fitted
     if (examples.labels < n_old).any():
         part = with_kept(examples.where(examples.labels < n_old), boosted)
-        boosted = boosted_further(boosted, part, options)
+        boosted = further_boosting.boosted_further(boosted, part, options)
     for label in range(n_old, int(examples.labels.max()) + 1):
         part = with_kept(examples.where(examples.labels <= label), boosted)
         number = int(boosted.classes[-1]) + 1
-        boosted = with_first_class(boosted, number, part, options)
+        boosted = further_boosting.with_first_class(boosted, number, part, options)
     return boosted

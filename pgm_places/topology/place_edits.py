@@ -11,15 +11,9 @@ from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
 from pgm_places.spaces.gate import Gate
+from pgm_places.topology import cuts
 from pgm_places.topology.connections import connections_of
-from pgm_places.topology.cuts import (
-    Line,
-    Parts,
-    cut_along,
-    line_width_m,
-    narrowest_line,
-    opening_cuts,
-)
+from pgm_places.topology.cuts import Line, Parts
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
@@ -112,7 +106,7 @@ def split_across(
         The place is unknown, or the line does not divide it.
     """
     place = topology.place(key)
-    parts = cut_along(topology, place, [(_point(start_m), _point(end_m))])
+    parts = cuts.cut_along(topology, place, [(_point(start_m), _point(end_m))])
     if len(parts) < 2:
         raise InputError(
             f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) "
@@ -136,7 +130,7 @@ def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
             f"{place.name!r} looks like one room, so there is nothing to split it along; give a "
             "point in an opening, or both ends of a line from wall to wall"
         )
-    return _split(topology, place, cut_along(topology, place, found[0].lines_m))
+    return _split(topology, place, cuts.cut_along(topology, place, found[0].lines_m))
 
 
 def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) -> TopologicalMap:
@@ -155,8 +149,8 @@ def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) ->
     if here != place:
         other = "no place is there" if here is None else f"that is {here.name!r}"
         raise InputError(f"{point} is not in {place.name!r}; {other}")
-    line = narrowest_line(topology, place, at_m)
-    parts = cut_along(topology, place, [line])
+    line = cuts.narrowest_line(topology, place, at_m)
+    parts = cuts.cut_along(topology, place, [line])
     if len(parts) < 2:
         parts = _cut_together(topology, place, line) or parts
     if len(parts) < 2:
@@ -171,11 +165,11 @@ def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) ->
 def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts | None:
     """The parts that a cut leaves together with those of other openings; None if it needs more."""
     middle = np.mean(line, axis=0)
-    for lines, _ in opening_cuts(topology, place, line_width_m(line) + _WIDER_M):
+    for lines, _ in cuts.opening_cuts(topology, place, cuts.line_width_m(line) + _WIDER_M):
         away = [float(np.hypot(*(np.mean(other, axis=0) - middle))) for other in lines]
         nearest = int(np.argmin(away))
         if away[nearest] <= _SAME_OPENING_M:
-            parts = cut_along(topology, place, [*lines[:nearest], line, *lines[nearest + 1 :]])
+            parts = cuts.cut_along(topology, place, [*lines[:nearest], line, *lines[nearest + 1 :]])
             if len(parts) > 1:
                 return parts
     return None

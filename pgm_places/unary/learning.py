@@ -13,18 +13,10 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary import list_learning
 from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, with_floor
-from pgm_places.unary.list_learning import (
-    fitted_list,
-    held_out_lists,
-    in_the_order_of,
-    like,
-    scores_of,
-    with_explicit_order,
-    with_temperatures,
-)
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import LearnedSpaces, learn_spaces
@@ -144,7 +136,7 @@ class UnaryLearner:
             wants_all=self.with_scores or bool(self.context_m),
             feature_cache=self.feature_cache,
         )
-        classifier = with_explicit_order(self.classifier, cells.truth)
+        classifier = list_learning.with_explicit_order(self.classifier, cells.truth)
         laser = self._lists("decision list", classifier, cells, held_out=self._holds_out)
         context = self._in_context(laser, classifier) if self.context_m else None
         spaces = None if self.space is None else self._with_spaces(self.space, cells)
@@ -189,7 +181,7 @@ class UnaryLearner:
         order = laser.fitted.classes[laser.fitted.order].tolist()
         return self._lists(
             "list with context",
-            like(classifier, order=order, max_depth=1, shrinkage=1.0),
+            list_learning.like(classifier, order=order, max_depth=1, shrinkage=1.0),
             cells,
             held_out=self.with_scores and self._from_held_out,
             extra=lambda some: means[some],
@@ -203,7 +195,7 @@ class UnaryLearner:
             cells = replace(cells, truth=truth)
         lists = self._lists(
             "list with spaces",
-            with_explicit_order(options.classifier(), cells.truth),
+            list_learning.with_explicit_order(options.classifier(), cells.truth),
             cells,
             held_out=self.with_scores and self._from_held_out,
             extra=spaces.columns,
@@ -237,16 +229,18 @@ class UnaryLearner:
         domain = None if domain is None else domain[examples]
         tempered = unfitted.calibration == "temperature"
         if tempered:
-            unfitted = like(unfitted, calibration="none")
+            unfitted = list_learning.like(unfitted, calibration="none")
         with staged(name):
-            fitted = fitted_list(unfitted, values, truth, groups, domain)
+            fitted = list_learning.fitted_list(unfitted, values, truth, groups, domain)
         of_fold = {}
         if tempered or held_out:
             stage = f"held-out scores: {name}"
-            ordered = in_the_order_of(fitted, unfitted)
-            of_fold = held_out_lists(ordered, values, truth, groups, stage, domain)
+            ordered = list_learning.in_the_order_of(fitted, unfitted)
+            of_fold = list_learning.held_out_lists(ordered, values, truth, groups, stage, domain)
         if tempered:
-            fitted, of_fold = with_temperatures(fitted, of_fold, values, truth, groups)
+            fitted, of_fold = list_learning.with_temperatures(
+                fitted, of_fold, values, truth, groups
+            )
         return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
     def _scores(
@@ -311,7 +305,7 @@ class _Lists:
         groups = self.cells.groups[some]
         everyone = dict.fromkeys(np.unique(groups).tolist(), self.fitted)
         lists = self.of_fold if held_out else everyone
-        return scores_of(lists, values, groups, self.n_labels)
+        return list_learning.scores_of(lists, values, groups, self.n_labels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,9 @@ from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary import space_model
 from pgm_places.unary.options import GATE_OPTIONS
-from pgm_places.unary.space_model import (
-    N_SPACE_COLUMNS,
-    MapSpaces,
-    SpaceModel,
-    gate_probabilities,
-    with_gates,
-)
+from pgm_places.unary.space_model import MapSpaces, SpaceModel
 from pgm_places.unary.training_cells import TrainingCells
 
 
@@ -44,7 +39,7 @@ class LearnedSpaces:
 
     def columns(self, some: NDArray[np.int64]) -> NDArray[np.float32]:
         """(n, F) what some cells see of their spaces."""
-        table = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
+        table = np.empty((len(some), space_model.N_SPACE_COLUMNS), np.float32)
         starts = np.cumsum([0, *self.cells.sizes])
         number = np.searchsorted(starts, some, side="right") - 1
         for m in np.unique(number).tolist():
@@ -58,7 +53,7 @@ class LearnedSpaces:
         if self.gates is None or self.doorway is None:
             return log_z
         at_gate = [spaces.at_gates(self.cells.layout(m)) for m, spaces in enumerate(self.spaces)]
-        return with_gates(log_z, np.concatenate(at_gate), self.doorway)
+        return space_model.with_gates(log_z, np.concatenate(at_gate), self.doorway)
 
     def model(self, classifier: BoostedList, corridor: int | None) -> SpaceModel:
         """The model of all that was learned; ``corridor`` is the label that halls belong to."""
@@ -96,7 +91,7 @@ def _learn_gates(
     for number in np.unique(fold):
         out = fold == number
         part = gate_list(values, truth, fold, known & ~out)
-        probability[out] = gate_probabilities(part, values[out])
+        probability[out] = space_model.gate_probabilities(part, values[out])
     ends = np.cumsum([len(item) for item in gates])[:-1]
     whole = gate_list(values, truth, fold, known)
     return whole, np.split(probability, ends)

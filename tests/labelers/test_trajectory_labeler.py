@@ -105,7 +105,7 @@ def test_options_of_learning_reach_the_method(monkeypatch: pytest.MonkeyPatch) -
         asked.update({name: getattr(labeler, name) for name in options}, method=method)
         return method
 
-    monkeypatch.setattr("pgm_places.labelers.trajectory_labeler.learn_method", learn)
+    monkeypatch.setattr("pgm_places.labelers.trajectory_learning.learn_method", learn)
     tool = TrajectoryLabeler(
         building()[1], "amn", every_m=0.7, classifier=QUICK, loop_m=1.5, n_runs=17, seed=4
     )
