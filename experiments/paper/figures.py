@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from experiments.paper.borders import border_tolerant_mask
 from experiments.paper.section import Finding, Table
-from pgm_places.evaluation.evaluation import Evaluation, Interval
+from pgm_places.evaluation.bootstrap import Interval
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 
 DOORWAY = "doorway"

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from experiments.paper.figures import finding_of
 from experiments.paper.section import Finding
-from pgm_places.evaluation.bootstrap import numbered_apart
-from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, evaluate
+from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, numbered_apart
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.labelled_items import stretches
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler

@@ -14,6 +14,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions, observed_along
 
@@ -146,7 +147,7 @@ def observed(
         path = drive()
         assert path.labels is not None
         seen = observed_along(path, SENSOR, BEAMS)
-        steps = np.arange(len(path)) if all_steps else path.by_distance(EVERY_M)
+        steps = np.arange(len(path)) if all_steps else Segments(path.poses, EVERY_M).first
         if not all_steps:
             steps = steps[path.labels[steps] >= 0]
         return {

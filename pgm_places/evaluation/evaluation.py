@@ -11,17 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
-from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, square_blocks
 from pgm_places.evaluation.confusion import confusion_matrix, mean_of_defined, paired_labels, ratio
-
-__all__ = [
-    "Evaluation",
-    "Interval",
-    "Reliability",
-    "block_bootstrap",
-    "evaluate",
-    "square_blocks",
-]
 
 
 @dataclass(frozen=True, eq=False)

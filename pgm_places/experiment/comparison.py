@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pgm_places.evaluation import confusion
-from pgm_places.evaluation.bootstrap import Resamples, pooled
-from pgm_places.evaluation.evaluation import Evaluation, Interval
+from pgm_places.evaluation.bootstrap import Interval, Resamples, pooled
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.judgement import Judgement, judge
 from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling

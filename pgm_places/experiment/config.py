@@ -31,17 +31,6 @@ from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import ClassifierOptions, ContextOptions, HallsAs, SpaceOptions
 
-__all__ = [
-    "NO_MODEL",
-    "ExperimentConfig",
-    "FeatureConfig",
-    "LabelsConfig",
-    "MethodConfig",
-    "SelectConfig",
-    "load_config",
-    "parse_config",
-]
-
 NO_MODEL = "none"
 """The base model of those who learn from nothing but their maps, as the studio does without one."""
 

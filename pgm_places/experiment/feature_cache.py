@@ -21,10 +21,8 @@ from pgm_places.options import plain_values
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import Block
 
-__all__ = ["FeatureCache"]
-
+# The share of the free space that tables may take: other programs need some, too.
 MOST_OF_FREE = 0.9
-"""The share of the free space that tables may take: other programs need some, too."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, poole
 from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 
-__all__ = ["TESTED", "Difference", "Judgement", "judge", "points"]
-
 FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
     "accuracy": confusion.accuracy,
     "balanced_accuracy": confusion.balanced_accuracy,
@@ -31,8 +29,8 @@ BY_LABEL: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
     "iou": confusion.iou,
 }
 LEVEL = 0.05
+# Fewer cannot reach the level, even if one method is better in all of them.
 FEWEST_BUILDINGS = 6
-"""Fewer cannot reach the level, even if one method is better in all of them."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.bootstrap import numbered_apart
-from pgm_places.evaluation.evaluation import square_blocks
+from pgm_places.evaluation.bootstrap import numbered_apart, square_blocks
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.label_graph import LabelGraph

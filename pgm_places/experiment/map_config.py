@@ -10,10 +10,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.options import UnknownGrey, check_options
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["MapConfig"]
-
+# TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window.
 OpenEnd = Literal["", "end"] | None
-"""TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
 
 Range = tuple[float | OpenEnd, float | OpenEnd]
 IndexRange = tuple[int | OpenEnd, int | OpenEnd]

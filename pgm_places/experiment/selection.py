@@ -27,10 +27,8 @@ from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Silent
 
-__all__ = ["Candidate", "Selection", "held_out_splits", "select"]
-
+# More combinations than this are probably a mistake: each is learned once per fold.
 MOST_CANDIDATES = 200
-"""More combinations than this are probably a mistake: each is learned once per fold."""
 
 
 @dataclass(frozen=True)

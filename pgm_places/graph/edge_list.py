@@ -14,24 +14,6 @@ from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_order import EdgeOrder
 from pgm_places.graph.raster_edges import RasterEdges
 
-__all__ = [
-    "EdgeList",
-    "check_links",
-    "checked_pairs",
-    "empty_pairs",
-    "joined_edges",
-    "lattice_edges",
-    "mapped_edges",
-    "mapped_nodes",
-    "matrix_edges",
-    "nearest_pairs",
-    "order_among",
-    "path_edges",
-    "require_canonical",
-    "require_sparse",
-    "sparse_pairs",
-]
-
 
 def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
     """``edges`` as an array, of shape (0, 2) where there are none; (2, E) is refused by name."""
@@ -215,8 +197,8 @@ class EdgeList:
         return EdgeList(number[self.pairs[inside]], kinds)
 
 
+# The number of nodes of a graph, and its edges.
 Part = tuple[int, EdgeList | RasterEdges]
-"""The number of nodes of a graph, and its edges."""
 
 
 def checked_pairs(pairs: ArrayLike, n_nodes: int, name: str = "edges") -> NDArray[Any]:

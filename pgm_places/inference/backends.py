@@ -19,18 +19,6 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.plugins import Registry
 
-__all__ = [
-    "BACKENDS",
-    "METHODS",
-    "Backend",
-    "Learnable",
-    "Traits",
-    "backend_names",
-    "build",
-    "learned",
-    "traits_of",
-]
-
 
 @dataclass(frozen=True)
 class Traits:
@@ -104,17 +92,17 @@ BACKENDS: Mapping[str, str] = {
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 
+# Options by the names that models saved by earlier versions use, and their names now.
 RENAMED = {
     "relaxation": {"iterations": "max_iterations"},
     "amn": {"tolerance": "learning_tolerance"},
 }
-"""Options by the names that models saved by earlier versions use, and their names now."""
 
+# Values of options that models saved by earlier versions have, and those now.
 REPLACED = {("amn", "learner", "frank-wolfe"): "cutting-plane"}
-"""Values of options that models saved by earlier versions have, and those now."""
 
+# Methods of earlier versions, and what to use instead.
 RETIRED = {"space_field": "use 'potts' with unary = 'space', which labels as well"}
-"""Methods of earlier versions, and what to use instead."""
 
 METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED, REPLACED, RETIRED)
 """Where methods are looked up; packages add theirs to the entry points of that group."""

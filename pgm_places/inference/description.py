@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 
-__all__ = ["ProblemDescription", "describe"]
-
+# Below this share of the labelled nodes' links, those between labelled nodes say too little.
 FEW_INSIDE = 0.5
-"""Below this share of the labelled nodes' links, those between labelled nodes say too little."""
 
+# A label of fewer nodes than this share is easily given up.
 RARE = 0.02
-"""A label of fewer nodes than this share is easily given up."""
 
+# A node whose best label is a hundred times as probable as the second hardly needs others.
 SURE = np.log(100.0)
-"""A node whose best label is a hundred times as probable as the second hardly needs others."""
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,10 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 
-__all__ = ["FactorGraph"]
-
 Array = NDArray[np.float64]
 
+# Allowed labellings of one factor, up to which it becomes a node of a pairwise model.
 MOST_STATES = 256
-"""Allowed labellings of one factor, up to which it becomes a node of a pairwise model."""
 
 
 @dataclass(frozen=True, eq=False)

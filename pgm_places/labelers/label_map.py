@@ -24,15 +24,12 @@ from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
 from pgm_places.unary.kept_table import KeptTable
 
-__all__ = ["SAME_RESOLUTION", "LabelledPlaces", "at_model_resolution", "label_map", "on_own_raster"]
-
-
 SAME_RESOLUTION = 0.02
 """Resolutions that differ by less than this share are taken as equal."""
 
+# As many as of the largest map whose labelling is measured: 500 x 500 m with cells of 5 cm. A map
+# that has as many itself is no slip of its maker; one of half a metre that is refined may be.
 MAX_REFINED_CELLS = 100_000_000
-"""As many as of the largest map whose labelling is measured: 500 x 500 m with cells of 5 cm. A map
-that has as many itself is no slip of its maker; one of half a metre that is refined may be."""
 
 
 def at_model_resolution(

@@ -11,16 +11,14 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["MapPrior", "PositionPrior"]
-
+# Default weight of what the map says at one update: that of an observation of its own.
 WEIGHT = 1.0
-"""Default weight of what the map says at one update: that of an observation of its own."""
 
+# Probability of the label of a cell, where labels come without probabilities.
 CERTAIN = 0.9
-"""Probability of the label of a cell, where labels come without probabilities."""
 
+# No label of a map is less probable: a drive must be able to contradict it.
 LEAST = 0.01
-"""No label of a map is less probable: a drive must be able to contradict it."""
 
 
 class PositionPrior(Protocol):

@@ -16,13 +16,11 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.method import infer
 from pgm_places.solvers.adjacency import adjacency, is_forest
 
-__all__ = ["beside", "label_all", "parts_of"]
-
+# Decoders whose answer on a forest is that of each of its trees.
 EXACT_ON_FORESTS = ("max-product", "sum-product", "exact")
-"""Decoders whose answer on a forest is that of each of its trees."""
 
+# Edge features that need kinds of edges, or are in units of the whole graph.
 OF_WHOLES = {"diagonal", "kind", "raw-difference"}
-"""Edge features that need kinds of edges, or are in units of the whole graph."""
 
 
 def label_all(backend: Any, problems: Sequence[LabelingProblem]) -> list[Labeling]:

@@ -13,13 +13,11 @@ from pgm_places.sensing.local_map import LocalMap
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["PathMap", "Track", "Visit", "map_of_scans"]
-
+# Longer readings are left out of a map drawn from scans: they only make it larger.
 DRAWN_M = 15.0
-"""Longer readings are left out of a map drawn from scans: they only make it larger."""
 
+# Longest side of a map drawn from scans; a longer path is drawn with larger cells.
 DRAWN_CELLS = 3000
-"""Longest side of a map drawn from scans; a longer path is drawn with larger cells."""
 
 
 @dataclass(frozen=True)

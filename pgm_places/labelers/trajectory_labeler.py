@@ -28,14 +28,12 @@ from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_featu
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["EVERY_M", "TrajectoryLabeler"]
-
 EVERY_M = 0.1
 """Way between two updates. The paper has 0.2 to 0.5 m; shorter ones find doorways more often."""
 
+# Longest range of completed scans: farther away, walls seen by a laser and walls of a map differ
+# too much (glass, clutter, beams that are farther apart than things are wide).
 REACH_M = 12.0
-"""Longest range of completed scans: farther away, walls seen by a laser and walls of a map differ
-too much (glass, clutter, beams that are farther apart than things are wide)."""
 
 METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted")
 SENSOR = Sensor(max_range_m=REACH_M)

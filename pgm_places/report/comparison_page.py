@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.evaluation.evaluation import Evaluation, Interval
+from pgm_places.evaluation.bootstrap import Interval
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.judgement import Difference
 from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M

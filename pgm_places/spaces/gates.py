@@ -12,23 +12,14 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.openings import Openings, find_openings
 from pgm_places.spaces.segmentation import Segmentation
 
-__all__ = [
-    "LEAST_WIDTH_M",
-    "MOST_HALF_WIDTH_M",
-    "OFFSETS_M",
-    "Gates",
-    "chord_directions",
-    "gate_candidates",
-]
-
 MOST_HALF_WIDTH_M = 1.6
 """Openings with more clearance than this are not gates."""
 
 LEAST_WIDTH_M = 0.2
 """Narrower gaps are not gates: nobody passes between a wall and a table leg."""
 
+# Chords are tried every 7.5 degrees.
 N_DIRECTIONS = 24
-"""Chords are tried every 7.5 degrees."""
 
 OFFSETS_M = np.arange(-15, 16) / 10
 """Where widths are measured: up to 1.5 m before and behind a gate."""

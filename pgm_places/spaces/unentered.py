@@ -14,37 +14,35 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.relief import open_space
 
-__all__ = ["Unentered", "find_unentered"]
-
+# Rays are looked for with discs of so many times the radius.
 SCALES = (1, 2)
-"""Rays are looked for with discs of so many times the radius."""
 
+# A wall so far behind a border is the border's: some robots' maps have a rim of unknown cells.
 RIM_M = 0.1
-"""A wall so far behind a border is the border's: some robots' maps have a rim of unknown cells."""
 
+# Smaller islands of unknown cells are shadows of obstacles: a border at them is one at a wall.
 SHADOW_M2 = 1.0
-"""Smaller islands of unknown cells are shadows of obstacles: a border at them is one at a wall."""
 
+# Where at least so much of a piece's border is at unknown space, it was seen and not entered: a
+# piece too narrow for the disc, and one that it fits into.
 NARROW_UNKNOWN, WIDE_UNKNOWN = 0.8, 0.7
-"""Where at least so much of a piece's border is at unknown space, it was seen and not entered: a
-piece too narrow for the disc, and one that it fits into."""
 
+# A narrow piece also has to reach so many radii beyond the disc: corners and sills do not.
 NARROW_DEPTH = 2.0
-"""A narrow piece also has to reach so many radii beyond the disc: corners and sills do not."""
 
+# A space that is cut off was entered all the same, its door being closed on the map, where it is
+# so large and no more of its border is at unknown space.
 ROOM_M2, ROOM_UNKNOWN = 4.0, 0.5
-"""A space that is cut off was entered all the same, its door being closed on the map, where it is
-so large and no more of its border is at unknown space."""
 
+# So was one that is walled in: the outline of a piece of furniture.
 BOX_UNKNOWN = 0.1
-"""So was one that is walled in: the outline of a piece of furniture."""
 
+# What is cut off and smaller belongs to what is beside it, where less of its border is at unknown
+# space: corners between chairs, and specks in walls.
 SCRAP_M2, SCRAP_UNKNOWN = 1.0, 0.7
-"""What is cut off and smaller belongs to what is beside it, where less of its border is at unknown
-space: corners between chairs, and specks in walls."""
 
+# Where less was never entered in all, it is not worth a word.
 LEAST_M2 = 0.1
-"""Where less was never entered in all, it is not worth a word."""
 
 
 @dataclass(frozen=True, eq=False)

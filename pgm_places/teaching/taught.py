@@ -16,10 +16,8 @@ from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["Taught"]
-
+# A place of which so much is painted needs no further answer.
 ANSWERED = 0.75
-"""A place of which so much is painted needs no further answer."""
 
 
 @dataclass(frozen=True, eq=False)

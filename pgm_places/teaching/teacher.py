@@ -39,8 +39,6 @@ from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.kept_table import KeptTable
 
-__all__ = ["SupersededError", "Teacher", "Turns"]
-
 
 class SupersededError(PgmPlacesError):
     """A newer request has taken the place of this one, whose result nobody needs any more."""
@@ -115,8 +113,8 @@ class _Watched:
         self._told.warn(message)
 
 
+# Without a labeler to say at which resolution, finer maps are labelled at this one.
 FINEST_M = 0.05
-"""Without a labeler to say at which resolution, finer maps are labelled at this one."""
 
 
 class Teacher:

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from pgm_places._core import simplify_arcs, trace_rings
 from pgm_places.errors import InputError
 
-__all__ = ["Outline", "outlines"]
-
 Ring = NDArray[np.int32]
 
+# The bit of a corner of cells where an outline turns.
 VERTEX = 1
-"""The bit of a corner of cells where an outline turns."""
 
 
 @dataclass(frozen=True, eq=False)

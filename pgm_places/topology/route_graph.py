@@ -14,13 +14,11 @@ from pgm_places.topology.topological_map import TopologicalMap
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["ROBOT_RADIUS_M", "RouteEdge", "RouteGraph", "RouteNode", "route_graph"]
-
 ROBOT_RADIUS_M = 0.2
 """A small robot for indoors: narrower gaps are noise of the map more often than ways."""
 
+# Clearances are measured up to this distance.
 MARKED_M = 2.0
-"""Clearances are measured up to this distance."""
 
 
 @dataclass(frozen=True)

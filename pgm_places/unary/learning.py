@@ -26,8 +26,6 @@ from pgm_places.unary.training_cells import TrainingCells
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["Halls", "LearnedUnary", "UnaryLearner"]
-
 
 @dataclass(frozen=True, eq=False)
 class Halls:
@@ -45,8 +43,8 @@ class Halls:
     are_halls: NDArray[np.bool_]
 
 
+# Columns (n, D) beside the cells' own features, for cells by their numbers.
 Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
-"""Columns (n, D) beside the cells' own features, for cells by their numbers."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.bootstrap import block_bootstrap, square_blocks
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
-from pgm_places.evaluation.evaluation import (
-    Evaluation,
-    block_bootstrap,
-    evaluate,
-    square_blocks,
-)
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
 
 NAMES = ["room", "corridor", "doorway", "kitchen"]
 

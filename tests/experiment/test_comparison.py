@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgm_places.evaluation.evaluation import block_bootstrap
+from pgm_places.evaluation.bootstrap import block_bootstrap
 from pgm_places.experiment.comparison import history_of, learning_of, score_intervals
 from pgm_places.experiment.labelled_items import BLOCK_M
 from pgm_places.inference.backends import build
