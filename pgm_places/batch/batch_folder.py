@@ -8,12 +8,11 @@ from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS
-from pgm_places.batch.outcomes import Failure
+from pgm_places.batch.manifest import Failure
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
-from pgm_places.io.input_file import is_address
+from pgm_places.io.input_file import is_address, read_json
 from pgm_places.io.staging import claimed, remove_leftovers
-from pgm_places.io.text_file import read_json
 
 _RECORD = ".pgm-places-batch.json"
 _CLAIMS = ".pgm-places-claims"

@@ -8,8 +8,7 @@ from pathlib import Path
 from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.far_maps import results_of
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.manifest import MANIFEST_FILE, labelled_row
-from pgm_places.batch.outcomes import LabelledRow
+from pgm_places.batch.manifest import MANIFEST_FILE, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.place_table import PLACE_TABLE, write_place_table
 from pgm_places.errors import InputError

@@ -8,9 +8,17 @@ from functools import lru_cache
 from pathlib import Path
 
 from pgm_places._version import __version__
-from pgm_places.batch.manifest import MANIFEST_FILE, done_figures, made_from, manifest_text
+from pgm_places.batch.manifest import (
+    MANIFEST_FILE,
+    Elsewhere,
+    Failure,
+    LabelledRow,
+    Outcome,
+    done_figures,
+    made_from,
+    manifest_text,
+)
 from pgm_places.batch.map_files import LabelledFile, label_file
-from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow, Outcome
 from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.batch.time_limit import TimeIsUpError, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable

@@ -8,8 +8,8 @@ from typing import Any
 from pgm_places._extras import needed
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file
+from pgm_places.io.input_file import read_json
 from pgm_places.io.places.topology_files import MAX_BYTES, TOPOLOGY_FILE
-from pgm_places.io.text_file import read_json
 
 PLACE_TABLE = "places.parquet"
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pgm_places.studio.desk import Desk
-    from pgm_places.studio.export_folders import ExportFolders
+    from pgm_places.studio.exports import ExportFolders
     from pgm_places.studio.layers import GivenLabels
     from pgm_places.studio.shelf import Shelf
 
@@ -71,7 +71,7 @@ def studio(
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL
     from pgm_places.studio.desk import Desk
-    from pgm_places.studio.export_folders import ExportFolders
+    from pgm_places.studio.exports import ExportFolders
     from pgm_places.studio.server import serve
     from pgm_places.studio.shelf import Shelf
     from pgm_places.teaching.paint import Paint

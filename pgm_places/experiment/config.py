@@ -21,7 +21,7 @@ from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
-from pgm_places.io.text_file import read_toml
+from pgm_places.io.input_file import read_toml
 from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError, is_printable, shown
-from pgm_places.io.input_file import user_path
-from pgm_places.io.text_file import read_json
+from pgm_places.io.input_file import read_json, user_path
 
 MAX_BYTES = 64 << 20
 Ring: TypeAlias = NDArray[np.float64]

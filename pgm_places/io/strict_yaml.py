@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from pgm_places.errors import InputError, nearest_name, shown
-from pgm_places.io.text_file import read_text
+from pgm_places.io.input_file import read_text
 
 YamlValue: TypeAlias = "str | list[YamlValue] | dict[str, YamlValue]"
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
-from pgm_places.io.input_file import user_path
-from pgm_places.io.text_file import read_record
+from pgm_places.io.input_file import read_record, user_path
 from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from pgm_places._version import __version__
 from pgm_places.errors import ModelFileError, PgmPlacesError, shown
 from pgm_places.io.atomic import atomic_folder, check_folder_target
-from pgm_places.io.input_file import file_kind, user_path
-from pgm_places.io.text_file import read_bytes, read_json
+from pgm_places.io.input_file import file_kind, read_bytes, read_json, user_path
 
 MANIFEST, ARRAYS = "manifest.json", "arrays.safetensors"
 FORMAT = "pgm_places model"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.studio.classes import Classes
 from pgm_places.studio.lesson import Changes, Lesson, probability_raster
+from pgm_places.studio.painting import Classes
 from pgm_places.studio.pyramid import (
     CLEAR,
     ERRORS,

@@ -21,9 +21,9 @@ from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.local_workers import LocalWorkers
+from pgm_places.batch.manifest import LabelledRow
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.map_task import NoSpaceError
-from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile

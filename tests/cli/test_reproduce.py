@@ -44,7 +44,7 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
 def test_an_installed_package_says_where_the_experiments_are(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pgm_places.cli.reproduce._CHECKOUT", tmp_path)
+    monkeypatch.setattr("pgm_places.cli.experiments._CHECKOUT", tmp_path)
     code, text, error = run("reproduce", "7.1", "--out", tmp_path / "out")
     assert (code, text) == (2, "")
     assert error == (

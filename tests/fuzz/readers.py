@@ -17,9 +17,8 @@ from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs
 from pgm_places.io.folder_swap import NEW, UNFINISHED
-from pgm_places.io.logs.detection_bags import read_detection_bag
 from pgm_places.io.logs.map_messages import read_map_messages
-from pgm_places.io.logs.object_counts import read_object_counts
+from pgm_places.io.logs.object_counts import read_detection_bag, read_object_counts
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.label_values import listed_names
@@ -32,10 +31,9 @@ from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import read
-from pgm_places.studio.classes import Classes
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.painting import Painting
+from pgm_places.studio.painting import Classes, Painting
 from pgm_places.teaching.paint import Paint
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
 from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES

@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from pgm_places.batch.manifest import MANIFEST_FILE, manifest_text
-from pgm_places.batch.outcomes import LabelledRow
+from pgm_places.batch.manifest import MANIFEST_FILE, LabelledRow, manifest_text
 from pgm_places.datasets import generate_building
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
@@ -31,9 +30,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
 from pgm_places.report.outputs import Outputs
-from pgm_places.studio.classes import Classes
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.painting import Painting
+from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import LogError
-from pgm_places.io.text_file import read_json
+from pgm_places.io.input_file import read_json
 
 
 def test_plain_data_come_as_they_are(tmp_path: Path) -> None:

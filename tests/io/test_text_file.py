@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import LabelError
-from pgm_places.io.text_file import read_text
+from pgm_places.io.input_file import read_text
 
 
 def test_text_comes_without_its_byte_order_mark(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import ConfigError
-from pgm_places.io.text_file import MAX_BYTES, read_toml
+from pgm_places.io.input_file import MAX_BYTES, read_toml
 
 
 def read(tmp_path: Path, text: str) -> dict[str, object]:

@@ -17,8 +17,8 @@ from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.io.places.exports import write_geotiff
 from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.label_map import LabelledPlaces, _brought_back
 from pgm_places.labelers.method import PlaceMethod

@@ -12,10 +12,9 @@ import pytest
 
 from pgm_places.errors import InputError, OutputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.studio.classes import Classes
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.painting import Painting
+from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask
 
 Reopen = Callable[[], Desk]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import MapError, OutputError, nearest_name, shown
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.input_file import user_path
+from pgm_places.io.input_file import read_bytes, user_path
 from pgm_places.io.maps.map_pixels import (
     FREE_GREY,
     FREE_THRESH,
@@ -28,7 +28,6 @@ from pgm_places.io.maps.map_pixels import (
 )
 from pgm_places.io.maps.raster_image import MAX_PIXELS, encoded, open_image
 from pgm_places.io.strict_yaml import MAX_BYTES, YamlFile, YamlValue, read_yaml
-from pgm_places.io.text_file import read_bytes
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.options import UnknownGrey
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
-from pgm_places.io.text_file import read_text
+from pgm_places.io.input_file import read_text
 
 MAX_BYTES = 1 << 30
 _WHAT = "a cut problem (DIMACS max)"

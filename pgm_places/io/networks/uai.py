@@ -14,7 +14,7 @@ from pgm_places.errors import InputError
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
-from pgm_places.io.text_file import read_text
+from pgm_places.io.input_file import read_text
 
 MAX_BYTES = 1 << 30
 _NETWORK = "a network (UAI)"

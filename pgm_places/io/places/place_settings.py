@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_json
+from pgm_places.io.input_file import read_record
 from pgm_places.io.places.number_image import MOST, Raster, write_numbers
-from pgm_places.io.text_file import read_record
 from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import from_mapping, plain_values

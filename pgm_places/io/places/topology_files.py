@@ -11,12 +11,11 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_json, write_text
 from pgm_places.io.geojson import read_regions
-from pgm_places.io.input_file import user_path
+from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS
 from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
-from pgm_places.io.text_file import read_record
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.place_edits import renamed

@@ -16,9 +16,8 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
-from pgm_places.io.maps.geotiff import pixel_to_map, write_geotiff
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.io.places.exports import EXPORTS, export
+from pgm_places.io.places.exports import EXPORTS, export, pixel_to_map, write_geotiff
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_route import route_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
