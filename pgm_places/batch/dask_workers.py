@@ -63,7 +63,10 @@ class DaskWorkers:
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Any]]:
         distributed = needed("distributed", extra="dask", purpose="--scheduler")
-        _silence()
+        # What ends a batch is said in one line, to which Dask would add tracebacks. It goes on
+        # logging while its threads end, after the client is closed, so this stays.
+        for name in ("distributed", "distributed.client", "tornado"):  # those it gives levels
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
             client = distributed.Client(self.address, timeout=self.patience_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -72,7 +75,13 @@ class DaskWorkers:
                 "such as tcp://192.168.0.7:8786"
             ) from None
         with client:
-            _wait_for_workers(client, self.address, self.patience_s)
+            try:
+                client.wait_for_workers(1, timeout=self.patience_s)
+            except TimeoutError:
+                raise InputError(
+                    f"the Dask scheduler at {self.address} has no workers; start some: dask worker "
+                    f"{self.address}"
+                ) from None
             plugins = _memory_plugins(distributed, self.memory_bytes)
             for plugin in plugins:
                 client.register_plugin(plugin)
@@ -81,24 +90,6 @@ class DaskWorkers:
             finally:
                 for plugin in plugins:
                     _unregister(client, plugin)
-
-
-def _silence() -> None:
-    """Keep Dask from logging: what ends a batch is said in one line, and it would add tracebacks.
-
-    It goes on logging while its threads end, after the client is closed, so this stays.
-    """
-    for name in ("distributed", "distributed.client", "tornado"):  # those that it gives levels
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-
-
-def _wait_for_workers(client: Any, address: str, seconds: float) -> None:
-    try:
-        client.wait_for_workers(1, timeout=seconds)
-    except TimeoutError:
-        raise InputError(
-            f"the Dask scheduler at {address} has no workers; start some: dask worker {address}"
-        ) from None
 
 
 class _UnderWay:

@@ -121,7 +121,8 @@ class Lists:
         """
         self._written_s = time.monotonic()
         with locked(self.out):
-            return self._write(self._newest(), self._summary.middle(), at_the_end=at_the_end)
+            both = _tagged(self._summary, is_row=True), _tagged(self._failures, is_row=False)
+            return self._write(_merged(*both), self._summary.middle(), at_the_end=at_the_end)
 
     def rebuild(self, rows: Callable[[], Iterable[tuple[LabelledRow, float]]]) -> Overview:
         """Write the lists anew from rows, each with the time that it is of, sorted by name."""
@@ -166,9 +167,6 @@ class Lists:
             return is_there
         row["in_input"] = "yes" if is_there else "no"
         return given or (self.out / row["name"] / MANIFEST_FILE).exists()
-
-    def _newest(self) -> Iterator[tuple[bool, Row]]:
-        return _merged(_tagged(self._summary, is_row=True), _tagged(self._failures, is_row=False))
 
 
 class _FurtherLabelError(Exception):

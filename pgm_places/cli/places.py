@@ -18,7 +18,6 @@ from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
     from pgm_places.spaces.doorways import Doorways
-    from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
 
 
@@ -266,14 +265,10 @@ def where(
         raise SystemExit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
-    say(f"{_called(region)} ({region.area_m2:.1f} m²{confidence})")
-    say(f"next to: {near}")
-
-
-def _called(region: "Region") -> str:
-    """Its name, with its class and id where the user chose another one."""
     numbered = f"{region.label} {region.id}"
-    return numbered if region.name == numbered else f"{region.name}: {numbered}"
+    own = "" if region.name == numbered else f"{region.name}: "
+    say(f"{own}{numbered} ({region.area_m2:.1f} m²{confidence})")
+    say(f"next to: {near}")
 
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -79,7 +79,9 @@ def studio(
 
     progress = make_progress(quiet=quiet)
     if len(maps) > 1:
-        _refuse_for_several({"--labels": labels, "--corrections": corrections, "--drive": drive})
+        own = {"--labels": labels, "--corrections": corrections, "--drive": drive}
+        if name := next((name for name, value in own.items() if value), None):
+            raise InputError(f"{name} belongs to one map; start the studio with that map alone")
     stored = None if model == NO_MODEL else stored_labeler(model)
 
     def opened(map_yaml: Path, folder: Path) -> Desk:
@@ -121,12 +123,6 @@ def studio(
         )
     finally:
         shelf.close()
-
-
-def _refuse_for_several(given: "Mapping[str, object]") -> None:
-    for name, value in given.items():
-        if value:
-            raise InputError(f"{name} belongs to one map; start the studio with that map alone")
 
 
 def _shelf_of(

@@ -112,7 +112,9 @@ def _region(
     polygons: Any = [coordinates] if single else coordinates
     problem = _misplaced(polygons, _POLYGONS)
     if problem is not None:
-        raise LabelError(f"{where}: {_complaint(*problem, depth=int(single))}")
+        steps, value = problem
+        at, wanted = _listed(steps[int(single) :]), _WANTED[len(steps)]
+        raise LabelError(f"{where}: coordinates{at} must be {wanted}, got {shown(value)}")
     return Region(
         index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
     )
@@ -130,9 +132,9 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
     """A rectangle around each segment of some lines; a segment without length is a square."""
     problem = _misplaced(lines, _LINES)
     if problem is not None:
-        steps = "".join(f"[{step}]" for step in problem[0])
         raise LabelError(
-            f"{where}: coordinates{steps}: a line needs at least two points [x, y] in metres"
+            f"{where}: coordinates{_listed(problem[0])}: a line needs at least two points [x, y] "
+            "in metres"
         )
     rectangles = []
     for line in lines:
@@ -163,10 +165,8 @@ def _misplaced(value: Any, least: tuple[int, ...]) -> tuple[tuple[int, ...], Any
     return None if len(value) >= least[0] else ((), value)
 
 
-def _complaint(steps: tuple[int, ...], value: Any, *, depth: int) -> str:
-    """What was wanted, what came, and where below a depth."""
-    at = "".join(f"[{step}]" for step in steps[depth:])
-    return f"coordinates{at} must be {_WANTED[len(steps)]}, got {shown(value)}"
+def _listed(steps: tuple[int, ...]) -> str:
+    return "".join(f"[{step}]" for step in steps)
 
 
 def _ring(where: str, points: list[list[float]]) -> Ring:

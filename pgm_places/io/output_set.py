@@ -1,7 +1,6 @@
 """The files of one run as a set: written aside, then swapped in at once; the user's own stay."""
 
 import contextlib
-import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import tidy, write_text
 from pgm_places.io.folder_swap import NEW, UNFINISHED, can_be_exchanged, file_names, finish, swap_in
-from pgm_places.io.input_file import is_address
+from pgm_places.io.input_file import is_address, sha256_of
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
 RECORD_FILE = ".pgm-places.json"
@@ -110,7 +109,7 @@ def output_set(
                 old = _record(target) or {}
                 new = {name: entry for name, entry in old.items() if entry["by"] != by}
                 new |= {
-                    name: {"by": by, "sha256": _hash(files.stage / name)}
+                    name: {"by": by, "sha256": sha256_of(files.stage / name)}
                     for name in sorted(written)
                 }
                 (files.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
@@ -157,7 +156,7 @@ def has_all_files(folder: Path) -> bool:
 def is_as_written(path: Path) -> bool:
     """Whether we wrote a file, and nobody has changed it since."""
     entry = (_record(path.parent) or {}).get(path.name)
-    return entry is not None and path.is_file() and _hash(path) == entry["sha256"]
+    return entry is not None and path.is_file() and sha256_of(path) == entry["sha256"]
 
 
 def written_names(folder: Path) -> set[str]:
@@ -205,7 +204,7 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
             continue
         if name not in record:
             what = "it is there already, and pgm-places did not write it"
-        elif path.is_symlink() or _hash(path) != record[name]["sha256"]:
+        elif path.is_symlink() or sha256_of(path) != record[name]["sha256"]:
             what = "it was changed since pgm-places wrote it"
         else:
             continue
@@ -231,8 +230,3 @@ def _record(folder: Path) -> dict[str, dict[str, str]] | None:
         }
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -124,7 +124,8 @@ class PlaceFinder:
         now_s : float, optional
             The time by which places last; the stamp of the scan by default.
         """
-        if self._online is None or not self._knows(scan.geometry):
+        known = self._geometry
+        if self._online is None or known is None or not scan.geometry.same_as(known):
             self._geometry = scan.geometry
             self._online = self._labeler.online(scan.geometry)
             self._ask_map(self._online)
@@ -158,10 +159,6 @@ class PlaceFinder:
             return False
         self._reported, self._since_s = now, math.inf
         return True
-
-    def _knows(self, geometry: ScanGeometry) -> bool:
-        known = self._geometry
-        return known is not None and (geometry is known or geometry.same_as(known))
 
     def _ask_map(self, online: OnlineLabeler) -> None:
         same = self.view is not None and len(self.view.shares) == len(online.label_names)

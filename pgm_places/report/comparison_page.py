@@ -1,11 +1,10 @@
 """A comparison as one self-contained HTML file: to read, to print, to send."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -91,6 +90,9 @@ _BLOCKS = {
 
 _MIXED_BLOCKS = f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths"
 
+_CERTIFIED = {"objective", "lower_bound", "certified_objective", "certified_gap"}
+"""What methods that learn by optimisation say of their weights."""
+
 _STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
 
 
@@ -112,7 +114,8 @@ def report_page(comparison: Comparison) -> str:
     anything else. Every text from configurations, maps and label names is escaped.
     """
     labels = label_swatches(comparison.label_names)
-    units = [item.unit for item in comparison.maps]
+    units, certificates = [item.unit for item in comparison.maps], [*_certificates(comparison)]
+    ended = {item.labeling.status for item in certificates}
     config = json.dumps(comparison.config, indent=2, ensure_ascii=False, default=str)
     return render(
         "comparison.html",
@@ -149,9 +152,13 @@ def report_page(comparison: Comparison) -> str:
         histories=history_charts(comparison),
         gradients=_GRADIENTS,
         beliefs=probability_layers(comparison),
-        certificates=list(_certificates(comparison)),
-        statuses=_statuses(comparison),
-        learned_certificates=_learned_certificates(comparison),
+        certificates=certificates,
+        statuses=[(str(item), item.meaning) for item in Status if item in ended],
+        learned_certificates=[
+            (method.id, method.learned)
+            for method in comparison.methods
+            if method.learned.keys() >= _CERTIFIED
+        ],
     )
 
 
@@ -283,19 +290,3 @@ def _certificates(comparison: Comparison) -> Iterator[_Certificate]:
         for item, labeling in zip(comparison.maps, method.labelings, strict=True):
             name = f"{method.id}, {item.name}" if len(comparison.maps) > 1 else method.id
             yield _Certificate(name, labeling)
-
-
-def _statuses(comparison: Comparison) -> list[tuple[str, str]]:
-    """The words that say how labellings ended, and what they mean."""
-    met = {item.labeling.status for item in _certificates(comparison)}
-    return [(str(status), status.meaning) for status in Status if status in met]
-
-
-def _learned_certificates(comparison: Comparison) -> list[tuple[str, Mapping[str, Any]]]:
-    """Methods that learned by optimisation, with what they say of their weights."""
-    keys = {"objective", "lower_bound", "certified_objective", "certified_gap"}
-    return [
-        (method.id, method.learned)
-        for method in comparison.methods
-        if keys <= method.learned.keys()
-    ]

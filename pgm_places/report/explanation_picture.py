@@ -33,7 +33,10 @@ def explanation_lines(found: CellExplanation) -> list[str]:
         if values is not None:
             lines.append(f"{name}: {_shares(values)}")
     for question in found.questions:
-        lines.append(_headline(question))
+        lines.append(
+            f"{question.label}? log-odds {question.log_odds:+.2f} = {question.bias:+.2f} "
+            f"{question.from_scan:+.2f} by the scan {question.from_spaces:+.2f} by the space around"
+        )
         lines += [
             f"  {vote.log_odds:+.2f}  {vote.name} = {vote.value:.3g} (threshold "
             f"{vote.threshold:.3g})"
@@ -56,13 +59,6 @@ def explanation_lines(found: CellExplanation) -> list[str]:
 
 def _shares(probabilities: Mapping[str, float]) -> str:
     return ", ".join(f"{label} {100 * p:.1f} %" for label, p in probabilities.items())
-
-
-def _headline(question: Question) -> str:
-    return (
-        f"{question.label}? log-odds {question.log_odds:+.2f} = {question.bias:+.2f} "
-        f"{question.from_scan:+.2f} by the scan {question.from_spaces:+.2f} by the space around"
-    )
 
 
 def _gate_text(found: CellExplanation) -> str:

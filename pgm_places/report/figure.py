@@ -1,9 +1,7 @@
 """Figures measured in pixels: matplotlib without pyplot or a window, with reproducible bytes."""
 
-import contextlib
 import io
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 INK, MUTED = "#1a202c", "#5a6472"
@@ -73,14 +71,8 @@ class PixelFigure:
 
     def _saved(self, **options: Any) -> bytes:
         buffer = io.BytesIO()
-        with _without_missing_glyphs():
+        with warnings.catch_warnings():
+            # Label names may be in any script; a box in place of a letter is no reason to fail.
+            warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
             self.figure.savefig(buffer, dpi=_DPI, **options)
         return buffer.getvalue()
-
-
-@contextlib.contextmanager
-def _without_missing_glyphs() -> Iterator[None]:
-    """Label names may be in any script; a box in place of a letter is no reason to fail."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
-        yield

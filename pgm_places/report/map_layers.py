@@ -1,6 +1,6 @@
 """The layers of a comparison's maps as images of a page: truth, labels, errors, probabilities."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,7 +103,16 @@ def label_layers(comparison: Comparison) -> list[MapLayers]:
     """Per test map: the truth, then each method's labels beside where they are wrong."""
     n_pictures = len(comparison.maps) * (1 + 2 * len(comparison.methods))
     most_pixels = min(_MOST_PIXELS, _LABEL_PIXELS // max(n_pictures, 1))
-    return [_layers(comparison, index, most_pixels) for index in range(len(comparison.maps))]
+    found = []
+    for index, item in enumerate(comparison.maps):
+        truth, methods = _pictures(comparison, index, most_pixels)
+        plots = []
+        if isinstance(item, TestDrive):
+            for method in comparison.methods:
+                track = Track(item.trajectory, method.labelings[index], comparison.label_names)
+                plots.append((method.id, data_uri(belief_plot(track))))
+        found.append(MapLayers(item.name, _facts(item), truth, methods, plots))
+    return found
 
 
 def thumbnails(
@@ -113,13 +122,6 @@ def thumbnails(
     truth, pairs = _pictures(comparison, 0, _THUMBNAIL_PIXELS)
     by_id = dict(pairs)
     return truth, [by_id[name] for name in methods]
-
-
-def _layers(comparison: Comparison, index: int, most_pixels: int) -> MapLayers:
-    item = comparison.maps[index]
-    truth, methods = _pictures(comparison, index, most_pixels)
-    along_path = list(_along_path(comparison, index, item))
-    return MapLayers(item.name, _facts(item), truth, methods, along_path)
 
 
 def _pictures(
@@ -135,14 +137,6 @@ def _pictures(
         (method.id, _pair(index, item, method, (truth, names), view))
         for method in comparison.methods
     ]
-
-
-def _along_path(comparison: Comparison, index: int, item: TestItem) -> Iterator[tuple[str, str]]:
-    """Each method's labels and beliefs over the length of a drive."""
-    if isinstance(item, TestDrive):
-        for method in comparison.methods:
-            track = Track(item.trajectory, method.labelings[index], comparison.label_names)
-            yield method.id, data_uri(belief_plot(track))
 
 
 def _pair(

@@ -65,12 +65,12 @@ def _environment(folder: Path) -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "counted": _counted,
+        "counted": lambda number, noun: f"{number:,} {noun}{'' if number == 1 else 's'}",
         "figure": lambda value: _or_dash(value, ",.3f"),
         "percent": _percent,
         "plain": _plain,
-        "seconds": _seconds,
-        "signed": _signed,
+        "seconds": lambda value: _or_dash(value, ".2f" if value is None or value < 10 else ".1f"),
+        "signed": lambda share: points(share).replace("-", "−"),  # a difference, in points
     }
     return environment
 
@@ -82,19 +82,6 @@ def _or_dash(value: float | None, form: str) -> str:
 def _percent(share: float | None, digits: int = 1) -> str:
     """A share in percent, a dash where there is none."""
     return _or_dash(None if share is None else 100 * share, f".{digits}f")
-
-
-def _signed(share: float) -> str:
-    """A difference of shares in points, with its sign."""
-    return points(share).replace("-", "−")
-
-
-def _seconds(value: float | None) -> str:
-    return _or_dash(value, ".2f" if value is None or value < 10 else ".1f")
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _plain(value: Any) -> str:

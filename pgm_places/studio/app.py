@@ -140,10 +140,7 @@ class _Answers(_Files):
         return _json({"ends": self.desk.door_line([(x1, y1), (x2, y2)])})
 
     def reasons(self, request: Request) -> Response:
-        taught = self.desk.taught
-        if taught is None:
-            raise InputError("there are no labels yet; wait until the map has been labelled")
-        return _json(reasons_record(taught, *_numbers(request, "x_m", "y_m")))
+        return _json(reasons_record(self.desk.answer, *_numbers(request, "x_m", "y_m")))
 
     def drive(self, _: Request) -> Response:
         return _json(drive_record(self.desk))

@@ -241,7 +241,7 @@ class Desk:
         return self.painting.paint_runs(runs, label)
 
     def _edit_merge(self, first: int, second: int) -> Window | None:
-        runs, name = merge_cells(self._topology.topology, first, second)
+        runs, name = merge_cells(self.answer.topology, first, second)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def _edit_split(self, region: int) -> Window | None:
@@ -268,7 +268,7 @@ class Desk:
         return next((item for item in found if item.place.id == region), None)
 
     def _edit_rename(self, point_m: Point, name: str) -> None:
-        topology = self._topology.topology
+        topology = self.answer.topology
         region = topology.region_at(*point_m)
         if region is None:
             raise InputError("there is no place")
@@ -294,9 +294,16 @@ class Desk:
         self.learns = on
 
     @property
-    def _topology(self) -> Taught:
+    def answer(self) -> Taught:
+        """The newest answer, which there must be.
+
+        Raises
+        ------
+        InputError
+            There is none yet.
+        """
         if (taught := self.taught) is None:
-            raise InputError("there are no places yet; wait until the map has been labelled")
+            raise InputError("there are no labels yet; wait until the map has been labelled")
         return taught
 
     # ------------------------------------------------------------------ learning

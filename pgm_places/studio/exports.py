@@ -24,7 +24,6 @@ from pgm_places.persistence.stored import save
 from pgm_places.studio.desk import Desk
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
-from pgm_places.teaching.taught import Taught
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import NAMES
 
@@ -236,7 +235,7 @@ def write_export(
 
 
 def _labels(desk: Desk, folder: Path) -> list[Path]:
-    taught = _taught(desk)
+    taught = desk.answer
     return [*save_labels(folder / "labels.png", taught.labels, taught.label_names)]
 
 
@@ -248,7 +247,7 @@ def _corrections(desk: Desk, folder: Path) -> list[Path]:
 
 
 def _places(desk: Desk, folder: Path) -> list[Path]:
-    taught = _taught(desk)
+    taught = desk.answer
     written = save_topology(folder, taught.topology)
     if taught.checks:
         written.append(write_checks(folder / CHECK_FILE, taught.topology))
@@ -264,7 +263,7 @@ def _places(desk: Desk, folder: Path) -> list[Path]:
 
 
 def _nav2(desk: Desk, folder: Path) -> list[Path]:
-    topology = _taught(desk).topology
+    topology = desk.answer.topology
     kinds = ("nav2-route", "zones")
     return [path for kind in kinds for path in export(topology, kind, folder)]
 
@@ -354,20 +353,13 @@ def _keys(values: Mapping[str, Any]) -> list[str]:
 
 def _model(desk: Desk, folder: Path) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
-    if _taught(desk).labeler is desk.labeler:
+    if desk.answer.labeler is desk.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
     record = {
         "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
         "config": {"topology": plain_values(desk.rules)},
     }
-    return [save(_taught(desk).labeler, folder / "model", record=record)]
-
-
-def _taught(desk: Desk) -> Taught:
-    taught = desk.taught
-    if taught is None:
-        raise InputError("there are no labels yet; wait until the map has been labelled")
-    return taught
+    return [save(desk.answer.labeler, folder / "model", record=record)]
 
 
 def _paint(desk: Desk) -> Paint:

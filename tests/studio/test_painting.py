@@ -297,7 +297,7 @@ def test_the_journal_is_plain_json(desk: Desk) -> None:
         ({"kind": "class", "index": 3, "name": "a/b", "colour": "#000000"}, "file name"),
         ({"kind": "class", "index": 3, "name": "lab", "colour": "red"}, "#rrggbb"),
         ({"kind": "restore", "revision": 4}, "no version 4"),
-        ({"kind": "merge", "first": 1, "second": 2}, "no places yet"),
+        ({"kind": "merge", "first": 1, "second": 2}, "no labels yet"),
     ],
 )
 def test_what_cannot_be_done_changes_nothing(

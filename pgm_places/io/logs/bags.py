@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
@@ -92,7 +91,8 @@ def read_bag(
         scans, frame = _read_scans(bag, bag.topic("scan_topic", scan_topic, (_SCANS,)), range_max_m)
         tree = _read_tree(bag)
         poses = _choose_poses(bag, tree, frame, pose_topic, fixed_frame)
-        wheels = _wheels(bag, tree, frame) if poses.source == "map" else None
+        topics = bag.of_type((_ODOMETRY,)) if poses.source == "map" else []
+        wheels = _topic_poses(bag, tree, frame, topics[0]) if len(topics) == 1 else None
     trajectory, warnings = scans.trajectory(Path(path).stem)
     warnings += poses.warnings
     times = trajectory.times_s
@@ -105,7 +105,10 @@ def read_bag(
         trajectory = replace(trajectory, odometry=odometry)
         known &= odometry_known
     if not known.all():
-        warnings.append(_drop_message(known, poses.source, max_gap_s))
+        warnings.append(
+            f"{int((~known).sum())} of {len(known)} scans have no pose from {poses.source} within "
+            f"{max_gap_s:g} s and are dropped"
+        )
     if not known.any():
         raise LogError(f"{path}: {warnings[-1]}; choose other poses or a larger max_gap_s")
     trajectory = trajectory.subset(known)
@@ -245,23 +248,9 @@ def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
     return _Poses([track, *(mount or [])], topic, warnings)
 
 
-def _wheels(bag: _Bag, tree: FrameTree, frame: str) -> _Poses | None:
-    """The only odometry topic's poses of the laser, or None."""
-    topics = bag.of_type((_ODOMETRY,))
-    return _topic_poses(bag, tree, frame, topics[0]) if len(topics) == 1 else None
-
-
 def _turned_round(trajectory: Trajectory) -> Trajectory:
     """With the beams of a laser mounted upside down pointing where they really point."""
     if trajectory.ranges_m is None or trajectory.geometry is None:
         return trajectory
     geometry = replace(trajectory.geometry, angles_rad=-trajectory.geometry.angles_rad[::-1])
     return trajectory.with_scans(trajectory.ranges_m[:, ::-1], geometry)
-
-
-def _drop_message(known: NDArray[np.bool_], source: str, max_gap_s: float) -> str:
-    dropped = len(known) - int(known.sum())
-    return (
-        f"{dropped} of {len(known)} scans have no pose from {source} within {max_gap_s:g} s and "
-        "are dropped"
-    )

@@ -330,7 +330,9 @@ def read_carmen(
     name = path.name.removesuffix(".gz").removesuffix(".log")
     if scans.n_scans:
         trajectory, left_out = scans.trajectory(name)
-        trajectory = _with_real_odometry(trajectory)
+        odometry = trajectory.odometry
+        if odometry is not None and np.array_equal(odometry, trajectory.poses):
+            trajectory = replace(trajectory, odometry=None)  # as in logs that were corrected
         warnings += left_out
         if range_max_m is None:
             warnings += code_warnings(trajectory)
@@ -343,13 +345,6 @@ def read_carmen(
         )
     warnings += order_warnings(trajectory)
     return LoadedLog(trajectory, path, tuple(warnings), reader.counts)
-
-
-def _with_real_odometry(trajectory: Trajectory) -> Trajectory:
-    """Without odometry where it only repeats the poses, as in logs that were corrected."""
-    odometry = trajectory.odometry
-    repeats = odometry is not None and np.array_equal(odometry, trajectory.poses)
-    return replace(trajectory, odometry=None) if repeats else trajectory
 
 
 def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Trajectory:

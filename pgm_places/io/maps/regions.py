@@ -53,7 +53,9 @@ def load_regions(
     names = [str(name) for name in label_names]
     regions = read_regions(path, line_width_m=line_width_m)
     labels = [_label(path, region, names, classes) for region in regions]
-    _log_ignored(path, regions, labels)
+    unlabelled = {item.code for item, label in zip(regions, labels, strict=True) if label < 0}
+    if unlabelled:
+        _log.info("%s: classes without a label: %s", path, ", ".join(sorted(unlabelled)))
     raster = np.full(grid.shape, -1, np.int16)
     # painted from the largest to the smallest; of equal ones the later is painted later
     for k in sorted(range(len(regions)), key=lambda k: -regions[k].area_m2):
@@ -153,14 +155,6 @@ def _label(
             f"{nearest_name(name, names)}"
         )
     return names.index(name)
-
-
-def _log_ignored(path: Path | str, regions: list[Region], labels: list[int]) -> None:
-    ignored = sorted(
-        {region.code for region, label in zip(regions, labels, strict=True) if label < 0}
-    )
-    if ignored:
-        _log.info("%s: classes without a label: %s", path, ", ".join(ignored))
 
 
 def _nothing_hit(

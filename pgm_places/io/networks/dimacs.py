@@ -143,14 +143,8 @@ def _gathered(
             pair[first > second] += capacity
     edges = np.array(list(between), np.int64).reshape(-1, 2)
     both = np.array(list(between.values()), np.float64).reshape(-1, 2)
-    return CutProblem(
-        frozen(from_source),
-        frozen(to_sink),
-        frozen(edges),
-        frozen(both[:, 0].copy()),
-        frozen(both[:, 1].copy()),
-        constant,
-    )
+    ahead, back = map(frozen, both.T)
+    return CutProblem(frozen(from_source), frozen(to_sink), frozen(edges), ahead, back, constant)
 
 
 def _text(capacity: float) -> str:

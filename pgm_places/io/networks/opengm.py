@@ -129,7 +129,8 @@ _READERS: Mapping[int, Callable[[list[int], Array], tuple[Array, int, int]]] = {
 def _functions(group: Any, kind: int, count: int) -> list[Array]:
     if kind not in _READERS:
         raise _UnknownFunctionError(
-            f"holds functions of OpenGM's type {kind}, which are not read; {_known()}"
+            f"holds functions of OpenGM's type {kind}, which are not read; types that are: "
+            f"{', '.join(map(str, _READERS))}"
         )
     indices = group["indices"][()].tolist()
     values = np.asarray(group["values"][()], np.float64)
@@ -139,10 +140,6 @@ def _functions(group: Any, kind: int, count: int) -> list[Array]:
         tables.append(-table)
         indices, values = indices[n_indices:], values[n_values:]
     return tables
-
-
-def _known() -> str:
-    return f"types that are: {', '.join(map(str, _READERS))}"
 
 
 def _read_factors(

@@ -178,7 +178,9 @@ def write_filter_mask(
         target, topology, kind, values=values, robot_radius_m=robot_radius_m, lies_in=lies_in
     )
     listed = yaml.safe_dump(parameters, sort_keys=False, allow_unicode=True)
-    text = f"# {_legend(topology, values)}\n{listed}"
+    given = _named(topology, None) if values is None else values
+    legend = ", ".join(f"{value:g} {printable(name)}" for name, value in given.items())
+    text = f"# values: 0 nothing, {legend}\n{listed}"
     return [*paths, write_text(target.with_name(f"{target.name}_params.yaml"), text)]
 
 
@@ -273,10 +275,3 @@ def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mappin
     if values is not None:
         return values
     return {label: k + 1 for k, label in enumerate(topology.label_names)}
-
-
-def _legend(topology: TopologicalMap, values: Mapping[str, float] | None) -> str:
-    """The values as they were given."""
-    named = _named(topology, None) if values is None else values
-    listed = ", ".join(f"{value:g} {printable(name)}" for name, value in named.items())
-    return f"values: 0 nothing, {listed}"

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError
@@ -80,18 +79,14 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
             plain_values(_GateRecord(g.centre_m, g.heading_rad, g.width_m, g.depth_m, float(p)))
             for g, p in gates
         ]
-        written.append(_write_places(folder / GATES_FILE, settings.doorways.place))
+        count = int(settings.doorways.place.max(initial=-1)) + 1
+        if count > MOST:
+            raise OutputError(
+                f"{folder / GATES_FILE}: the gates part {count} places, but the image holds only "
+                f"{MOST}; cut the map into parts"
+            )
+        written.append(write_numbers(folder / GATES_FILE, settings.doorways.place + 1))
     return [write_json(folder / SETTINGS_FILE, record, indent=1), *written]
-
-
-def _write_places(path: Path, place: NDArray[np.integer]) -> Path:
-    count = int(place.max(initial=-1)) + 1
-    if count > MOST:
-        raise OutputError(
-            f"{path}: the gates part {count} places, but the image holds only {MOST}; cut the map "
-            "into parts"
-        )
-    return write_numbers(path, place + 1)
 
 
 def load_settings(folder: Path) -> PlaceSettings | None:
