@@ -12,16 +12,9 @@ from pgm_places.errors import LearningWarning
 from pgm_places.solvers.margin_solution import LearningStep, reached, relative_gap
 
 LEARNING_STATUSES = (
-    "optimal",
-    "inaccurate",
-    "stalled",
-    "iteration_limit",
-    "time_limit",
-    "stopped",
-    "within_tolerance",
-    "oracle_limit",
-    "local_optimum",
-)
+    "optimal", "inaccurate", "stalled", "iteration_limit", "time_limit", "stopped",
+    "within_tolerance", "oracle_limit", "local_optimum",
+)  # fmt: skip
 """Words of :class:`~pgm_places.solvers.margin_solution.LearnedWeights`; records hold their places
 here, so new ones come last."""
 

@@ -205,7 +205,7 @@ def _draw_plan(
     kind = style_of_kind(dice, style)
     length = sum(dice.integer(*size.wing_cm) for _ in range(wings))
     layout = draw_layout(dice, kind, length * dice.integer(*kind.length_percent) // 100)
-    width, height = (scale.cells(cm + kind.deepest_cm) for cm in layout.size)
+    width, height = (scale.cells(cm + kind.rooms_cm.deepest) for cm in layout.size)
     plan = draw_floor(dice, kind, layout, (height, width))
     margin = scale.cells(_MARGIN_CM)
     return (height + 2 * margin, width + 2 * margin), plan.moved(margin, margin), None, kind

@@ -47,7 +47,7 @@ def draw_floor(dice: Dice, style: Style, layout: Layout, shape: tuple[int, int])
         site.take(plan.rooms[-1])
     rows = []
     for side in dice.shuffled([side for way in ways for side in sides(way)]):
-        for frontage in site.frontages(side, dice.cells(style.deepest_cm)):
+        for frontage in site.frontages(side, dice.cells(style.rooms_cm.deepest)):
             rows.append((frontage, row_of_rooms(dice, style, frontage)))
             for room in rows[-1][1].rooms:
                 site.take(room)

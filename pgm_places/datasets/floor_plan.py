@@ -202,9 +202,9 @@ def row_of_rooms(dice: Dice, style: Style, frontage: Frontage) -> FloorPlan:
 
 def _slots(dice: Dice, style: Style, length: int) -> Iterator[tuple[int, int]]:
     """Start and end of each room along the corridor, its dividing wall included."""
-    start, narrowest = 0, dice.cells(style.narrowest_cm)
+    start, narrowest = 0, dice.cells(style.rooms_cm.narrowest)
     while length - start >= narrowest:
-        low, high = dice.choice(style.fronts_cm)
+        low, high = dice.choice(style.rooms_cm.fronts)
         end = min(length, start + dice.length(low, high))
         if length - end < narrowest:
             end = length if length - start < dice.cells(900) else start + (length - start) // 2
@@ -215,7 +215,7 @@ def _slots(dice: Dice, style: Style, length: int) -> Iterator[tuple[int, int]]:
 def _depth(dice: Dice, style: Style, width: int) -> int:
     """How far a room of this width reaches away from its corridor."""
     wide = width > dice.cells(500)
-    return dice.length(*(style.large_depth_cm if wide else style.small_depth_cm))
+    return dice.length(*(style.rooms_cm.large_depth if wide else style.rooms_cm.small_depth))
 
 
 def _front_doors(

@@ -1,7 +1,9 @@
 """Kinds of buildings: schools, clinics, homes and others, with their typical sizes."""
 
+from dataclasses import replace
+
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.style import OFFICE, Span, Style
+from pgm_places.datasets.style import OFFICE, RoomSizes, Span, Style
 
 # Rooms and corridors of 13 office and 28 school floors, as `python -m experiments.floor_statistics`
 # measured them in November 2026; quantiles at 10, 20, 40, 50, 60, 80, 90 %, in metres:
@@ -23,62 +25,45 @@ _SCHOOL_CORRIDORS: tuple[Span, ...] = ((170, 210), (210, 250), (250, 310), (310,
 _DOORS: tuple[Span, ...] = ((80, 100), (85, 95), (90, 120))
 
 _SCHOOL = Style(
-    fronts_cm=_SCHOOL_FRONTS,
-    narrowest_cm=250,
-    small_depth_cm=(390, 750),
-    large_depth_cm=(500, 850),
-    deepest_cm=900,
+    rooms_cm=RoomSizes(_SCHOOL_FRONTS, 250, (390, 750), (500, 850), 900),
     layouts=("bar", "comb", "comb", "court", "ladder", "foyer"),
     halls=(0, 2),
     large_room_cm=((1300, 2400), (1100, 1700)),
     inner_rooms=(1, 3),
 )
 _UNIVERSITY = Style(
-    fronts_cm=(*OFFICE.fronts_cm, (600, 900), (900, 1400)),
-    small_depth_cm=(430, 600),
-    large_depth_cm=(550, 900),
-    deepest_cm=950,
+    rooms_cm=RoomSizes(
+        (*OFFICE.rooms_cm.fronts, (600, 900), (900, 1400)), 270, (430, 600), (550, 900), 950
+    ),
     layouts=("bar", "comb", "ladder", "court", "foyer"),
     halls=(0, 2),
     large_room_cm=((1000, 1800), (900, 1500)),
 )
 _CLINIC = Style(
-    fronts_cm=((240, 320), (300, 380), (350, 450), (500, 700)),
-    narrowest_cm=230,
-    small_depth_cm=(380, 560),
-    large_depth_cm=(450, 650),
-    deepest_cm=700,
+    rooms_cm=RoomSizes(
+        ((240, 320), (300, 380), (350, 450), (500, 700)), 230, (380, 560), (450, 650), 700
+    ),
     side_door_cm=(80, 120),
     layouts=("bar", "comb", "ladder", "ladder", "court"),
     halls=(1, 3),
     inner_rooms=(1, 4),
 )
 _HOTEL = Style(
-    fronts_cm=((330, 390), (340, 420), (360, 460)),
-    narrowest_cm=300,
-    small_depth_cm=(560, 760),
-    large_depth_cm=(560, 760),
-    deepest_cm=820,
+    rooms_cm=RoomSizes(((330, 390), (340, 420), (360, 460)), 300, (560, 760), (560, 760), 820),
     layouts=("bar", "bar", "comb", "court"),
     halls=(0, 1),
     inner_rooms=(7, 8),
 )
 _HALL = Style(
-    fronts_cm=_OFFICE_FRONTS,
-    narrowest_cm=240,
-    small_depth_cm=(300, 560),
-    large_depth_cm=(450, 780),
-    deepest_cm=820,
+    rooms_cm=RoomSizes(_OFFICE_FRONTS, 240, (300, 560), (450, 780), 820),
     layouts=("foyer",),
     halls=(0, 2),
     inner_rooms=(1, 6),
 )
 _HOME = Style(
-    fronts_cm=((160, 240), (250, 340), (300, 420), (380, 560)),
-    narrowest_cm=150,
-    small_depth_cm=(240, 460),
-    large_depth_cm=(300, 520),
-    deepest_cm=560,
+    rooms_cm=RoomSizes(
+        ((160, 240), (250, 340), (300, 420), (380, 560)), 150, (240, 460), (300, 520), 560
+    ),
     side_door_cm=(75, 140),
     layouts=("bar",),
     inner_rooms=(1, 8),
@@ -86,22 +71,14 @@ _HOME = Style(
     length_percent=(12, 25),
 )
 _MALL = Style(
-    fronts_cm=((450, 700), (600, 1000), (900, 1600)),
-    narrowest_cm=400,
-    small_depth_cm=(500, 1100),
-    large_depth_cm=(800, 1600),
-    deepest_cm=1700,
+    rooms_cm=RoomSizes(((450, 700), (600, 1000), (900, 1600)), 400, (500, 1100), (800, 1600), 1700),
     layouts=("bar", "comb", "court"),
     halls=(0, 2),
     inner_rooms=(1, 4),
     side_doors=(1, 12),
 )
 _MUSEUM = Style(
-    fronts_cm=((500, 900), (700, 1200), (900, 1600)),
-    narrowest_cm=450,
-    small_depth_cm=(500, 900),
-    large_depth_cm=(600, 1400),
-    deepest_cm=1450,
+    rooms_cm=RoomSizes(((500, 900), (700, 1200), (900, 1600)), 450, (500, 900), (600, 1400), 1450),
     side_door_cm=(110, 260),
     layouts=("foyer", "foyer", "bar", "court"),
     halls=(0, 1),
@@ -109,31 +86,19 @@ _MUSEUM = Style(
     side_doors=(3, 4),
 )
 _RING = Style(
-    fronts_cm=_OFFICE_FRONTS,
-    narrowest_cm=240,
-    small_depth_cm=(390, 560),
-    large_depth_cm=(450, 780),
-    deepest_cm=820,
+    rooms_cm=RoomSizes(_OFFICE_FRONTS, 240, (390, 560), (450, 780), 820),
     layouts=("ladder", "court"),
     halls=(0, 1),
     inner_rooms=(1, 6),
 )
 _OPEN_PLAN = Style(
-    fronts_cm=((300, 500), (800, 1400), (1200, 2200)),
-    narrowest_cm=280,
-    small_depth_cm=(400, 560),
-    large_depth_cm=(800, 1200),
-    deepest_cm=1260,
+    rooms_cm=RoomSizes(((300, 500), (800, 1400), (1200, 2200)), 280, (400, 560), (800, 1200), 1260),
     side_door_cm=(90, 180),
     layouts=("bar", "ladder", "foyer"),
     halls=(0, 2),
 )
 _SUITE = Style(
-    fronts_cm=((300, 450), (900, 1600), (1500, 3000)),
-    narrowest_cm=280,
-    small_depth_cm=(350, 560),
-    large_depth_cm=(760, 1300),
-    deepest_cm=1350,
+    rooms_cm=RoomSizes(((300, 450), (900, 1600), (1500, 3000)), 280, (350, 560), (760, 1300), 1350),
     layouts=("bar", "comb", "ladder", "foyer"),
     halls=(0, 2),
     side_doors=(0, 1),
@@ -141,21 +106,15 @@ _SUITE = Style(
     back_rooms=(1, 2),
 )
 _CELLS = Style(
-    fronts_cm=((200, 260), (230, 300), (260, 340)),
-    narrowest_cm=190,
-    small_depth_cm=(260, 420),
-    large_depth_cm=(300, 450),
-    deepest_cm=500,
+    rooms_cm=RoomSizes(((200, 260), (230, 300), (260, 340)), 190, (260, 420), (300, 450), 500),
     side_door_cm=(70, 80),
     layouts=("bar", "comb", "ladder", "ladder"),
     halls=(0, 1),
 )
 _APARTMENT = Style(
-    fronts_cm=((150, 220), (220, 310), (280, 400), (350, 560)),
-    narrowest_cm=150,
-    small_depth_cm=(200, 400),
-    large_depth_cm=(280, 480),
-    deepest_cm=520,
+    rooms_cm=RoomSizes(
+        ((150, 220), (220, 310), (280, 400), (350, 560)), 150, (200, 400), (280, 480), 520
+    ),
     side_door_cm=(75, 200),
     layouts=("flat",),
     large_room_cm=((300, 560), (300, 520)),
@@ -169,11 +128,7 @@ _APARTMENT = Style(
     doorway_margin_cm=15,
 )
 _ATRIUM = Style(
-    fronts_cm=(*_OFFICE_FRONTS, (600, 1000)),
-    narrowest_cm=240,
-    small_depth_cm=(300, 600),
-    large_depth_cm=(450, 900),
-    deepest_cm=950,
+    rooms_cm=RoomSizes((*_OFFICE_FRONTS, (600, 1000)), 240, (300, 600), (450, 900), 950),
     layouts=("atrium",),
     vacant=(1, 3),
     openings=(1, 12),
@@ -182,11 +137,7 @@ _ATRIUM = Style(
     large_furniture=500,
 )
 _LAB = Style(
-    fronts_cm=((280, 400), (600, 1000), (800, 1600)),
-    narrowest_cm=260,
-    small_depth_cm=(350, 600),
-    large_depth_cm=(600, 1300),
-    deepest_cm=1350,
+    rooms_cm=RoomSizes(((280, 400), (600, 1000), (800, 1600)), 260, (350, 600), (600, 1300), 1350),
     layouts=("bar", "bar", "comb", "passage"),
     halls=(0, 1),
     side_doors=(1, 4),
@@ -198,11 +149,7 @@ _LAB = Style(
     large_furniture=1200,
 )
 _PASSAGE = Style(
-    fronts_cm=(*_OFFICE_FRONTS, (600, 1200)),
-    narrowest_cm=240,
-    small_depth_cm=(300, 600),
-    large_depth_cm=(450, 900),
-    deepest_cm=950,
+    rooms_cm=RoomSizes((*_OFFICE_FRONTS, (600, 1200)), 240, (300, 600), (450, 900), 950),
     layouts=("passage",),
     halls=(0, 1),
     length_percent=(40, 110),
@@ -235,14 +182,7 @@ building, since all its corridors and doors are alike."""
 
 def style_of_kind(dice: Dice, kind: str) -> Style:
     """The style of one building of a kind."""
-    from dataclasses import replace
-
     style, corridors, doors = KINDS[kind]
     corridor, other = dice.choice(corridors), dice.choice(corridors)
-    return replace(
-        style,
-        corridor_cm=corridor,
-        branch_cm=other,
-        link_cm=other,
-        door_cm=dice.choice(doors),
-    )
+    widths = {"corridor_cm": corridor, "branch_cm": other, "link_cm": other}
+    return replace(style, **widths, door_cm=dice.choice(doors))

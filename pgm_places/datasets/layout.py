@@ -69,7 +69,7 @@ def draw_layout(dice: Dice, style: Style, length_cm: int) -> Layout:
         layout = _with_hall(dice, layout)
     if style.large_room_cm is not None and layout.corridors and dice.chance(1, 2):
         layout = _with_large_room(dice, style.large_room_cm, layout)
-    return layout.with_margin(style.deepest_cm)
+    return layout.with_margin(style.rooms_cm.deepest)
 
 
 def _bar(dice: Dice, style: Style, length: int) -> Layout:
@@ -93,7 +93,7 @@ def _comb(dice: Dice, style: Style, length: int) -> Layout:
 def _ladder(dice: Dice, style: Style, length: int) -> Layout:
     """Two or three parallel corridors that are joined, with rooms or stairs between them."""
     n_aisles = 3 if dice.chance(1, 4) else 2
-    gap = dice.integer(500, 2 * style.deepest_cm)
+    gap = dice.integer(500, 2 * style.rooms_cm.deepest)
     return _aisles(dice, style, (length, gap), n_aisles, court=False)
 
 

@@ -1,34 +1,37 @@
 """The style of a building: widths of corridors, sizes of rooms and doors."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pgm_places.datasets.dice import Dice
 
 StyleName = Literal[
-    "office",
-    "varied",
-    "cells",
-    "clinic",
-    "hall",
-    "home",
-    "hotel",
-    "mall",
-    "museum",
-    "open-plan",
-    "ring",
-    "school",
-    "suite",
-    "university",
-    "apartment",
-    "atrium",
-    "lab",
-    "passage",
-]
+    "office", "varied", "cells", "clinic", "hall", "home", "hotel", "mall", "museum", "open-plan",
+    "ring", "school", "suite", "university", "apartment", "atrium", "lab", "passage",
+]  # fmt: skip
 """Offices, offices with other widths and sizes, and kinds of buildings."""
 
 Span = tuple[int, int]
 """Smallest and largest length in centimetres."""
+
+
+class RoomSizes(NamedTuple):
+    """How large rooms are, in centimetres."""
+
+    fronts: tuple[Span, ...]
+    """Kinds of room by their length along the corridor; one is chosen for each room."""
+    narrowest: int
+    """The least length along the corridor that a room needs."""
+    small_depth: Span
+    """How far rooms of less than 5 m along the corridor reach away from it,"""
+    large_depth: Span
+    """and those of more."""
+    deepest: int
+    """Space for rooms beside a corridor."""
+
+
+_OFFICE_FRONTS = ((280, 360), (300, 420), (320, 420), (450, 640), (650, 900))
+_OFFICE_ROOMS = RoomSizes(_OFFICE_FRONTS, 270, (380, 600), (520, 700), 720)
 
 
 @dataclass(frozen=True)
@@ -39,14 +42,7 @@ class Style:
     ----------
     corridor_cm, branch_cm, link_cm : (int, int)
         Width of a wing's main corridor, of one that branches off, of one that joins two.
-    fronts_cm : tuple of (int, int)
-        Kinds of room by their length along the corridor; one is chosen for each room.
-    narrowest_cm : int
-        The least length along the corridor that a room needs.
-    small_depth_cm, large_depth_cm : (int, int)
-        How far rooms of less and of more than 5 m along the corridor reach away from it.
-    deepest_cm : int
-        Space for rooms beside a corridor.
+    rooms_cm : RoomSizes
     door_cm, side_door_cm : (int, int)
         Width of the doors to the corridor, and of those between rooms.
     height_cm : int or None
@@ -88,11 +84,7 @@ class Style:
     corridor_cm: Span = (165, 250)
     branch_cm: Span = (160, 220)
     link_cm: Span = (160, 200)
-    fronts_cm: tuple[Span, ...] = ((280, 360), (300, 420), (320, 420), (450, 640), (650, 900))
-    narrowest_cm: int = 270
-    small_depth_cm: Span = (380, 600)
-    large_depth_cm: Span = (520, 700)
-    deepest_cm: int = 720
+    rooms_cm: RoomSizes = _OFFICE_ROOMS
     door_cm: Span = (80, 110)
     side_door_cm: Span = (80, 100)
     height_cm: int | None = None
@@ -119,13 +111,13 @@ OFFICE = Style()
 _CORRIDORS = ((120, 160), (150, 200), (165, 250), (220, 300), (280, 380))
 _FRONTS = (
     ((220, 300), (250, 340), (280, 400)),  # cells, single bedrooms
-    OFFICE.fronts_cm,
+    OFFICE.rooms_cm.fronts,
     ((300, 420), (450, 640), (650, 900), (800, 1300)),
     ((600, 900), (800, 1200), (1000, 1600)),  # laboratories, classrooms
 )
 _DEPTHS = (
     ((300, 450), (420, 600)),
-    (OFFICE.small_depth_cm, OFFICE.large_depth_cm),
+    (OFFICE.rooms_cm.small_depth, OFFICE.rooms_cm.large_depth),
     ((450, 700), (600, 1050)),
 )
 _DOORS = ((70, 85), (80, 110), (90, 130), (110, 180))
@@ -144,12 +136,8 @@ def draw_style(dice: Dice) -> Style:
         corridor_cm=corridor,
         branch_cm=other,
         link_cm=other,
-        fronts_cm=fronts,
-        narrowest_cm=fronts[0][0] - 10,
-        small_depth_cm=small,
-        large_depth_cm=large,
-        deepest_cm=deepest,
+        rooms_cm=RoomSizes(fronts, fronts[0][0] - 10, small, large, deepest),
         door_cm=doors,
         side_door_cm=dice.choice(_DOORS[:3]),
-        height_cm=2400 + 2 * max(0, deepest - OFFICE.deepest_cm) + corridor[1] - 250,
+        height_cm=2400 + 2 * max(0, deepest - OFFICE.rooms_cm.deepest) + corridor[1] - 250,
     )

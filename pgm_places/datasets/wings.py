@@ -73,7 +73,7 @@ _Drawn = tuple[list[Rect], list[Frontage], int]
 
 
 def _spine(dice: Dice, style: Style, wing: Wing) -> _Drawn:
-    y, deep = wing.corridor_y, dice.cells(style.deepest_cm)
+    y, deep = wing.corridor_y, dice.cells(style.rooms_cm.deepest)
     sides = [_across(wing, (wing.rooms_x0, wing.x1), y, side, deep) for side in (1, -1)]
     return [wing.entrance], sides, y
 
@@ -86,9 +86,9 @@ def _tee(dice: Dice, style: Style, wing: Wing) -> _Drawn:
     end = min(wing.height, top + dice.length(1150, 1500))
     first = min(dice.length(460, 580), (end - top) // 2)
     corridors = [wing.entrance, Rect(branch, top, branch + width, end - dice.cells(20))]
-    beyond, deep = end - top - first, dice.cells(style.deepest_cm - 20)
+    beyond, deep = end - top - first, dice.cells(style.rooms_cm.deepest - 20)
     sides = [
-        _across(wing, (wing.rooms_x0, wing.x1), y, -1, dice.cells(style.deepest_cm)),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, dice.cells(style.rooms_cm.deepest)),
         _across(wing, (wing.rooms_x0, branch - dice.cells(15)), y, 1, first),
         _across(wing, (branch + width + dice.cells(15), wing.x1), y, 1, first),
         Frontage("y", (branch, top + first), -1, beyond, deep),
@@ -102,7 +102,7 @@ def _bend(dice: Dice, style: Style, wing: Wing) -> _Drawn:
     third = (wing.x1 - wing.x0) // 3
     turn = wing.x0 + dice.integer(third, 2 * third)
     leaves = y + dice.length(640, 820)
-    past, deep, wall = turn + width, dice.cells(style.deepest_cm - 40), dice.cells(20)
+    past, deep, wall = turn + width, dice.cells(style.rooms_cm.deepest - 40), dice.cells(20)
     corridors = [
         Rect(wing.x0, y, past, y + width),
         Rect(turn, y + width, past, leaves),
@@ -130,9 +130,9 @@ def _loop(dice: Dice, style: Style, wing: Wing) -> _Drawn:
         Rect(left, upper, right, upper + width),
     ]
     sides = [
-        _across(wing, (wing.rooms_x0, wing.x1), y, -1, dice.cells(style.deepest_cm - 20)),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, dice.cells(style.rooms_cm.deepest - 20)),
         _across(wing, (left + link + wall, right - link), y, 1, inner - wall),
-        _across(wing, (left, right), upper, 1, dice.cells(style.deepest_cm - 120)),
+        _across(wing, (left, right), upper, 1, dice.cells(style.rooms_cm.deepest - 120)),
     ]
     return corridors, sides, y
 

@@ -18,15 +18,9 @@ N_IMAGES = 8
 MOST = 1 << 31
 
 PAPER_OBJECTS = (
-    "monitor on",
-    "monitor off",
-    "coffee machine",
-    "office cupboard",
-    "frontal face",
-    "face profile",
-    "full human body",
-    "upper human body",
-)
+    "monitor on", "monitor off", "coffee machine", "office cupboard",
+    "frontal face", "face profile", "full human body", "upper human body",
+)  # fmt: skip
 """The objects O of the paper, in its order."""
 
 Observation = TypeVar("Observation", contravariant=True)

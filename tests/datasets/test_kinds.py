@@ -245,7 +245,7 @@ def test_corridors_and_halls_of_a_layout_touch(name: str, seed: int) -> None:
     for part in layout.corridors + layout.halls:
         raster[part.slices] = True
     assert pieces(raster) == 1
-    assert not raster[: style.deepest_cm].any() or layout.courts
+    assert not raster[: style.rooms_cm.deepest].any() or layout.courts
     for court in layout.courts:
         assert not any(court.overlaps(corridor) for corridor in layout.corridors)
 
