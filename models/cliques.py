@@ -21,7 +21,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoders import Decoder, named_decoder
-from pgm_places.models.decoding import decode, decode_by
+from pgm_places.models.decoding import decode
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_terms import SetNodes, SetTerms
@@ -128,14 +128,8 @@ def decode_with_cliques(
         sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
         arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
         decoder = partial(_beliefs, method, sets, _rewards(sets, weight), arrays)
-    first = decode_by(
-        decoder,
-        method,
-        whole,
-        extended,
-        certify=certify,
-        max_iterations=max_iterations,
-    )
+    how: dict[str, Any] = {"certify": certify, "max_iterations": max_iterations}
+    first = decode(whole, extended, method, decoder=decoder, **how)
     labels = first.labels[: graph.n_nodes]
     k = potentials.n_labels
     earned = clique_score(cliques, labels, k, weight=weight, dissent=dissent)

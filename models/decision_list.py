@@ -269,14 +269,13 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """(N, K) the histogram z (eq. 8), columns in the order of ``classes_``."""
-        return np.exp(self.log_proba(X))
+        return np.exp(self.predict_log_proba(X))
 
     def predict_log_proba(self, X: ArrayLike) -> NDArray[np.float64]:
-        """(N, K) log z; -inf is possible only with ``clip=0``."""
-        return self.log_proba(X)
+        """(N, K) log z, computed from F without underflow; what structured models start from.
 
-    def log_proba(self, X: ArrayLike) -> NDArray[np.float64]:
-        """(N, K) log z, computed from F without underflow; what structured models start from."""
+        -inf is possible only with ``clip=0``.
+        """
         fitted = self._fitted()
         return fitted.log_histogram(float32_matrix(self, X), n_threads=self.n_threads)
 

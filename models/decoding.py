@@ -42,6 +42,7 @@ def decode(
     max_iterations: int | None = None,
     on_iteration: Callable[[int, float], None] | None = None,
     inside: bool = False,
+    decoder: Callable[[DecodingTask], DecodingAnswer] | None = None,
 ) -> Labeling:
     """A labelling of the graph by the named method, with its score, bound and status.
 
@@ -73,6 +74,8 @@ def decode(
         and ``max-product``; ``duals`` (2 E, K), the dual variables whose
         :func:`~pgm_places.solvers.duals.dual_bound` is the bound, from ``trw-s``, ``lp`` and, of
         two labels, ``graph-cut``. Refused where a decoder has none of them.
+    decoder : callable, optional
+        What finds the labelling instead of the decoder of that name.
 
     Returns
     -------
@@ -104,32 +107,8 @@ def decode(
     >>> labeling.labels.tolist(), labeling.score, labeling.status
     ([0, 0], 1.5, <Status.EXACT: 'exact'>)
     """
-    decoder = named_decoder(method)
+    run = decoder or named_decoder(method).run
     potentials = checked_potentials(graph, potentials, known)
-    return decode_by(
-        decoder.run,
-        method,
-        graph,
-        potentials,
-        certify=certify,
-        max_iterations=max_iterations,
-        on_iteration=on_iteration,
-        inside=inside,
-    )
-
-
-def decode_by(
-    decoder: "Callable[[DecodingTask], DecodingAnswer]",
-    name: str,
-    graph: LabelGraph,
-    potentials: Potentials,
-    *,
-    certify: bool,
-    max_iterations: int | None,
-    on_iteration: Callable[[int, float], None] | None = None,
-    inside: bool = False,
-) -> Labeling:
-    """What a function finds that is called ``name``; all else as of :func:`decode`."""
     started = time.perf_counter()
     history: list[float] = []
 
@@ -139,22 +118,22 @@ def decode_by(
             on_iteration(iteration, value)
 
     task = DecodingTask(graph, potentials, record, max_iterations, inside)
-    answer = decoder(task)
-    _check_form(name, answer, potentials)
+    answer = run(task)
+    _check_form(method, answer, potentials)
     total = score(graph, potentials, answer.labels)
     if total == -np.inf:
         answer = _repaired(task, answer)
         total = score(graph, potentials, answer.labels)
-    info: dict[str, Any] = {"decoder": name, "iterations": len(history)}
+    info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
     info.update(answer.info)
     if inside:
-        info.update(_inside(name, answer))
+        info.update(_inside(method, answer))
     bound = answer.bound
     if certify and bound is None:
         bound, info["certificate"] = _certificate(task, answer.labels, total)
     if bound is not None:
-        _check_bound(name, task, answer.status, total, bound)
+        _check_bound(method, task, answer.status, total, bound)
         bound = max(bound, total)
     return Labeling(
         labels=answer.labels,

@@ -30,7 +30,6 @@ POINT_SPACING_M = 0.05
 class _Drivable:
     """The cells that the robot's centre may be on, as nodes of a graph."""
 
-    cells_rc: NDArray[np.int64]
     positions_m: NDArray[np.float64]
     clearance_m: NDArray[np.float64]
     lengths: Any
@@ -70,16 +69,11 @@ class PathPlanner:
 
         self.grid, self.radius_m = grid, float(radius_m)
         padded = np.pad(grid.free, 1)  # outside the map there is no space for a robot either
-        clearance_m: NDArray[np.float64] = (
-            distance_transform_edt(padded)[1:-1, 1:-1] * grid.resolution_m
-        )
-        self._clearance_m = clearance_m
+        self._clearance_m: NDArray[np.float64] = distance_transform_edt(padded)[1:-1, 1:-1]
+        self._clearance_m *= grid.resolution_m
         self._nodes = _drivable(grid, self._clearance_m, self.radius_m)
-
-    @property
-    def positions_m(self) -> NDArray[np.float64]:
+        self.positions_m = self._nodes.positions_m
         """(N, 2) centres of the cells that ways lead over."""
-        return self._nodes.positions_m
 
     def nearest(self, position_m: ArrayLike) -> int:
         """Number of the drivable cell nearest to a position (2,).
@@ -278,7 +272,7 @@ def _drivable(grid: OccupancyGrid, clearance_m: NDArray[np.float64], radius_m: f
     weights = steps.data * (dear[steps.row] + dear[steps.col]) / 2
     costs = sparse.csr_array((weights, (steps.row, steps.col)), shape=steps.shape)
     chosen = cells[kept] * stride
-    return _Drivable(chosen, grid.cell_centres_m(chosen), clearance_of, lengths, costs)
+    return _Drivable(grid.cell_centres_m(chosen), clearance_of, lengths, costs)
 
 
 def _averaged(points: NDArray[np.float64], half: int) -> NDArray[np.float64]:

@@ -236,14 +236,10 @@ class Trajectory:
             elif index.size == 0:
                 index = np.empty(0, np.int64)
             index = integer_array("steps", index, ("S",), low=0, high=max(len(self), 1))
-        return replace(
-            self,
-            times_s=self.times_s[index],
-            poses=self.poses[index],
-            ranges_m=None if self.ranges_m is None else self.ranges_m[index],
-            labels=None if self.labels is None else self.labels[index],
-            odometry=None if self.odometry is None else self.odometry[index],
-        )
+        of_steps = ("times_s", "poses", "ranges_m", "labels", "odometry")
+        given = {name: getattr(self, name) for name in of_steps}
+        kept = {name: rows[index] for name, rows in given.items() if rows is not None}
+        return replace(self, **kept)
 
     def __getitem__(self, steps: slice) -> Self:
         return self.subset(steps)
@@ -273,14 +269,7 @@ class Trajectory:
             labels[np.searchsorted(steps, way)] = self.labels
         times = np.interp(steps, way, self.times_s)
         poses = np.column_stack([xy, headings_along(xy)])
-        return type(self)(
-            times,
-            poses,
-            labels=labels,
-            label_names=self.label_names,
-            name=self.name,
-            building=self.building,
-        )
+        return replace(self, times_s=times, poses=poses, labels=labels, odometry=None)
 
     def scan(self, step: int) -> Scan:
         """The scan of a step, with its pose and time.

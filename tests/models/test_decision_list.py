@@ -86,7 +86,7 @@ def test_the_histogram_sums_to_one_and_keeps_the_order_of_the_classes() -> None:
     proba = model.predict_proba(X)
     np.testing.assert_array_equal(model.classes_, NAMES)
     np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-12)
-    np.testing.assert_allclose(model.log_proba(X), np.log(proba), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(model.predict_log_proba(X), np.log(proba), rtol=1e-9, atol=1e-12)
 
 
 def test_clipping_bounds_every_bin_from_below() -> None:
@@ -162,7 +162,9 @@ def test_with_groups_the_rates_are_held_out() -> None:
     np.testing.assert_allclose(model.rates_, rates, rtol=1e-12)
     assert model.order_.tolist() == sorted(range(4), key=lambda k: -rates[k])
     plain = DecisionListClassifier(n_rounds=15, order=model.order_).fit(X, y)
-    np.testing.assert_allclose(model.log_proba(X), plain.log_proba(X), rtol=1e-9, atol=0)
+    np.testing.assert_allclose(
+        model.predict_log_proba(X), plain.predict_log_proba(X), rtol=1e-9, atol=0
+    )
 
 
 @pytest.mark.parametrize("decision", ["list", "argmax"])
@@ -345,7 +347,7 @@ def test_the_prior_adds_the_log_odds_of_training(prior_weight: float) -> None:
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     X, y = example(3_000)
     one, three = (DecisionListClassifier(n_rounds=10, n_threads=t).fit(X, y) for t in (1, 3))
-    np.testing.assert_array_equal(one.log_proba(X), three.log_proba(X))
+    np.testing.assert_array_equal(one.predict_log_proba(X), three.predict_log_proba(X))
 
 
 def test_the_inputs_are_not_modified() -> None:
@@ -364,7 +366,9 @@ def test_restricted_needs_only_the_columns_it_was_given() -> None:
     )
     small = model.restricted(columns)
     assert small.n_features_in_ == len(columns)
-    np.testing.assert_array_equal(small.log_proba(X[:, columns]), model.log_proba(X))
+    np.testing.assert_array_equal(
+        small.predict_log_proba(X[:, columns]), model.predict_log_proba(X)
+    )
     np.testing.assert_array_equal(small.predict(X[:, columns]), model.predict(X))
     np.testing.assert_array_equal(np.sort(columns[small.used_features_]), model.used_features_)
 
@@ -427,7 +431,7 @@ def test_a_stored_list_predicts_the_same_bits(labels: Any) -> None:
     read = DecisionListClassifier.from_arrays(json.loads(json.dumps(meta)), arrays)
     np.testing.assert_array_equal(read.classes_, model.classes_)
     np.testing.assert_array_equal(read.order_, model.order_)
-    np.testing.assert_array_equal(read.log_proba(X), model.log_proba(X))
+    np.testing.assert_array_equal(read.predict_log_proba(X), model.predict_log_proba(X))
     np.testing.assert_array_equal(read.predict(X), model.predict(X))
 
 

@@ -112,7 +112,7 @@ def test_a_stored_list_predicts_the_same_bits_and_is_small() -> None:
     assert len(save(arrays)) < 25_000  # 200 trees of 8 leaves
     read = DecisionListClassifier.from_arrays(json.loads(json.dumps(meta)), arrays)
     np.testing.assert_array_equal(read.classes_, model.classes_)
-    np.testing.assert_array_equal(read.log_proba(X), model.log_proba(X))
+    np.testing.assert_array_equal(read.predict_log_proba(X), model.predict_log_proba(X))
     np.testing.assert_array_equal(read.predict(X), model.predict(X))
 
 
@@ -140,7 +140,9 @@ def test_a_restricted_list_reads_the_kept_columns() -> None:
     used = model.used_features_
     assert 0 < len(used) < X.shape[1]
     short = model.restricted(used[::-1])
-    np.testing.assert_array_equal(short.log_proba(X[:, used[::-1]]), model.log_proba(X))
+    np.testing.assert_array_equal(
+        short.predict_log_proba(X[:, used[::-1]]), model.predict_log_proba(X)
+    )
     order = model.features_in_order_of_choice()
     assert sorted(order.tolist()) == used.tolist()
     assert order[0] == model.list_[0].feature[0, 0]
