@@ -199,14 +199,7 @@ class LocalMap:
 
     def to_grid(self) -> OccupancyGrid:
         """The window as a map: evidence above 0 is occupied, below 0 free, 0 unknown."""
-        corner = np.zeros(2, np.int64) if self._corner is None else self._corner
-        shift = -(corner % self.n_cells)
-        values = np.roll(self._evidence, (int(shift[1]), int(shift[0])), axis=(0, 1))
-        cells = np.full(values.shape, UNKNOWN, np.int8)
-        cells[values > 0] = OCCUPIED
-        cells[values < 0] = FREE
-        x, y = corner * self.resolution_m
-        return OccupancyGrid(cells, self.resolution_m, (float(x), float(y)))
+        return self._cut(np.zeros(2, np.int64), np.full(2, self.n_cells), 1)
 
     def square(self, centre_m: ArrayLike, n_cells: int, factor: int) -> OccupancyGrid | None:
         """A square of the window as a map whose cells each stand for several; None outside it.
@@ -223,23 +216,27 @@ class LocalMap:
         factor : int
             Cells of the window along the side of a cell of the map.
         """
-        corner = np.zeros(2, np.int64) if self._corner is None else self._corner
-        origin_xy: NDArray[np.float64] = np.asarray(corner * self.resolution_m, np.float64)
-        offset = finite_array("centre_m", centre_m, (2,)) - origin_xy
+        offset = finite_array("centre_m", centre_m, (2,)) - self._origin_m
         middle = np.floor(offset / self.resolution_m).astype(np.int64)
         low = np.maximum(middle - n_cells, 0)
         high = np.minimum(middle + n_cells, self.n_cells)
-        if not (low < high).all():
-            return None
-        (first_column, first_row), (last_column, last_row) = low.tolist(), high.tolist()
-        shape = -(-(last_row - first_row) // factor), -(-(last_column - first_column) // factor)
-        cells = np.empty(shape, np.int8)
-        window = self._place(origin_xy)[2]
-        values = OCCUPIED, FREE, UNKNOWN
-        corners = (first_row, first_column), (last_row, last_column)
-        coarse_cells(window, *corners, factor, values, cells)
-        x, y = low * self.resolution_m + origin_xy
+        return self._cut(low, high, factor) if (low < high).all() else None
+
+    def _cut(self, low: NDArray[np.int64], high: NDArray[np.int64], factor: int) -> OccupancyGrid:
+        """The cells (column, row) of the window from one to before another, several as one."""
+        cells = np.empty(-(-(high - low)[::-1] // factor), np.int8)
+        window, corners = (
+            self._place(self._origin_m)[2],
+            [part[::-1].tolist() for part in (low, high)],
+        )
+        coarse_cells(window, *map(tuple, corners), factor, (OCCUPIED, FREE, UNKNOWN), cells)
+        x, y = low * self.resolution_m + self._origin_m
         return OccupancyGrid(cells, factor * self.resolution_m, (float(x), float(y)))
+
+    @property
+    def _origin_m(self) -> NDArray[np.float64]:
+        """(2,) the window's corner, where it has been put somewhere."""
+        return np.zeros(2) if self._corner is None else self._corner * self.resolution_m
 
     def _next_scan(self) -> int:
         self._scan += 1
