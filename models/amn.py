@@ -52,7 +52,7 @@ from pgm_places.models.linear_model import (
 from pgm_places.models.told import of_those_asked, told_of, with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.margin_solution import REACHED, LearnedWeights, OnStep, reached
-from pgm_places.solvers.max_margin import MaxMarginProblem, joined, set_weights, split_weights
+from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights
 
@@ -200,12 +200,12 @@ class AssociativeMarkovNetwork(LinearModel):
         record = self._record(task, solution, len(examples), time.perf_counter() - start)
         warn_if_stalled(record, self.scale)
         weights_now = solution.weights / of_weights
-        node_weights, edge_weights = split_weights(task, weights_now)
+        node_weights, edge_weights = task.split(weights_now)
         return replace(
             self,
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
-            clique_weights=None if task.sets is None else set_weights(task, weights_now).copy(),
+            clique_weights=None if task.sets is None else task.set_weights(weights_now).copy(),
             **learned_arrays(scaling, record, solution.history, search),
             completion_objectives=objectives,
         )

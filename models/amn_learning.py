@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import ClassWeight, best_value, node_losses
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
-from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle, potentials_of
+from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 
@@ -140,7 +140,7 @@ def _labels_at(
     problem: MaxMarginProblem, weights: NDArray[np.float64], oracle: Oracle
 ) -> NDArray[np.int64]:
     """The labels that an oracle gives a problem at some weights."""
-    unary, agreement = potentials_of(problem, weights)
+    unary, agreement = problem.potentials(weights)
     return oracle(keep_known(unary, problem.told), agreement)
 
 
@@ -196,30 +196,48 @@ def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginPr
     if not after.any():
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
     weight = task.loss.mean() / after.mean() * weight
-    joins = [task.edges] if task.sets is None else [task.edges, task.sets.joins]
-    share = part_means(task.n_nodes, np.concatenate(joins), weight)
-    return replace(
-        task,
-        node_features=times_rows(task.node_features, share),
-        edge_features=times_rows(task.edge_features, share[task.edges[:, 0]]),
-        loss=weight * task.loss,
-        sets=None if task.sets is None else task.sets.times(share),
-    )
+    return replace(task, **weighed_terms(task, task.edges, weight), loss=weight * task.loss)
+
+
+def weighed_terms(
+    terms: Any, edges: NDArray[np.int32], weight: NDArray[np.float64]
+) -> dict[str, Any]:
+    """Features of nodes, edges and sets times the weight of their connected part, by name.
+
+    ``terms`` is a learning problem or a field; a part's weight is the mean of its nodes' (N,).
+    """
+    joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
+    share = part_means(terms.n_nodes, joins, weight)
+    return {
+        "node_features": times_rows(terms.node_features, share),
+        "edge_features": times_rows(terms.edge_features, share[edges[:, 0]]),
+        "sets": None if terms.sets is None else terms.sets.times(share),
+    }
+
+
+def terms_among(
+    terms: Any, edges: NDArray[np.int32], keep: NDArray[np.bool_]
+) -> tuple[dict[str, Any], NDArray[np.int64]]:
+    """Features of the nodes of a mask, the edges and the sets among them; and these edges."""
+    inside = keep[edges].all(axis=1)
+    kept = {
+        "node_features": terms.node_features[keep],
+        "edge_features": terms.edge_features[inside],
+        "sets": None if terms.sets is None else terms.sets.among(keep),
+    }
+    return kept, (np.cumsum(keep) - 1)[edges[inside]]
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:
     """The problem on the nodes of a mask."""
     if not keep.any():
         raise InputError("a validation block is empty; use fewer validation blocks")
-    number = np.cumsum(keep, dtype=np.int32) - 1
-    inside = keep[problem.edges].all(axis=1)
+    terms, edges = terms_among(problem, problem.edges, keep)
     return replace(
         problem,
-        node_features=problem.node_features[keep],
-        edges=number[problem.edges[inside]],
-        edge_features=problem.edge_features[inside],
+        **terms,
+        edges=edges.astype(np.int32),
         labels=problem.labels[keep],
         loss=problem.loss[keep],
-        sets=None if problem.sets is None else problem.sets.among(keep),
         told=None if problem.told is None else problem.told[keep],
     )

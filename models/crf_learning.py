@@ -7,10 +7,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import times_rows
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
-from pgm_places.models.amn_learning import SEARCH_TOLERANCE, LearningOptions
+from pgm_places.models.amn_learning import (
+    SEARCH_TOLERANCE,
+    LearningOptions,
+    terms_among,
+    weighed_terms,
+)
 from pgm_places.models.completion import (
     LossOf,
     alone_completion,
@@ -20,7 +24,7 @@ from pgm_places.models.completion import (
     smooth_completion,
 )
 from pgm_places.models.labelled_examples import best_value
-from pgm_places.solvers.adjacency import adjacency, part_means
+from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
@@ -86,17 +90,8 @@ class LearningTask:
 
     def part(self, keep: NDArray[np.bool_]) -> "LearningTask":
         """The task on the nodes of a mask (N,) and the edges between them."""
-        field = self.field
-        number = np.cumsum(keep) - 1
-        edges = field.around.edges
-        inside = keep[edges].all(axis=1)
-        smaller = replace(
-            field,
-            node_features=field.node_features[keep],
-            around=adjacency(int(keep.sum()), number[edges[inside]]),
-            edge_features=field.edge_features[inside],
-            sets=None if field.sets is None else field.sets.among(keep),
-        )
+        terms, edges = terms_among(self.field, self.field.around.edges, keep)
+        smaller = replace(self.field, **terms, around=adjacency(int(keep.sum()), edges))
         weight = None if self.weight is None else self.weight[keep]
         labels, loss = self.labels[keep], self.loss[keep]
         told = None if self.told is None else self.told[keep]
@@ -180,15 +175,7 @@ def _weighed(task: LearningTask) -> TableField:
     field = task.field
     if task.weight is None:
         return field
-    edges, sets = field.around.edges, field.sets
-    joins = edges if sets is None else np.concatenate([edges, sets.joins])
-    share = part_means(field.n_nodes, joins, task.weight)
-    return replace(
-        field,
-        node_features=times_rows(field.node_features, share),
-        edge_features=times_rows(field.edge_features, share[edges[:, 0]]),
-        sets=None if sets is None else sets.times(share),
-    )
+    return replace(field, **weighed_terms(field, field.around.edges, task.weight))
 
 
 def _completed(

@@ -72,7 +72,7 @@ def concave_convex(
     Examples
     --------
     >>> from pgm_places.solvers.cutting_plane import cutting_plane
-    >>> from pgm_places.solvers.max_margin import MaxMarginProblem, potentials_of
+    >>> from pgm_places.solvers.max_margin import MaxMarginProblem
     >>> from pgm_places.solvers.max_oracle import graph_cut_oracle
     >>> edges = np.array([[0, 1], [1, 2], [2, 3]], np.int32)
     >>> looks = np.array([[1.0], [0.1], [-0.1], [-1.0]])
@@ -80,7 +80,7 @@ def concave_convex(
     >>> problem = MaxMarginProblem(looks, edges, np.ones((3, 1)), begin, 2, loss, 10.0)
     >>> best = graph_cut_oracle(4, edges)
     >>> def complete(weights, labels):
-    ...     unary, agreement = potentials_of(problem, weights)
+    ...     unary, agreement = problem.potentials(weights)
     ...     unary[[0, 3], [1, 0]] = -np.inf
     ...     return best(unary, agreement)
     >>> found = concave_convex(

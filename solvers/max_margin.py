@@ -16,10 +16,10 @@ The penalty C multiplies a mean over nodes, so it means the same on a small and 
 B. Taskar, V. Chatalbashev, D. Koller, "Learning associative Markov networks", ICML 2004.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,44 +42,80 @@ Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
 """(unary (N, K), agreement (E, K) or tables) -> a labelling (N,) of large score."""
 
 
-class MarginProblem(Protocol):
-    """A learning problem as the cutting plane sees it: the hinge, and planes below it."""
+class MarginProblem(ABC):
+    """A learning problem as the cutting plane sees it: the hinge, and planes below it.
+
+    ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
+    ``penalty`` is C, and labels that are ``told`` (N,), -1 elsewhere, are known to every labelling.
+    """
+
+    labels: NDArray[np.int64]
+    loss: NDArray[np.float64]
+    penalty: float
+    told: NDArray[np.int64] | None
 
     @property
+    @abstractmethod
     def n_nodes(self) -> int:
         """N."""
 
     @property
+    @abstractmethod
     def n_weights(self) -> int:
         """Length of the flat weight vector."""
 
     @property
+    @abstractmethod
     def n_free(self) -> int:
         """How many weights, the first ones, may be negative."""
 
-    @property
-    def penalty(self) -> float:
-        """C."""
+    @abstractmethod
+    def potentials(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Those of the score, as an :data:`Oracle` takes them."""
 
-    @property
-    def loss(self) -> NDArray[np.float64]:
-        """(N,) what a wrong label costs at each node."""
+    @abstractmethod
+    def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The vector phi(y) with score(y) = w . phi(y), flat like the weights."""
 
-    @property
+    def _check_truth(self, n_labels: int) -> None:
+        """Check what is known of the nodes, and the penalty."""
+        labels = integer_array("labels", self.labels, (self.n_nodes,), low=0, high=n_labels)
+        loss = finite_array("loss", self.loss, (self.n_nodes,))
+        if loss.min() < 0:
+            raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
+        if not (np.isfinite(self.penalty) and self.penalty > 0):
+            raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
+        object.__setattr__(self, "labels", frozen(labels))
+        object.__setattr__(self, "loss", frozen(loss))
+
+    @cached_property
     def truth_features(self) -> NDArray[np.float64]:
-        """(n_weights,) the joint features of the true labelling."""
+        """The joint features of the true labelling."""
+        return frozen(self.features_of(self.labels))
 
     def augmented_potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The potentials of score plus loss, as an :data:`Oracle` takes them."""
+        """The potentials of score plus loss: l_i is added to every wrong label of node i."""
+        unary, pairs = self.potentials(weights)
+        unary[: self.n_nodes] += self.loss[:, None]
+        unary[np.arange(self.n_nodes), self.labels] -= self.loss
+        return keep_known(unary, self.told), pairs
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
-        """The plane that a labelling gives."""
+        """The plane that a labelling gives: its loss and its joint features against the truth's."""
+        wrong = float(self.loss[labels != self.labels].sum())
+        return Cut(self._less_than_truth(labels) / self.n_nodes, wrong / self.n_nodes)
+
+    def _less_than_truth(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n_weights,) the joint features of the truth less those of a labelling."""
+        return self.truth_features - self.features_of(labels)
 
 
 @dataclass(frozen=True, eq=False)
-class MaxMarginProblem:
+class MaxMarginProblem(MarginProblem):
     """One training map, or several side by side.
 
     Parameters
@@ -124,19 +160,12 @@ class MaxMarginProblem:
         features = finite_array("edge_features", self.edge_features, (len(edges), "F"))
         if features.size and features.min() < 0:
             raise InputError("edge_features must be at least 0; shift or split signed features")
-        labels = integer_array("labels", self.labels, (n_nodes,), low=0, high=self.n_labels)
-        loss = finite_array("loss", self.loss, (n_nodes,))
-        if loss.min() < 0:
-            raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
-        if not (np.isfinite(self.penalty) and self.penalty > 0):
-            raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
+        self._check_truth(self.n_labels)
         if self.sets is not None:
             self.sets.check_fits(n_nodes, self.n_labels)
         object.__setattr__(self, "node_features", nodes)
         object.__setattr__(self, "edges", frozen(edges.astype(np.int32, copy=False)))
         object.__setattr__(self, "edge_features", frozen(features))
-        object.__setattr__(self, "labels", frozen(labels))
-        object.__setattr__(self, "loss", frozen(loss))
 
     @property
     def n_nodes(self) -> int:
@@ -171,40 +200,63 @@ class MaxMarginProblem:
             return self.edges
         return frozen(np.concatenate([self.edges, self.sets.nodes.links]))
 
-    def augmented_potentials(
+    def split(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Unary and agreement of score plus loss: l_i is added to every wrong label of node i.
+        """Node weights (D, K) and edge weights (F, K) of a flat weight vector; views."""
+        start, end = self.n_free, self.n_pair_weights
+        shape = (-1, self.n_labels)
+        return weights[:start].reshape(shape), weights[start:end].reshape(shape)
 
-        They are those of :func:`potentials_of`.
+    def set_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Clique weights (G, K) of a flat weight vector, G = 0 without sets; a view."""
+        return weights[self.n_pair_weights :].reshape(-1, self.n_labels)
+
+    def potentials(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Unary (N, K) and agreement (E, K) of the score.
+
+        With sets they are those of the graph that has their nodes and links, too, with one more
+        label where there are three or more; the labels of its first N nodes are meant.
         """
-        unary, agreement = potentials_of(self, weights)
-        unary[: self.n_nodes] += self.loss[:, None]
-        unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return keep_known(unary, self.told), agreement
+        node_weights, edge_weights = self.split(weights)
+        unary = _products(self.node_features, node_weights)
+        agreement = _products(self.edge_features, edge_weights)
+        if self.sets is None:
+            return unary, agreement
+        nodes, rewards = self.sets.nodes, self.sets.features @ self.set_weights(weights)
+        return nodes.unary(unary, rewards), nodes.agreement(agreement, rewards)
 
-    def cut_of(self, labels: NDArray[np.int64]) -> Cut:
-        """The plane that a labelling gives: its loss and its joint features against the truth's."""
-        wrong = float(self.loss[labels != self.labels].sum())
+    def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
+
+        Per label: the sum of the features of its nodes, then of the edges whose ends both have it,
+        then of the sets that earn something by it, times what they earn.
+        """
+        first, second = labels[self.edges[:, 0]], labels[self.edges[:, 1]]
+        agreed = np.where(first == second, first, self.n_labels)
+        parts = [
+            _sums_by_label(self.node_features, labels, self.n_labels).ravel(),
+            _sums_by_label(self.edge_features, agreed, self.n_labels).ravel(),
+        ]
+        if self.sets is not None:
+            parts.append(self.sets.joint_features(labels))
+        return np.concatenate(parts)
+
+    def _less_than_truth(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
         difference = np.zeros(self.n_weights)
-        of_nodes, of_edges = split_weights(self, difference)
+        of_nodes, of_edges = self.split(difference)
         dense = self.node_features
         if is_sparse(dense):
             of_nodes += self._sparse_difference(labels)
             dense, of_nodes = np.zeros((self.n_nodes, 0)), of_nodes[:0]
-        add_feature_difference(
-            np.ascontiguousarray(labels, np.int64),
-            self.labels,
-            dense,
-            self.edges,
-            self.edge_features,
-            of_nodes,
-            of_edges,
-        )
+        chosen, edges = np.ascontiguousarray(labels, np.int64), (self.edges, self.edge_features)
+        add_feature_difference(chosen, self.labels, dense, *edges, of_nodes, of_edges)
         if self.sets is not None:
             start = self.n_pair_weights
             difference[start:] = self.truth_features[start:] - self.sets.joint_features(labels)
-        return Cut(difference / self.n_nodes, wrong / self.n_nodes)
+        return difference
 
     def _sparse_difference(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
         """(D, K) the sums of node features by true label, less those by ``labels``."""
@@ -213,11 +265,6 @@ class MaxMarginProblem:
         sign[np.arange(len(wrong)), self.labels[wrong]] = 1.0
         sign[np.arange(len(wrong)), labels[wrong]] = -1.0
         return self.node_features[wrong].T @ sign
-
-    @cached_property
-    def truth_features(self) -> NDArray[np.float64]:
-        """The joint features of the true labelling."""
-        return frozen(joint_features(self, self.labels))
 
 
 def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
@@ -244,37 +291,6 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
     )
 
 
-def split_weights(
-    problem: MaxMarginProblem, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Node weights (D, K) and edge weights (F, K) of a flat weight vector; views."""
-    start, end = problem.n_free, problem.n_pair_weights
-    shape = (-1, problem.n_labels)
-    return weights[:start].reshape(shape), weights[start:end].reshape(shape)
-
-
-def set_weights(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Clique weights (G, K) of a flat weight vector, G = 0 without sets; a view."""
-    return weights[problem.n_pair_weights :].reshape(-1, problem.n_labels)
-
-
-def joint_features(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
-
-    Per label: the sum of the features of its nodes, then of the edges whose ends both have it, then
-    of the sets that earn something by it, times what they earn.
-    """
-    first, second = labels[problem.edges[:, 0]], labels[problem.edges[:, 1]]
-    agreed = np.where(first == second, first, problem.n_labels)
-    parts = [
-        _sums_by_label(problem.node_features, labels, problem.n_labels).ravel(),
-        _sums_by_label(problem.edge_features, agreed, problem.n_labels).ravel(),
-    ]
-    if problem.sets is not None:
-        parts.append(problem.sets.joint_features(labels))
-    return np.concatenate(parts)
-
-
 def _sums_by_label(
     features: NDArray[np.float64], labels: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.float64]:
@@ -282,23 +298,6 @@ def _sums_by_label(
     for k in range(n_labels):
         sums[:, k] = (labels == k).astype(np.float64) @ features
     return sums
-
-
-def potentials_of(
-    problem: MaxMarginProblem, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unary (N, K) and agreement (E, K) of the score.
-
-    With sets they are those of the graph that has their nodes and links, too, with one more label
-    where there are three or more; the labels of its first N nodes are meant.
-    """
-    node_weights, edge_weights = split_weights(problem, weights)
-    unary = _products(problem.node_features, node_weights)
-    agreement = _products(problem.edge_features, edge_weights)
-    if problem.sets is None:
-        return unary, agreement
-    nodes, rewards = problem.sets.nodes, problem.sets.features @ set_weights(problem, weights)
-    return nodes.unary(unary, rewards), nodes.agreement(agreement, rewards)
 
 
 def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,19 +7,15 @@ structured and interdependent output variables", JMLR 6 (2005)).
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
-from pgm_places.solvers.margin_solution import Cut
-from pgm_places.solvers.max_margin import Oracle
+from pgm_places.solvers.max_margin import MarginProblem, Oracle
 from pgm_places.solvers.max_oracle import Augmented, Certificate, certify
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
@@ -30,7 +26,7 @@ ORACLE_PASSES = 40
 
 
 @dataclass(frozen=True, eq=False)
-class TableMarginProblem:
+class TableMarginProblem(MarginProblem):
     """One training problem, or several side by side.
 
     Parameters
@@ -53,15 +49,9 @@ class TableMarginProblem:
     told: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        n, k = self.field.n_nodes, self.field.n_labels
-        labels = integer_array("labels", self.labels, (n,), low=0, high=k)
-        loss = finite_array("loss", self.loss, (n,))
-        if loss.min() < 0 or loss.max() <= 0:
-            raise InputError("loss must be at least 0 at every node, and positive at some")
-        if not (np.isfinite(self.penalty) and self.penalty > 0):
-            raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
-        object.__setattr__(self, "labels", frozen(labels))
-        object.__setattr__(self, "loss", frozen(loss))
+        self._check_truth(self.field.n_labels)
+        if self.loss.max() <= 0:
+            raise InputError("loss must be positive at some node")
 
     @property
     def n_nodes(self) -> int:
@@ -78,26 +68,13 @@ class TableMarginProblem:
         """All weights may have any sign but those of cliques."""
         return self.field.n_free
 
-    @cached_property
-    def truth_features(self) -> NDArray[np.float64]:
-        """The joint features of the true labelling."""
-        return frozen(self.field.features_of(self.labels))
+    def potentials(self, weights: NDArray[np.float64]) -> FieldTables:
+        """Those of the field's whole graph."""
+        return self.field.whole_potentials(weights)
 
-    def augmented_potentials(self, weights: NDArray[np.float64]) -> FieldTables:
-        """The potentials of score plus loss: l_i is added to every wrong label of node i.
-
-        They are those of the field's whole graph.
-        """
-        unary, tables = self.field.whole_potentials(weights)
-        unary[: self.n_nodes] += self.loss[:, None]
-        unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        return FieldTables(keep_known(unary, self.told), tables)
-
-    def cut_of(self, labels: NDArray[np.int64]) -> Cut:
-        """The plane that a labelling gives: its loss and its joint features against the truth's."""
-        wrong = float(self.loss[labels != self.labels].sum())
-        difference = self.truth_features - self.field.features_of(labels)
-        return Cut(difference / self.n_nodes, wrong / self.n_nodes)
+    def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The field's own."""
+        return self.field.features_of(labels)
 
 
 def best_labels(

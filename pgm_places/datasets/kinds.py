@@ -184,5 +184,5 @@ def style_of_kind(dice: Dice, kind: str) -> Style:
     """The style of one building of a kind."""
     style, corridors, doors = KINDS[kind]
     corridor, other = dice.choice(corridors), dice.choice(corridors)
-    widths = {"corridor_cm": corridor, "branch_cm": other, "link_cm": other}
-    return replace(style, **widths, door_cm=dice.choice(doors))
+    door = dice.choice(doors)
+    return replace(style, corridor_cm=corridor, branch_cm=other, link_cm=other, door_cm=door)

@@ -225,18 +225,17 @@ class LocalMap:
     def _cut(self, low: NDArray[np.int64], high: NDArray[np.int64], factor: int) -> OccupancyGrid:
         """The cells (column, row) of the window from one to before another, several as one."""
         cells = np.empty(-(-(high - low)[::-1] // factor), np.int8)
-        window, corners = (
-            self._place(self._origin_m)[2],
-            [part[::-1].tolist() for part in (low, high)],
-        )
-        coarse_cells(window, *map(tuple, corners), factor, (OCCUPIED, FREE, UNKNOWN), cells)
+        window = self._place(self._origin_m)[2]
+        begin, end = (low[1], low[0]), (high[1], high[0])
+        coarse_cells(window, begin, end, factor, (OCCUPIED, FREE, UNKNOWN), cells)
         x, y = low * self.resolution_m + self._origin_m
         return OccupancyGrid(cells, factor * self.resolution_m, (float(x), float(y)))
 
     @property
     def _origin_m(self) -> NDArray[np.float64]:
         """(2,) the window's corner, where it has been put somewhere."""
-        return np.zeros(2) if self._corner is None else self._corner * self.resolution_m
+        corner = np.zeros(2) if self._corner is None else self._corner
+        return np.asarray(corner * self.resolution_m, np.float64)
 
     def _next_scan(self) -> int:
         self._scan += 1

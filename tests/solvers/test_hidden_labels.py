@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.hidden_labels import HiddenLabels, concave_convex
-from pgm_places.solvers.max_margin import MaxMarginProblem, potentials_of
+from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 from tests.reference.energy import Model, score
 
@@ -28,7 +28,7 @@ def learned(problem: MaxMarginProblem, truth: NDArray[np.int64]) -> HiddenLabels
     best = graph_cut_oracle(problem.n_nodes, problem.edges)
 
     def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
-        unary, agreement = potentials_of(problem, weights)
+        unary, agreement = problem.potentials(weights)
         return best(keep_known(unary, truth), agreement)
 
     return concave_convex(
@@ -42,7 +42,7 @@ def objective_by_hand(
     problem: MaxMarginProblem, truth: NDArray[np.int64], weights: NDArray[np.float64]
 ) -> float:
     """f(w) from all labellings: the best score plus loss against the best completion."""
-    unary, agreement = potentials_of(problem, weights)
+    unary, agreement = problem.potentials(weights)
     model = Model(unary, problem.edges.astype(np.int64), agreement=agreement)
     known = truth >= 0
     free, clamped = -np.inf, -np.inf
@@ -81,7 +81,7 @@ def test_cuts_of_one_completion_hold_for_the_next() -> None:
     best = graph_cut_oracle(problem.n_nodes, problem.edges)
 
     def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
-        unary, agreement = potentials_of(problem, weights)
+        unary, agreement = problem.potentials(weights)
         return best(keep_known(unary, truth), agreement)
 
     concave_convex(problem, both, complete)  # type: ignore[arg-type]

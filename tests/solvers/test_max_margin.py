@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.solvers.max_margin import MaxMarginProblem, potentials_of, split_weights
+from pgm_places.solvers.max_margin import MaxMarginProblem
 
 
 @pytest.mark.parametrize("n_labels", [1, 2, 3, 4, 5, 8, 9])
@@ -23,8 +23,8 @@ def test_potentials_are_the_products_of_features_and_weights(
         1.0,
     )
     weights = rng.normal(size=problem.n_weights)
-    node_weights, edge_weights = split_weights(problem, weights)
-    unary, agreement = potentials_of(problem, weights)
+    node_weights, edge_weights = problem.split(weights)
+    unary, agreement = problem.potentials(weights)
     np.testing.assert_allclose(unary, problem.node_features @ node_weights, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(
         agreement, problem.edge_features @ edge_weights, rtol=1e-12, atol=1e-14

@@ -11,9 +11,7 @@ from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
     hinge,
     joined,
-    joint_features,
     objective,
-    potentials_of,
     relaxed_lower_bound,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp, relaxed_objective
@@ -32,8 +30,8 @@ def test_joint_features_score_like_the_definition() -> None:
     weights = rng.normal(size=problem.n_weights)
     labels = rng.integers(0, 3, problem.n_nodes)
     expected = reference.score(problem, weights, labels)
-    assert float(joint_features(problem, labels) @ weights) == pytest.approx(expected, abs=1e-12)
-    unary, agreement = potentials_of(problem, weights)
+    assert float(problem.features_of(labels) @ weights) == pytest.approx(expected, abs=1e-12)
+    unary, agreement = problem.potentials(weights)
     same = labels[problem.edges[:, 0]] == labels[problem.edges[:, 1]]
     total = unary[np.arange(6), labels].sum()
     total += agreement[same, labels[problem.edges[same, 0]]].sum()

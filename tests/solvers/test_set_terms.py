@@ -14,10 +14,7 @@ from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
     hinge,
     joined,
-    joint_features,
     objective,
-    potentials_of,
-    set_weights,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
@@ -72,7 +69,7 @@ def test_score_hinge_and_certificate_of_every_small_graph(n_labels: int, part: i
         problem = with_sets(number, n_labels)
         weights = some_weights(problem, number)
         for labels in reference.all_labelings(problem.n_nodes, n_labels)[::7]:
-            scored = float(joint_features(problem, labels) @ weights)
+            scored = float(problem.features_of(labels) @ weights)
             assert scored == pytest.approx(reference.score(problem, weights, labels), abs=1e-9)
             cut = problem.cut_of(labels)
             height = reference.score(problem, weights, labels) + reference.loss(problem, labels)
@@ -131,10 +128,10 @@ def test_the_score_of_maps_beside_each_other_is_the_sum_of_theirs() -> None:
 def test_without_rewards_sets_change_nothing() -> None:
     problem = with_sets(100, 2)
     weights = some_weights(problem, 3)
-    set_weights(problem, weights)[:] = 0.0
+    problem.set_weights(weights)[:] = 0.0
     alone = replace(problem, sets=None)
-    labels = problem_oracle(problem)(*potentials_of(problem, weights))
-    other = problem_oracle(alone)(*potentials_of(alone, weights[: alone.n_weights]))
+    labels = problem_oracle(problem)(*problem.potentials(weights))
+    other = problem_oracle(alone)(*alone.potentials(weights[: alone.n_weights]))
     np.testing.assert_array_equal(labels, other)
     assert hinge(problem, weights, 5.0) == pytest.approx(
         hinge(alone, weights[: alone.n_weights], 5.0)
