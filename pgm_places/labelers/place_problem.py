@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, sealed
-from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
@@ -15,11 +14,15 @@ from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
-AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
+_AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
 """Cells so far beside, and before or behind, a gate may be its doorway."""
 
-AWAY_FROM_GATES = float(np.log(0.02))
-"""What is added to a doorway's log-odds where there is no gate."""
+_DEPTH_M = 0.84
+"""Doorways are rarely deeper: they are drawn 0.8 m deep, and cells count by their centres."""
+
+_AWAY, _NEAR, _MIDDLE = np.log([0.02, 0.4, 1.0]).tolist()
+"""What is added to a doorway's log-odds where there is no gate, near one, and in its middle; the
+depth and the share near it were chosen on drawn floors held out (docs/floor.md)."""
 
 _SURE = 0.5
 
@@ -31,13 +34,33 @@ def doorways_at_gates(
     doorway: int,
     depth_m: float | None = None,
 ) -> NDArray[np.float64]:
-    """The scores of cells, doorways only at gates, and no deeper than ``depth_m``.
+    """The scores of cells with doorways at gates, by :func:`doorway_log_odds`."""
+    part, added = _parts_of_gates(log_z, doorways, layout, doorway, depth_m)
+    changed = np.empty_like(log_z)
+    for first in range(0, len(log_z), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        changed[some] = log_z[some]
+        beyond = first + np.flatnonzero(added[part[some]])
+        changed[beyond, doorway] += added[part[beyond]]
+        changed[beyond] -= np.logaddexp.reduce(changed[beyond].T, axis=0)[:, np.newaxis]
+    return changed
 
-    The odds of a doorway are multiplied by 0.02 wherever a cell is more than 1 m before or behind
-    each gate, or more than 0.3 m beside it. Where a depth is given, so they are where a cell is
-    farther than half the depth from the gate's middle along its heading. Where the cells within are
-    no likely doorway (a mean probability of at most a half) but others around the gate are, the
-    gate lies beside its doorway, and the middle is that of the likely cells.
+
+def doorway_log_odds(
+    log_z: NDArray[np.float64],
+    doorways: Doorways,
+    layout: GridLayout,
+    doorway: int,
+    depth_m: float | None = None,
+) -> NDArray[np.float64]:
+    """(N,) what is added to the log-odds of a doorway, by where the accepted gates are.
+
+    The odds are multiplied by 0.02 wherever a cell is more than 1 m before or behind each gate, or
+    more than 0.3 m beside it, and by 0.4 near a gate, but farther than 0.42 m from its middle along
+    its heading. Where a depth is given, they are multiplied by 0.02 farther than half the depth
+    from the middle. Where the cells within are no likely doorway (a mean probability of at most a
+    half) but others around the gate are, the gate lies beside its doorway, and the middle is that
+    of the likely cells.
 
     Parameters
     ----------
@@ -49,31 +72,37 @@ def doorways_at_gates(
     doorway : int
         The label of doorways.
     depth_m : float, optional
-        By default doorways are as deep as was learned.
+        How deep doorways are to be; by default as networks and list see them.
     """
-    kept = np.zeros(len(log_z), np.bool_)
+    part, added = _parts_of_gates(log_z, doorways, layout, doorway, depth_m)
+    return np.asarray(added[part])
+
+
+def _parts_of_gates(
+    log_z: NDArray[np.float64],
+    doorways: Doorways,
+    layout: GridLayout,
+    doorway: int,
+    depth_m: float | None,
+) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """(N,) parts of cells: away from gates 0, near one 1, in its middle 2; (3,) what each adds."""
+    added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE])
+    half_m = (_DEPTH_M if depth_m is None else depth_m) / 2
+    part = np.zeros(len(log_z), np.uint8)
     for gate in doorways.gates:
-        cells = gate.cells(doorways.grid, **AT_GATE)
+        cells = gate.cells(doorways.grid, **_AT_GATE)
         node = layout.nodes_at(cells)
         cells, node = cells[node >= 0], node[node >= 0]
-        if depth_m is None or not len(node):
-            kept[node] = True
+        if not len(node):
             continue
         along = _along(gate, doorways.grid.cell_centres_m(cells))
         probability = np.exp(log_z[node, doorway])
-        inside = np.abs(along) <= depth_m / 2
+        inside = np.abs(along) <= half_m
         likely = probability > _SURE
         if likely.any() and not (inside.any() and probability[inside].mean() > _SURE):
-            inside = np.abs(along - along[likely].mean()) <= depth_m / 2
-        kept[node[inside]] = True
-    lowered = np.empty_like(log_z)
-    for first in range(0, len(log_z), ROWS_AT_ONCE):
-        some = slice(first, first + ROWS_AT_ONCE)
-        lowered[some] = log_z[some]
-        elsewhere = first + np.flatnonzero(~kept[some])
-        lowered[elsewhere, doorway] += AWAY_FROM_GATES
-        lowered[elsewhere] -= np.logaddexp.reduce(lowered[elsewhere].T, axis=0)[:, np.newaxis]
-    return lowered
+            inside = np.abs(along - along[likely].mean()) <= half_m
+        part[node] = np.maximum(part[node], 1 + inside)
+    return part, added
 
 
 def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,13 +124,10 @@ def cells_problem(
     known: NDArray[np.int64] | None = None,
 ) -> LabelingProblem:
     """The problem of the cells; ``unary`` is ``laser``, ``context``, ``space`` or ``floor``."""
-    values = getattr(scores, unary)
-    if values is None:
-        raise InputError(f"the scores hold no {unary!r}; ask for those of a method that uses them")
     features = None
     if scores.node_features is not None:
         features = sealed(np.asarray(scores.node_features, np.float64))
-    return LabelingProblem(graph, label_names, values, features, known=known)
+    return LabelingProblem(graph, label_names, scores.of(unary), features, known=known)
 
 
 def along_spaces(

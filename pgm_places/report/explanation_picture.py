@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.labelers.place_problem import AWAY_FROM_GATES
 from pgm_places.palette import label_colours
 from pgm_places.report.canvas import label_canvas, view_of
 from pgm_places.report.drawing import Drawing, text_width
@@ -46,8 +45,9 @@ def explanation_lines(found: CellExplanation) -> list[str]:
         lines.append(f"doorway here: {_gate_text(found)}")
     if found.networks is not None:
         lines.append(f"networks that see the whole floor: {_shares(found.networks)}")
-    if found.away_from_gates:
-        lines.append(f"no accepted gate near: {AWAY_FROM_GATES:+.2f} to the log-odds of a doorway")
+    if found.doorway_log_odds:
+        added = f"{found.doorway_log_odds:+.2f} to the log-odds of a doorway"
+        lines.append(f"where the accepted gates are: {added}")
     towards = sum(item.towards for item in found.neighbours)
     if found.label != found.alone:
         lines.append(

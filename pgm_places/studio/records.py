@@ -227,7 +227,7 @@ def reasons_record(taught: Taught, x_m: float, y_m: float) -> dict[str, Any]:
         "gate_probability": found.gate_probability,
         "gate_log_odds": found.gate_log_odds,
         "networks": found.networks,
-        "away_from_gates": found.away_from_gates,
+        "doorway_log_odds": found.doorway_log_odds,
         "pulls": [
             {"at_m": [pull.x_m, pull.y_m], "label": pull.label, "towards": pull.towards}
             for pull in found.neighbours

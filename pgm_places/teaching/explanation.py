@@ -11,7 +11,7 @@ from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution
-from pgm_places.labelers.place_problem import AT_GATE
+from pgm_places.labelers.place_problem import doorway_log_odds
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts
@@ -62,7 +62,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> reasons.CellExplanat
         probability,
         added,
         *view.of_networks(cell),
-        view.away_from_gates(x, y),
+        view.doorway_log_odds(node),
         tuple(view.pulls(final, before, x_m, y_m)),
         taught.topology.region_at(x_m, y_m),
     )
@@ -171,12 +171,14 @@ class _View:
         p, shares = np.exp(floor.evidence(self.seen, cell)[0]), floor.shares.tolist()
         return dict(zip(names, p.tolist(), strict=True)), dict(zip(names, shares, strict=True))
 
-    def away_from_gates(self, x_m: float, y_m: float) -> bool:
-        """Whether a doorway at a position is taken for unlikely, as no accepted gate is near."""
-        doorways = self.taught.labelled.doorways
-        if self.labeler.doorway_at_gates(self.method) is None or doorways is None:
-            return False
-        return not any(gate.contains([x_m, y_m], **AT_GATE).any() for gate in doorways.gates)
+    def doorway_log_odds(self, node: NDArray[np.int64]) -> float:
+        """What the accepted gates add to the log-odds of a doorway at a node (1,)."""
+        doorway, scores = self.labeler.doorway_at_gates(self.method), self.taught.scores
+        if doorway is None:
+            return 0.0
+        log_z, depth_m = scores.of(self.method.unary), self.labeler.doorway_depth_m
+        added = doorway_log_odds(log_z, scores.accepted_gates, self.layout, doorway, depth_m)
+        return float(added[node][0])
 
     @cached_property
     def spaces(self) -> MapSpaces:

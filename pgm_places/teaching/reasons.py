@@ -115,9 +115,9 @@ class CellExplanation:
         at them; where their views differ, the less sure.
     network_shares : dict of str to float
         Their weight in the log-odds of each label; the rest is that of questions and gate.
-    away_from_gates : bool
-        Whether it lies more than 1 m before or behind, or 0.3 m beside, every accepted gate, which
-        multiplies the odds of a doorway by 0.02 in the end.
+    doorway_log_odds : float
+        What is added to the log-odds of a doorway in the end, by where the accepted gates are; see
+        :func:`~pgm_places.labelers.place_problem.doorway_log_odds`.
     neighbours : tuple of NeighbourPull
         Those in the graph.
     region : Region or None
@@ -138,7 +138,7 @@ class CellExplanation:
     gate_log_odds: float
     networks: dict[str, float] | None
     network_shares: dict[str, float]
-    away_from_gates: bool
+    doorway_log_odds: float
     neighbours: tuple[NeighbourPull, ...]
     region: Region | None
 

@@ -15,6 +15,7 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
+from pgm_places.unary.map_model import CellScores
 
 # A place of which so much is painted needs no further answer.
 ANSWERED = 0.75
@@ -36,6 +37,8 @@ class Taught:
         What was painted.
     labeler : PlaceLabeler
         What labelled the map: the given labeler, or the one that has learned the paint.
+    scores : CellScores
+        What the labeler's lists and networks make of each cell that was labelled.
     seconds : float
         From the call to the result.
     by_method : mapping of str to callable, optional
@@ -48,6 +51,7 @@ class Taught:
     topology: TopologicalMap
     paint: Paint
     labeler: PlaceLabeler
+    scores: CellScores
     seconds: float
     by_method: Mapping[str, Callable[[], LabelledPlaces]] = field(default_factory=dict)
 

@@ -361,4 +361,4 @@ class Teacher:
             and not isinstance(item.backend, Independent)
         }
         seconds = time.perf_counter() - start
-        return Taught(labelled, unary, topology, paint, labeler, seconds, others)
+        return Taught(labelled, unary, topology, paint, labeler, scores, seconds, others)

@@ -72,6 +72,21 @@ class CellScores:
     segments: NodeSegments | None = None
     floor: NDArray[np.float64] | None = None
 
+    def of(self, unary: str) -> NDArray[np.float64]:
+        """(N, K) the scores of that name: ``laser``, ``context``, ``space`` or ``floor``.
+
+        Raises
+        ------
+        InputError
+            They were not asked for.
+        """
+        values: NDArray[np.float64] | None = getattr(self, unary)
+        if values is None:
+            raise InputError(
+                f"the scores hold no {unary!r}; ask for those of a method that uses them"
+            )
+        return values
+
     @property
     def accepted_gates(self) -> Doorways:
         """The accepted gates, kept or made from the spaces.

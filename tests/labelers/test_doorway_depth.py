@@ -8,7 +8,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.place_problem import doorways_at_gates
+from pgm_places.labelers.place_problem import doorway_log_odds, doorways_at_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -58,12 +58,19 @@ def test_a_gate_beside_its_doorway_is_not_its_middle() -> None:
     assert _doorway_columns(found, layout) == [13, 14, 15, 16]
 
 
-@pytest.mark.parametrize(("depth_m", "reach_m"), [(None, 1.1), (0.4, 0.2)])
-def test_scores_stay_at_gates_alone(depth_m: float | None, reach_m: float) -> None:
-    log_z, found, layout, _ = _passage(1.5, slice(0, 30), depth_m)
+@pytest.mark.parametrize(
+    ("depth_m", "reach_m", "odds_near"), [(None, 0.42, 0.4), (0.4, 0.2, 0.02), (2.2, 1.1, 0.02)]
+)
+def test_odds_fall_with_the_distance_from_the_gate(
+    depth_m: float | None, reach_m: float, odds_near: float
+) -> None:
+    log_z, found, layout, doorways = _passage(1.5, slice(0, 30), depth_m)
+    away_m = np.abs((np.arange(30) + 0.5) * RESOLUTION_M - 1.5)
+    odds = np.where(away_m < reach_m, 1.0, np.where(away_m < 1.1, odds_near, 0.02))
+    added = layout.to_raster(doorway_log_odds(log_z, doorways, layout, 2, depth_m), fill=0.0)
+    assert np.allclose(added, np.log(odds))
     same = layout.to_raster(np.isclose(found, log_z).all(axis=1), fill=False)
-    centre_m = (np.arange(30) + 0.5) * RESOLUTION_M
-    assert (same == (np.abs(centre_m - 1.5) < reach_m)).all()
+    assert (same == (odds == 1)).all()
 
 
 def test_without_gates_no_doorway_is_left() -> None:

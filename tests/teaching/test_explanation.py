@@ -57,8 +57,8 @@ def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) ->
     found = explain_cell(taught(), x, y)
     assert found.probabilities_alone is not None
     shares = log_z(found)
-    if found.away_from_gates:
-        shares["doorway"] *= 0.02
+    if found.doorway_log_odds:
+        shares["doorway"] *= np.exp(found.doorway_log_odds)
         shares = {name: share / sum(shares.values()) for name, share in shares.items()}
     assert shares == pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
     for question in found.questions:
@@ -68,17 +68,16 @@ def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) ->
     assert len(found.ranges_m) == len(found.angles_rad) == 360
 
 
-def test_doorways_are_near_an_accepted_gate_or_told_to_be_away_from_all() -> None:
+def test_doorways_are_likely_in_the_middle_of_accepted_gates() -> None:
     doorways = taught().labelled.doorways
     assert doorways is not None
-    [gate] = doorways.gates[:1]
+    gate = doorways.gates[0]
+    assert explain_cell(taught(), *gate.centre_m).doorway_log_odds == 0
     ahead = np.array([np.cos(gate.heading_rad), np.sin(gate.heading_rad)])
-    assert not explain_cell(taught(), *gate.centre_m).away_from_gates
-    away = [explain_cell(taught(), x, y).away_from_gates for x, y in positions(20)]
-    assert any(away)
-    beyond = gate.centre_m + ahead * (gate.depth_m / 2 + 1.2)
-    others = [g for g in doorways.gates if g.contains(beyond, wider_m=0.3, deeper_m=1.0).any()]
-    assert explain_cell(taught(), *beyond.tolist()).away_from_gates == (not others)
+    beyond = gate.centre_m + ahead * (gate.depth_m / 2 + 0.7)
+    assert explain_cell(taught(), *beyond.tolist()).doorway_log_odds == np.log(0.4)
+    others = {explain_cell(taught(), x, y).doorway_log_odds for x, y in positions(20)}
+    assert np.log(0.02) in others
     without = taught().labeler.method("adaboost")
     assert taught().labeler.doorway_at_gates(without) is None
 

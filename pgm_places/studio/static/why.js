@@ -93,7 +93,7 @@ export class Why {
   }
 
   /** What spoke for and against each class, in the order in which the list asks. */
-  #votes({ questions, gate_probability: gate, networks, pulls, away_from_gates: away }) {
+  #votes({ questions, gate_probability: gate, networks, pulls, doorway_log_odds: added }) {
     const parts = questions.map((question) =>
       h("section", {}, h("h2", {}, `Is it ${question.label}? ${signed(question.log_odds)}`),
         h("p", { className: "small" }, `Its scan says ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
@@ -104,7 +104,7 @@ export class Why {
     if (networks) parts.unshift(h("section", {}, h("h2", {}, "Seen in the whole floor"), this.#bars(networks)));
     const notes = [];
     if (gate) notes.push(`The gate here is a doorway with ${percent(gate)}.`);
-    if (away) notes.push("No accepted gate is near, so a doorway is unlikely: its odds count for a fiftieth.");
+    if (added < 0) notes.push(`Where the accepted gates are adds ${signed(added)} to the log-odds of a doorway.`);
     const against = pulls.filter((pull) => pull.towards < 0).length;
     const towards = pulls.filter((pull) => pull.towards > 0).length;
     if (towards || against) notes.push(`${towards} neighbours pulled it to its label, ${against} away from it.`);
