@@ -28,7 +28,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
-from pgm_places.models.strong_classifier import score_all
+from pgm_places.models.strong_classifier import VoteTable
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 
@@ -191,7 +191,7 @@ def prediction(X: Matrix, y: NDArray[np.int64], n_rounds: int, repeats: int) -> 
     for threads in (1, 2):
         for name, matrix, some in (("all columns", X, parts), ("used columns only", small, moved)):
             seconds, _ = timed(
-                lambda m=matrix, s=some, t=threads: score_all(s, m, n_threads=t),
+                lambda m=matrix, s=some, t=threads: VoteTable.of(s).scores(m, n_threads=t),
                 5 * repeats,
                 wall=threads > 1,
             )

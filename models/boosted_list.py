@@ -1,7 +1,7 @@
 """A trained decision list of strong classifiers (paper, section 3, eq. 7 and 8), as plain data."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, ModelFileError
-from pgm_places.models.boosted_trees import BoostedTrees, TreeTable
+from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
 
 __all__ = ["BoostedList"]
@@ -19,8 +19,6 @@ __all__ = ["BoostedList"]
 _KIND = "boosted decision list"
 _VERSION = 1  # of lists of stumps; those of trees came later
 _TREES_VERSION = 2
-_STUMP_ARRAYS = ("feature", "threshold", "polarity", "alpha")
-_TREE_ARRAYS = ("feature", "cut", "value")
 _MAX_FEATURES = 10_000_000
 _DECISIONS = ("list", "argmax")
 
@@ -96,10 +94,8 @@ class BoostedList:
         return self._votes.scores(X, n_threads=n_threads)
 
     @cached_property
-    def _votes(self) -> VoteTable | TreeTable:
-        stumps = [item for item in self.classifiers if isinstance(item, StrongClassifier)]
-        trees = [item for item in self.classifiers if isinstance(item, BoostedTrees)]
-        return TreeTable.of(trees) if trees else VoteTable.of(stumps)
+    def _votes(self) -> VoteTable:
+        return VoteTable.of(self.classifiers)
 
     def log_histogram(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
@@ -170,13 +166,11 @@ class BoostedList:
             The list is one of trees, which look at several columns together.
         """
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
-        own = tuple(
-            item.only(kept) for item in self.classifiers if isinstance(item, StrongClassifier)
-        )
-        if len(own) < len(self.classifiers):
+        if isinstance(self.classifiers[0], BoostedTrees):
             raise InputError(
                 "a list of trees cannot be split by columns; boost stumps instead (max_depth=1)"
             )
+        own = tuple(item[np.isin(item.feature, kept)] for item in self.classifiers)
         return replace(self, classifiers=own).restricted(kept)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
@@ -212,11 +206,10 @@ class BoostedList:
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What JSON can hold, and the arrays: all that :meth:`from_arrays` needs."""
         sizes = [item.n_rounds for item in self.classifiers]
-        trees = isinstance(self.classifiers[0], BoostedTrees)
-        names = _TREE_ARRAYS if trees else _STUMP_ARRAYS
+        like = self.classifiers[0]
         meta = {
             "kind": _KIND,
-            "version": _TREES_VERSION if trees else _VERSION,
+            "version": _TREES_VERSION if isinstance(like, BoostedTrees) else _VERSION,
             "classes": self.classes.tolist(),
             "n_features": self.n_features,
             "decision": self.decision,
@@ -227,8 +220,10 @@ class BoostedList:
             "calibration": self.calibration,
             "first": np.cumsum([0, *sizes]).astype(np.int64),
         }
-        for name in names:
-            arrays[name] = np.concatenate([getattr(item, name) for item in self.classifiers])
+        for part in fields(like):
+            arrays[part.name] = np.concatenate(
+                [getattr(item, part.name) for item in self.classifiers]
+            )
         return meta, arrays
 
     @classmethod
@@ -261,17 +256,19 @@ class BoostedList:
         if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
             raise ModelFileError(f"n_features must be 1 to {_MAX_FEATURES}, got {n_features!r}")
         classes = _stored_classes(meta["classes"])
-        total = len(arrays["feature"])
+        feature = arrays["feature"]
+        total, least = len(feature), 0 if version == _VERSION else -1
+        integer_array("feature", feature, feature.shape, low=least, high=n_features)
         first = integer_array("first", arrays["first"], (len(classes),), low=0, high=total + 1)
         if first[0] != 0 or first[-1] != total or (np.diff(first) < 0).any():
             raise ModelFileError(f"first must ascend from 0 to {total}, got {first.tolist()}")
         spans = [slice(*span) for span in pairwise(first.tolist())]
-        read = _stored_stumps if version == _VERSION else _stored_trees
-        parts = read(arrays, spans, n_features)
+        kind = StrongClassifier if version == _VERSION else BoostedTrees
+        whole = kind(*(arrays[part.name] for part in fields(kind)))
         return cls(
             classes,
             arrays["order"],
-            parts,
+            tuple(whole[span] for span in spans),
             arrays["calibration"],
             n_features,
             meta["decision"],
@@ -294,27 +291,6 @@ def first_positive(scores: NDArray[np.float64], order: NDArray[np.int64]) -> NDA
     for k in range(len(scores) - 1, -1, -1):
         chosen[scores[k] > 0] = order[k]
     return chosen
-
-
-def _stored_stumps(
-    arrays: dict[str, NDArray[Any]], spans: list[slice], n_features: int
-) -> tuple[StrongClassifier, ...]:
-    total = len(arrays["feature"])
-    integer_array("feature", arrays["feature"], (total,), low=0, high=n_features)
-    for name in _STUMP_ARRAYS:
-        if arrays[name].shape != (total,):
-            raise ModelFileError(f"{name} must have shape ({total},)")
-    return tuple(
-        StrongClassifier(*(arrays[name][span] for name in _STUMP_ARRAYS)) for span in spans
-    )
-
-
-def _stored_trees(
-    arrays: dict[str, NDArray[Any]], spans: list[slice], n_features: int
-) -> tuple[BoostedTrees, ...]:
-    whole = BoostedTrees(*(arrays[name] for name in _TREE_ARRAYS))
-    integer_array("feature", whole.feature, whole.feature.shape, low=-1, high=n_features)
-    return tuple(whole[span] for span in spans)
 
 
 def _stored_classes(labels: Any) -> NDArray[Any]:

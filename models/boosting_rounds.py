@@ -1,7 +1,6 @@
 """The rounds of generalised AdaBoost (paper, section 3 and Fig. 2)."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +70,7 @@ def boost(
         edge = abs(stump.score) / search.weighed.mass
         if edge < tolerance:
             break
-        alpha = shrinkage * alpha_of(min(edge, most_edge))
+        alpha = shrinkage * float(np.arctanh(min(edge, most_edge)))
         column = int(prepared.columns[stump.plane])
         chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
         if on_round is not None:
@@ -79,12 +78,8 @@ def boost(
         if edge >= MAX_EDGE and margin is None:
             break
         search.reweigh(stump, alpha)
-    return _strong_classifier(chosen)
-
-
-def alpha_of(edge: float) -> float:
-    """0.5 ln((1 + r) / (1 - r)) with r clipped to 1 - 1e-10 (step 3e of Fig. 2)."""
-    return float(np.arctanh(min(edge, MAX_EDGE)))
+    feature, threshold, polarity, votes = np.array(chosen, np.float64).reshape(-1, 4).T
+    return StrongClassifier(feature.astype(np.int64), threshold, polarity.astype(np.int8), votes)
 
 
 def initial_weights(
@@ -113,13 +108,3 @@ def initial_weights(
             else:
                 weights[span] = given[rows] * expit((2 - 4 * side) * margin[rows])
     return weights if margin is None else weights / weights.sum()
-
-
-def _strong_classifier(chosen: list[tuple[int, float, int, float]]) -> StrongClassifier:
-    columns: list[Any] = list(zip(*chosen, strict=True)) if chosen else [(), (), (), ()]
-    return StrongClassifier(
-        np.array(columns[0], np.int64),
-        np.array(columns[1], np.float64),
-        np.array(columns[2], np.int8),
-        np.array(columns[3], np.float64),
-    )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import gentle_masses, raise_weights
-from pgm_places.models.boosted_trees import BoostedTrees, stacked
+from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost, initial_weights
 from pgm_places.models.sorted_features import SortedFeatures
 from pgm_places.models.strong_classifier import StrongClassifier
@@ -93,8 +93,12 @@ def boost_trees(
             on_round(len(trees), tree.correlation)
         factor = np.exp(np.stack([vote, -vote]).astype(np.float64))
         raise_weights(search.leaf, segments, factor, weights)
-    features, cuts = [tree.feature for tree in trees], [tree.cut for tree in trees]
-    return stacked(features, cuts, votes, max_depth)
+    n_splits = 2**max_depth - 1
+    return BoostedTrees(
+        np.array([tree.feature for tree in trees], np.int32).reshape(-1, n_splits),
+        np.array([tree.cut for tree in trees], np.float32).reshape(-1, n_splits),
+        np.array(votes, np.float32).reshape(-1, n_splits + 1),
+    )
 
 
 def boosted(

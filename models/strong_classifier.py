@@ -1,14 +1,14 @@
 """A strong classifier: the weighted vote of decision stumps (paper, eq. 1 and step 4 of Fig. 2)."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
-from pgm_places._core import sum_votes
+from pgm_places._core import sum_trees, sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
@@ -35,8 +35,39 @@ class Split(NamedTuple):
     left: int
 
 
+class Voters:
+    """What stumps and trees have in common; F is the sum of their votes."""
+
+    feature: NDArray[Any]
+
+    @property
+    def n_rounds(self) -> int:
+        """T, the number of stumps or trees."""
+        return len(self.feature)
+
+    @property
+    def used_features(self) -> NDArray[np.int64]:
+        """The distinct columns that any of them looks at, ascending."""
+        return np.unique(self.feature[self.feature >= 0]).astype(np.int64)
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(N,) F of every row of a float32 matrix."""
+        return VoteTable.of([self]).scores(X, n_threads=n_threads)[0]
+
+    def __getitem__(self, chosen: slice | NDArray[np.bool_]) -> Self:
+        """The classifier of some of the stumps or trees."""
+        return type(self)(*(getattr(self, part.name)[chosen] for part in fields(cast(Any, self))))
+
+    def renumbered(self, place: NDArray[np.int64]) -> Self:
+        """The same classifier where column j is found at ``place[j]``."""
+        moved = np.where(self.feature < 0, -1, place[np.maximum(self.feature, 0)])
+        return replace(cast(Any, self), feature=moved)
+
+
 @dataclass(frozen=True, eq=False)
-class StrongClassifier:
+class StrongClassifier(Voters):
     """F(x) = sum_t alpha_t h_t(x) with stumps h_t (x) = +1 if p_t x_j < p_t theta_t, else -1.
 
     Attributes
@@ -71,16 +102,6 @@ class StrongClassifier:
             object.__setattr__(self, name, frozen(values))
 
     @property
-    def n_rounds(self) -> int:
-        """T, the number of stumps."""
-        return len(self.feature)
-
-    @property
-    def used_features(self) -> NDArray[np.int64]:
-        """The distinct columns that the stumps look at, ascending."""
-        return np.unique(self.feature)
-
-    @property
     def cut(self) -> NDArray[np.float32]:
         """(T,) float32 such that ``x < cut`` decides each stump for every float32 x.
 
@@ -92,15 +113,9 @@ class StrongClassifier:
         return np.where(low, np.nextafter(cut, np.float32(np.inf)), cut)
 
     @property
-    def vote(self) -> NDArray[np.float64]:
+    def value(self) -> NDArray[np.float64]:
         """(T,) what each stump adds to F where ``x < cut``; elsewhere it takes it away."""
         return self.alpha * self.polarity
-
-    def scores(
-        self, X: NDArray[np.float32], *, n_threads: int | None = None
-    ) -> NDArray[np.float64]:
-        """(N,) F of every row of a float32 matrix."""
-        return score_all([self], X, n_threads=n_threads)[0]
 
     def splits(self, t: int) -> list[Split]:
         """The split of stump t."""
@@ -113,13 +128,6 @@ class StrongClassifier:
             )
         ]
 
-    def only(self, columns: NDArray[np.int64]) -> "StrongClassifier":
-        """The stumps that look at one of these columns."""
-        kept = np.isin(self.feature, columns)
-        return StrongClassifier(
-            self.feature[kept], self.threshold[kept], self.polarity[kept], self.alpha[kept]
-        )
-
     def then(self, other: "StrongClassifier", scale: float = 1.0) -> "StrongClassifier":
         """The sum of these stumps and ``scale`` times others."""
         return StrongClassifier(
@@ -129,82 +137,64 @@ class StrongClassifier:
             np.concatenate([self.alpha, scale * other.alpha]),
         )
 
-    def renumbered(self, place: NDArray[np.int64]) -> "StrongClassifier":
-        """The same classifier where column j is found at ``place[j]``."""
-        return StrongClassifier(place[self.feature], self.threshold, self.polarity, self.alpha)
-
-
-def score_all(
-    classifiers: Sequence[StrongClassifier],
-    X: NDArray[np.float32],
-    *,
-    n_threads: int | None = None,
-) -> NDArray[np.float64]:
-    """(len(classifiers), N) F of every classifier for every row: see :func:`score_rows`."""
-    return VoteTable.of(classifiers).scores(X, n_threads=n_threads)
-
 
 class VoteTable(NamedTuple):
-    """The stumps of several classifiers side by side, made ready for the kernel once.
+    """The stumps or trees of several classifiers side by side, made ready for the kernel once.
+
+    Trees are complete, with S splits and S + 1 leaves each; there are (T,) stumps or (T, S) splits.
 
     Attributes
     ----------
     columns : (C,) int64
-        The distinct columns that the stumps look at.
-    plane : (S,) int64
-        For each stump the place of its column among those.
-    cut : (S,) float32
-    vote : (S,) float64
+        The distinct columns that the splits look at.
+    plane : (T,) or (T, S) int64
+        For each split the place of its column among those.
+    cut : (T,) or (T, S) float32
+        Left is ``x < cut``.
+    value : (T,) float64 or (T, S + 1) float32
+        What the left of each stump, or each leaf from left to right, adds to F.
     first : (n + 1,) int64
-        Where the stumps of each classifier begin.
+        Where the stumps or trees of each classifier begin.
     """
 
     columns: NDArray[np.int64]
     plane: NDArray[np.int64]
     cut: NDArray[np.float32]
-    vote: NDArray[np.float64]
+    value: NDArray[Any]
     first: NDArray[np.int64]
 
     @classmethod
-    def of(cls, classifiers: Sequence[StrongClassifier]) -> Self:
-        """The table of these classifiers, in this order."""
-        feature = _joined([item.feature for item in classifiers], np.int64)
-        columns, plane = np.unique(feature, return_inverse=True)
+    def of(cls, classifiers: Sequence[Any]) -> Self:
+        """The table of at least one classifier, all of stumps or all of trees of one depth."""
+        feature = np.concatenate([item.feature for item in classifiers])
+        columns = np.unique(feature[feature >= 0]).astype(np.int64)
+        if not len(columns):
+            columns = np.zeros(1, np.int64)  # what splits nothing ignores it
         return cls(
             columns,
-            plane,
-            _joined([item.cut for item in classifiers], np.float32),
-            _joined([item.vote for item in classifiers], np.float64),
+            np.searchsorted(columns, np.maximum(feature, columns[0])),
+            np.concatenate([item.cut for item in classifiers]),
+            np.concatenate([item.value for item in classifiers]),
             np.cumsum([0, *(item.n_rounds for item in classifiers)]),
         )
 
     def scores(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
-        """(n, N) F of every classifier for every row: see :func:`score_rows`."""
-        return score_rows(sum_votes, self, X, n_threads)
+        """(n, N) F of every classifier for every row.
 
+        Only the table's ``columns`` are read. The bits depend neither on the number of threads nor
+        on which other classifiers are evaluated with one.
+        """
+        if X.dtype != np.float32 or not X.flags.c_contiguous:
+            X = np.ascontiguousarray(X[:, self.columns], np.float32)
+            self = self._replace(columns=np.arange(len(self.columns)))
+        n, size = len(X), _SAMPLES_PER_TASK
+        out = np.empty((len(self.first) - 1, n))
+        kernel: Any = sum_votes if self.cut.ndim == 1 else sum_trees
 
-def score_rows(
-    kernel: Callable[..., None], table: Any, X: NDArray[np.float32], n_threads: int | None
-) -> NDArray[np.float64]:
-    """(n, N) what a kernel says of every row, for the n classifiers of a table of stumps or trees.
+        def work(task: int) -> None:
+            kernel(X, task * size, min((task + 1) * size, n), self, out)
 
-    Only the table's ``columns`` are read. The bits depend neither on the number of threads nor on
-    which other classifiers are evaluated with one.
-    """
-    if X.dtype != np.float32 or not X.flags.c_contiguous:
-        X = np.ascontiguousarray(X[:, table.columns], np.float32)
-        table = table._replace(columns=np.arange(len(table.columns)))
-    n, size = len(X), _SAMPLES_PER_TASK
-    out = np.empty((len(table.first) - 1, n))
-
-    def work(task: int) -> None:
-        kernel(X, task * size, min((task + 1) * size, n), table, out)
-
-    run_tasks(work, -(-n // size), n_threads=n_threads)
-    return out
-
-
-def _joined(parts: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
-    return np.concatenate([np.zeros(0, dtype), *parts])
+        run_tasks(work, -(-n // size), n_threads=n_threads)
+        return out

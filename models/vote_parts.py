@@ -65,7 +65,7 @@ def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.fl
     if isinstance(classifier, BoostedTrees):
         return []
     left = row[classifier.feature] < classifier.cut
-    votes = np.where(left, classifier.vote, -classifier.vote)
+    votes = np.where(left, classifier.value, -classifier.value)
     parts = (classifier.feature.tolist(), classifier.threshold.tolist(), votes.tolist())
     return list(zip(*parts, strict=True))
 

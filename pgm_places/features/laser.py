@@ -9,8 +9,9 @@ arc length. Means and standard deviations divide by ``M``.
 """
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Literal
 
 CANONICAL_BEAMS = 360
@@ -30,7 +31,6 @@ _CODE = "Mozos' published code and its parameter list"
 _CODE_ONLY = "Mozos' published code (not in its parameter list)"
 _CUTS = "formula: Mozos' published code; cut lengths: a later port, extended"
 _MINIMA = "name, purpose and parameters: Mozos' published code; search: this package"
-_FOURIER = "Mozos' published code and its parameter list"
 _NEGATIVE = "formula: Mozos' published code; negative orders: this package"
 
 
@@ -70,89 +70,68 @@ class FeatureSpec:
 
 
 def _family(
-    id: str,
     group: Literal["beams", "polygon"],
+    id: str,
     definition: str,
-    source: str,
-    parameters: tuple[float | int | None, ...] = (None,),
+    source: str = _CODE,
+    parameters: Sequence[float | int | None] = (None,),
 ) -> list[FeatureSpec]:
     return [FeatureSpec(id, value, group, definition, source) for value in parameters]
 
 
-def _beam_specs() -> list[FeatureSpec]:
-    return [
-        *_family("f2", "beams", "mean of D_i", _CODE),
-        *_family("f2_sd", "beams", "standard deviation of D_i", _CODE),
-        *_family(
-            "f3", "beams", "mean of |min(rho_i, t) - min(rho_{i+1}, t)|", _CUTS, CUT_LENGTHS_M
-        ),
-        *_family("f8", "beams", "mean of rho_i", _CODE),
-        *_family("f8_sd", "beams", "standard deviation of rho_i", _CODE),
-        *_family("f14", "beams", "number of i with D_i > t", _CODE, GAP_LENGTHS_M),
-        *_family("f33", "beams", "f14[t] / (M - 1)", _CODE, GAP_LENGTHS_M),
-        *_family("f30", "beams", "number of i with q_i < t", _CODE, GAP_RATIOS),
-        *_family("f34", "beams", "f30[t] / (M - 1)", _CODE, GAP_RATIOS),
-        *_family("f27", "beams", "mean of q_i", _CODE),
-        *_family("f27_sd", "beams", "standard deviation of q_i", _CODE),
-        *_family("f28", "beams", "mean of rho_i / max rho", _CODE),
-        *_family("f28_sd", "beams", "standard deviation of rho_i / max rho", _CODE),
-        *_family("f32", "beams", "kurtosis: mean of (rho_i - f8)^4, over f8_sd^4", _CODE),
-        *_family(
-            "f25",
-            "beams",
-            "distance between the end points of the lowest minimum and of the lowest other "
-            "minimum whose prominence is at least d",
-            _MINIMA,
-            PROMINENCES_M,
-        ),
-        *_family(
-            "f26",
-            "beams",
-            "angle between the beams of the same two minima, in [0, pi]",
-            _MINIMA,
-            PROMINENCES_M,
-        ),
-    ]
-
-
-def _polygon_specs() -> list[FeatureSpec]:
-    negative = tuple(n for n in FOURIER_ORDERS if n < 0)
-    positive = tuple(n for n in FOURIER_ORDERS if n > 0)
-    return [
-        *_family("f5", "polygon", "area A", _CODE),
-        *_family("f6", "polygon", "perimeter L, the closing edge included", _CODE),
-        *_family("f7", "polygon", "L / A", _CODE),
-        *_family("f9", "polygon", "mean distance from the area's centroid to the vertices", _CODE),
-        *_family("f9_sd", "polygon", "standard deviation of those distances", _CODE),
-        *_family("f29", "polygon", "mean of those distances over the largest", _CODE),
-        *_family("f29_sd", "polygon", "f9_sd over the largest of those distances", _CODE),
-        *_family("f31", "polygon", "4 pi A / L^2", _CODE),
-        *_family("f16", "polygon", "|c_n| / |c_1|", _NEGATIVE, negative),
-        *_family("f16", "polygon", "|c_n| / |c_1|", _FOURIER, positive),
-        *_family("f17", "polygon", "major axis of the Fourier ellipse: |c_1| + |c_-1|", _CODE),
-        *_family("f18", "polygon", "minor axis of the Fourier ellipse: ||c_1| - |c_-1||", _CODE),
-        *_family("f19", "polygon", "f18 / f17", _CODE),
-        *_family("f17_2", "polygon", "f17 / |c_1|", _CODE),
-        *_family("f18_2", "polygon", "f18 / |c_1|", _CODE),
-        *_family("f19_2", "polygon", "f18_2 / f17_2", _CODE),
-        *_family(
-            "f21",
-            "polygon",
-            "sign(h_k) log10(1 + |h_k| / 1e-12) of Hu's k-th invariant of the area moments",
-            _CODE_ONLY,
-            HU_INVARIANTS,
-        ),
-        *_family("f22", "polygon", "compactness A^2 / (2 pi (mu_20 + mu_02))", _CODE_ONLY),
-        *_family(
-            "f23",
-            "polygon",
-            "eccentricity sqrt((mu_20 - mu_02)^2 + 4 mu_11^2) / (mu_20 + mu_02)",
-            _CODE_ONLY,
-        ),
-    ]
-
-
-LASER_FEATURES: tuple[FeatureSpec, ...] = (*_beam_specs(), *_polygon_specs())
+_beams, _polygon = partial(_family, "beams"), partial(_family, "polygon")
+LASER_FEATURES: tuple[FeatureSpec, ...] = (
+    *_beams("f2", "mean of D_i"),
+    *_beams("f2_sd", "standard deviation of D_i"),
+    *_beams("f3", "mean of |min(rho_i, t) - min(rho_{i+1}, t)|", _CUTS, CUT_LENGTHS_M),
+    *_beams("f8", "mean of rho_i"),
+    *_beams("f8_sd", "standard deviation of rho_i"),
+    *_beams("f14", "number of i with D_i > t", _CODE, GAP_LENGTHS_M),
+    *_beams("f33", "f14[t] / (M - 1)", _CODE, GAP_LENGTHS_M),
+    *_beams("f30", "number of i with q_i < t", _CODE, GAP_RATIOS),
+    *_beams("f34", "f30[t] / (M - 1)", _CODE, GAP_RATIOS),
+    *_beams("f27", "mean of q_i"),
+    *_beams("f27_sd", "standard deviation of q_i"),
+    *_beams("f28", "mean of rho_i / max rho"),
+    *_beams("f28_sd", "standard deviation of rho_i / max rho"),
+    *_beams("f32", "kurtosis: mean of (rho_i - f8)^4, over f8_sd^4"),
+    *_beams(
+        "f25",
+        "distance between the end points of the lowest minimum and of the lowest other "
+        "minimum whose prominence is at least d",
+        _MINIMA,
+        PROMINENCES_M,
+    ),
+    *_beams(
+        "f26", "angle between the beams of the same two minima, in [0, pi]", _MINIMA, PROMINENCES_M
+    ),
+    *_polygon("f5", "area A"),
+    *_polygon("f6", "perimeter L, the closing edge included"),
+    *_polygon("f7", "L / A"),
+    *_polygon("f9", "mean distance from the area's centroid to the vertices"),
+    *_polygon("f9_sd", "standard deviation of those distances"),
+    *_polygon("f29", "mean of those distances over the largest"),
+    *_polygon("f29_sd", "f9_sd over the largest of those distances"),
+    *_polygon("f31", "4 pi A / L^2"),
+    *_polygon("f16", "|c_n| / |c_1|", _NEGATIVE, [n for n in FOURIER_ORDERS if n < 0]),
+    *_polygon("f16", "|c_n| / |c_1|", _CODE, [n for n in FOURIER_ORDERS if n > 0]),
+    *_polygon("f17", "major axis of the Fourier ellipse: |c_1| + |c_-1|"),
+    *_polygon("f18", "minor axis of the Fourier ellipse: ||c_1| - |c_-1||"),
+    *_polygon("f19", "f18 / f17"),
+    *_polygon("f17_2", "f17 / |c_1|"),
+    *_polygon("f18_2", "f18 / |c_1|"),
+    *_polygon("f19_2", "f18_2 / f17_2"),
+    *_polygon(
+        "f21",
+        "sign(h_k) log10(1 + |h_k| / 1e-12) of Hu's k-th invariant of the area moments",
+        _CODE_ONLY,
+        HU_INVARIANTS,
+    ),
+    *_polygon("f22", "compactness A^2 / (2 pi (mu_20 + mu_02))", _CODE_ONLY),
+    *_polygon(
+        "f23", "eccentricity sqrt((mu_20 - mu_02)^2 + 4 mu_11^2) / (mu_20 + mu_02)", _CODE_ONLY
+    ),
+)
 """The 321 features in the order of their columns."""
 
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.models import tree_search
-from pgm_places.models.boosted_trees import BoostedTrees, TreeTable
+from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
+from pgm_places.models.strong_classifier import VoteTable
 from tests.models.columns import random_columns
 from tests.reference import gentle_boosting as reference
 
@@ -251,7 +252,7 @@ def test_scores_are_sums_of_the_leaves_that_rows_fall_into(depth: int, n: int) -
 def test_classifiers_side_by_side_score_as_each_alone() -> None:
     parts = [random_trees(3, count, 12, count) for count in (4, 1, 7)]
     X = np.random.default_rng(1).normal(size=(500, 12)).astype(np.float32)
-    together = TreeTable.of(parts).scores(X, n_threads=2)
+    together = VoteTable.of(parts).scores(X, n_threads=2)
     for part, row in zip(parts, together, strict=True):
         np.testing.assert_array_equal(part.scores(X), row)
 

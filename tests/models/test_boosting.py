@@ -12,7 +12,7 @@ from pgm_places.models import sorted_features, stump_search
 from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.boosting_rounds import MAX_EDGE
 from pgm_places.models.sorted_features import prepare
-from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from pgm_places.models.strong_classifier import StrongClassifier, VoteTable
 from tests.models.columns import random_columns
 from tests.reference import boosting as reference
 
@@ -273,10 +273,9 @@ def test_scores_depend_neither_on_layout_nor_on_company() -> None:
     two = AdaBoostStumps(n_rounds=7).fit(X, -y * np.sign(X[:, 2])).strong_classifier_
     wanted = one.scores(X)
     np.testing.assert_array_equal(one.scores(np.asfortranarray(X)), wanted)
-    np.testing.assert_array_equal(score_all([two, one], X)[1], wanted)
+    np.testing.assert_array_equal(VoteTable.of([two, one]).scores(X)[1], wanted)
     np.testing.assert_array_equal(one.scores(X[::3]), wanted[::3])
     assert one.scores(X[:0]).shape == (0,)
-    assert score_all([], X).shape == (0, 1_000)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
-from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from pgm_places.models.strong_classifier import StrongClassifier
 from tests.layouts import CHANGES, Array, check_any_layout
 
 RNG = np.random.default_rng(0)
@@ -50,7 +50,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     "stumps": (boosted, (X, Y, WEIGHTS)),
     "trees": (grown, (X, Y, WEIGHTS)),
     "estimator": (fitted, (X, Y, WEIGHTS)),
-    "votes": (lambda X, *parts: (score_all([StrongClassifier(*parts)], X),), (X, *STUMPS)),
+    "votes": (lambda X, *parts: (StrongClassifier(*parts).scores(X),), (X, *STUMPS)),
     "leaves": (lambda X, *parts: (BoostedTrees(*parts).scores(X),), (X, *TREES)),
 }
 
