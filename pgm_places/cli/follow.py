@@ -25,6 +25,8 @@ from pgm_places.io.logs.pose_csv import iter_pose_csv
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.online import OnlineLabeler
 from pgm_places.labelers.tracking import Track
+from pgm_places.live.map_view import PlaceOfMap
+from pgm_places.live.place_finder import FoundPlace
 from pgm_places.report.outputs import TRACK
 
 POLL_S = 0.2
@@ -98,21 +100,14 @@ class _Follower:
 
     def _record(self, scan: pp.Scan, belief: NDArray[np.float64], best: int) -> dict[str, Any]:
         names = self._labeler.label_names
-        x, y, heading = (round(float(value), 6) for value in scan.pose)
-        record: dict[str, Any] = {
-            "time_s": scan.time_s,
-            "x_m": x,
-            "y_m": y,
-            "heading_rad": heading,
-            "label": names[best],
-            "beliefs": {
-                name: round(float(value), 6) for name, value in zip(names, belief, strict=True)
-            },
-        }
-        if self._given.known is not None:
-            region = self._given.known.places.region_at(x, y)
-            record["region"] = region and {"id": region.id, "name": region.name}
-        return record
+        beliefs = dict(zip(names, belief.tolist(), strict=True))
+        x, y, heading = scan.pose.tolist()
+        known, place = self._given.known, None
+        if known is not None and (region := known.places.region_at(x, y)) is not None:
+            place = PlaceOfMap(region.id, region.name, region.label)
+        record = FoundPlace(scan.time_s, (x, y, heading), names[best], beliefs, place).record()
+        left_out = ("map_seq",) if known is not None else ("map_seq", "region")
+        return {key: value for key, value in record.items() if key not in left_out}
 
     def track(self, log: Path) -> Track:
         """All that was labelled so far."""

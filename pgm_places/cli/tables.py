@@ -37,10 +37,9 @@ def comparison_table(comparison: "Comparison") -> str:
         found = method.evaluation
         row = [
             method.id,
-            _percent(found.accuracy) + _over_seeds(method.spread(lambda one: one.accuracy)),
+            _over_seeds(method, "accuracy"),
             _interval(method),
-            _percent(found.balanced_accuracy)
-            + _over_seeds(method.spread(lambda one: one.balanced_accuracy)),
+            _over_seeds(method, "balanced_accuracy"),
             _percent(found.macro_f1),
         ]
         row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
@@ -100,8 +99,10 @@ def _table_by_split(comparison: "Comparison") -> str:
     return f"\n\n{text_table(rows)}\n(accuracy by split, in percent)"
 
 
-def _over_seeds(spread: float | None) -> str:
-    return "" if spread is None else f" ±{100 * spread:.2f}"
+def _over_seeds(method: "MethodResult", figure: str) -> str:
+    spread = method.spread(lambda one: getattr(one, figure))
+    shown = _percent(getattr(method.evaluation, figure))
+    return shown if spread is None else f"{shown} ±{100 * spread:.2f}"
 
 
 def _table_by_unit(comparison: "Comparison") -> str:

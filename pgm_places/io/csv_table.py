@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, shown
-from pgm_places.io.input_file import open_input
+from pgm_places.io.input_file import as_unreadable, open_input
 
 MAX_VALUES = 20_000_000
 """The most numbers in one table: 160 MB."""
@@ -152,7 +152,7 @@ def open_table(
     error
         The file cannot be read, is too large, is not such a table, or has a column twice.
     """
-    with open_input(path, error, what, max_bytes=max_bytes) as raw:
+    with open_input(path, error, what, max_bytes=max_bytes) as raw, as_unreadable(path, error):
         text = io.TextIOWrapper(raw, "utf-8-sig", newline="")
         rows = (row for row in csv.reader(_lines(path, text, error), strict=True) if row)
         try:
@@ -163,8 +163,6 @@ def open_table(
             ) from None
         except UnicodeDecodeError:
             raise error(f"{path}: not UTF-8 text; expected {what}") from None
-        except OSError as problem:
-            raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
 def _lines(path: Path, text: io.TextIOWrapper, error: type[InputError]) -> Iterator[str]:

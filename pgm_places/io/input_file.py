@@ -109,20 +109,27 @@ def sha256_of(path: Path | str) -> str:
     InputError
         Where the file cannot be read.
     """
-    with open_input(Path(path), InputError, "an input of the run, to take its fingerprint") as file:
-        try:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    what = "an input of the run, to take its fingerprint"
+    with open_input(Path(path), InputError, what) as file, as_unreadable(path, InputError):
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def as_unreadable(path: Path | str, error: type[InputError]) -> Iterator[None]:
+    """What the operating system refuses while a file is read, as one line."""
+    try:
+        yield
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
     """The content of a file; parameters and errors are those of :func:`read_text`."""
-    with open_input(path, error, what, max_bytes=max_bytes) as file:
-        try:
-            data = file.read(max_bytes + 1)
-        except OSError as problem:
-            raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    with (
+        open_input(path, error, what, max_bytes=max_bytes) as file,
+        as_unreadable(path, error),
+    ):
+        data = file.read(max_bytes + 1)
     if len(data) > max_bytes:  # it has grown since, or has no size, as in /proc
         raise error(f"{path}: larger than {max_bytes} bytes; expected {what}")
     return data

@@ -107,10 +107,8 @@ class DdsNode:
             )
         if come := [topic for topic in self._lonely if topic not in lonely]:
             self._complain(f"{', '.join(come)}: somebody publishes now")
-        mismatched = [*self._bus.mismatched()]
-        for topic in mismatched:
-            if topic in self._mismatched:
-                continue
+        mismatched = self._bus.mismatched()
+        for topic in [each for each in mismatched if each not in self._mismatched]:
             self._complain(
                 f"{topic} is published with another quality of service: is it best effort where "
                 "reliable is wanted, or volatile where the last map is (map_subscribe_transient"

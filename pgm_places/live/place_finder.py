@@ -43,9 +43,9 @@ class FoundPlace:
     pose: tuple[float, float, float]
     label: str
     beliefs: Mapping[str, float]
-    region: PlaceOfMap | None
-    map_seq: int
-    changed: bool
+    region: PlaceOfMap | None = None
+    map_seq: int = 0
+    changed: bool = True
 
     @property
     def probability(self) -> float:

@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.raster_image import open_image
-from pgm_places.io.places.label_probabilities import probability_file
+from pgm_places.io.places.label_probabilities import probability_file, read_shares
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.topology.topological_map import TopologicalMap
@@ -58,19 +56,9 @@ def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> Labelle
         )
     files = [place / probability_file(name) for name in label_names]
     if all(file.is_file() for file in files):
-        table = np.stack([_probabilities(file, places.grid.shape) for file in files], axis=2)
+        shares = [read_shares(file, places.grid.shape, LabelError) for file in files]
+        table = np.stack(shares, axis=2).astype(np.float32) / np.float32(255.0)
         return LabelledMapFolder(MapPrior(places.grid, table), places)
     number = np.array([list(label_names).index(name) for name in places.label_names] + [-1])
     prior = MapPrior.of_labels(places.grid, number[places.labels], len(label_names))
     return LabelledMapFolder(prior, places)
-
-
-def _probabilities(path: Path, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """(H, W) from an image of greys, row 0 at the bottom."""
-    with open_image(path, LabelError) as image:
-        if image.shape != shape or image.is_indexed or image.is_deep:
-            raise LabelError(
-                f"{path}: expected 8-bit grey values in {shape[0]} rows x {shape[1]} columns, like "
-                "the regions beside it; label the map again"
-            )
-        return np.asarray(image.stored()[::-1], np.float32) / 255.0

@@ -12,8 +12,8 @@ from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
     check_feature_set,
     dump_features,
+    dump_floor,
     dump_list,
-    dump_shared_floor,
     load_features,
     load_floor,
     load_list,
@@ -44,7 +44,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
         "method": dump_backend(arrays, "method", labeler.method_),
     }
     if labeler.floor is not None:
-        manifest["floor"] = dump_shared_floor(arrays, labeler.floor)
+        manifest["floor"] = dump_floor(arrays, labeler.floor, name_shipped=True)
     return manifest, arrays
 
 

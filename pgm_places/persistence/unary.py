@@ -22,20 +22,20 @@ _SHIPPED = Path(__file__).resolve().parents[1] / "trained" / "default"
 """The model whose networks others share."""
 
 
-def dump_floor(arrays: Arrays, floor: FloorModel) -> dict[str, Any]:
-    """The record of some networks; they themselves go into the arrays."""
-    for number, network in enumerate(floor.networks):
-        arrays[f"floor/{number}"] = network.packed()
-    return {"n_networks": len(floor.networks), **_options(floor)}
+def dump_floor(arrays: Arrays, floor: FloorModel, *, name_shipped: bool = False) -> dict[str, Any]:
+    """The record of some networks; they themselves go into the arrays.
 
-
-def dump_shared_floor(arrays: Arrays, floor: FloorModel) -> dict[str, Any]:
-    """The same, but those of the shipped model are only named: they would be half of the folder."""
-    shipped = [network.packed() for network in _shipped_networks()]
-    mine = [network.packed() for network in floor.networks]
-    if len(mine) == len(shipped) and all(map(np.array_equal, mine, shipped)):
-        return {"networks_of": _SHIPPED.name, **_options(floor)}
-    return dump_floor(arrays, floor)
+    With ``name_shipped``, those of the shipped model are only named: they would be half of the
+    folder.
+    """
+    options = {"columns": list(floor.columns)} | {name: getattr(floor, name) for name in _OPTIONS}
+    packed = [network.packed() for network in floor.networks]
+    if name_shipped:
+        shipped = [network.packed() for network in _shipped_networks()]
+        if len(packed) == len(shipped) and all(map(np.array_equal, packed, shipped)):
+            return {"networks_of": _SHIPPED.name, **options}
+    arrays.update({f"floor/{number}": network for number, network in enumerate(packed)})
+    return {"n_networks": len(packed), **options}
 
 
 def load_floor(
@@ -62,11 +62,6 @@ def load_floor(
     else:
         networks = _networks(arrays, record["n_networks"])
     return FloorModel(networks, columns, **{name: record[name] for name in _OPTIONS})
-
-
-def _options(floor: FloorModel) -> dict[str, Any]:
-    options = {name: getattr(floor, name) for name in _OPTIONS}
-    return {"columns": list(floor.columns), **options}
 
 
 def _networks(arrays: Arrays, n: int) -> tuple[FloorNetwork, ...]:

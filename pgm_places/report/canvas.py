@@ -1,6 +1,6 @@
 """Maps as small palette images: cropped, downscaled if needed, with the right side up."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 _UNKNOWN, _WALL, _IGNORED, _STRIPE, _FIRST = range(5)
 _GROUND = (UNKNOWN, WALL, IGNORED, IGNORED_STRIPE)
+
+Window = tuple[slice, slice]
+"""Rows and columns of a map."""
 
 N_LEVELS = 24
 """Steps of probability and entropy: finer ones are invisible and make files larger."""
@@ -130,16 +133,7 @@ def label_canvas(
     grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str], view: View
 ) -> Canvas:
     """Labels (H, W), -1 for none, in their colours over walls and unknown space."""
-    colours = (*_GROUND, *label_colours(label_names))
-
-    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
-        picture = _ground(grid, cells)
-        part = labels[cells]
-        chosen = (part >= 0) & (picture == _IGNORED)
-        picture[chosen] = (part[chosen] + _FIRST).astype(np.uint8)
-        return picture
-
-    return _canvas(paint, colours, view, grid)
+    return _canvas(labels.__getitem__, label_colours(label_names), view, grid)
 
 
 def difference_canvas(
@@ -151,18 +145,13 @@ def difference_canvas(
 ) -> Canvas:
     """Where the prediction is wrong, in one strong colour over pale correct labels."""
     pale = (tinted(colour, RIGHT_TINT) for colour in label_colours(label_names))
-    colours = (*_GROUND, *pale, ERROR)
-    wrong_index = _FIRST + len(label_names)
+    wrong = len(label_names)
 
-    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
-        picture = _ground(grid, cells)
+    def compared(cells: Window) -> NDArray[np.integer]:
         true, seen = truth[cells], predicted[cells]
-        compared = (true >= 0) & (seen >= 0) & (picture == _IGNORED)
-        picture[compared] = (true[compared] + _FIRST).astype(np.uint8)
-        picture[compared & (true != seen)] = wrong_index
-        return picture
+        return np.where(seen < 0, -1, np.where((true >= 0) & (true != seen), wrong, true))
 
-    return _canvas(paint, colours, view, grid, strong=wrong_index)
+    return _canvas(compared, (*pale, ERROR), view, grid, strong=_FIRST + wrong)
 
 
 def value_canvas(
@@ -182,15 +171,11 @@ def value_canvas(
         coarsening = Coarsening.behind(layout, grid)
     else:
         coarsening = Coarsening(grid, grid)
-    colours = (*_GROUND, *levels(gradient, N_LEVELS))
 
-    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
-        picture = _ground(grid, cells)
-        part = coarsening.paint(raster, -1, rows=cells[0])[:, cells[1]]
-        picture[part >= 0] = (part[part >= 0] + _FIRST).astype(np.uint8)
-        return picture
+    def steps(cells: Window) -> NDArray[np.integer]:
+        return coarsening.paint(raster, -1, rows=cells[0])[:, cells[1]]
 
-    return _canvas(paint, colours, view, grid, averaged=True)
+    return _canvas(steps, levels(gradient, N_LEVELS), view, grid, averaged=True)
 
 
 def _steps(
@@ -207,32 +192,40 @@ def _steps(
     return steps
 
 
-def _ground(grid: OccupancyGrid, cells: tuple[slice, slice]) -> NDArray[np.uint8]:
-    """Unknown, wall or free without a label."""
-    part = grid.cells[cells]
+def _painted(
+    grid: OccupancyGrid, shown: Callable[[Window], NDArray[np.integer]], cells: Window
+) -> NDArray[np.uint8]:
+    """Unknown, wall, free without a label, or what is shown of a free cell."""
+    part, over = grid.cells[cells], shown(cells)
     picture = np.full(part.shape, _UNKNOWN, np.uint8)
     picture[part == OCCUPIED] = _WALL
     picture[part == FREE] = _IGNORED
+    chosen = (over >= 0) & (part == FREE)
+    picture[chosen] = (over[chosen] + _FIRST).astype(np.uint8)
     return picture
 
 
 def _canvas(
-    paint: Callable[[tuple[slice, slice]], NDArray[np.uint8]],
-    colours: tuple[str, ...],
+    shown: Callable[[Window], NDArray[np.integer]],
+    own_colours: Iterable[str],
     view: View,
     grid: OccupancyGrid,
     *,
     strong: int | None = None,
     averaged: bool = False,
 ) -> Canvas:
-    """The view painted band by band, shrunk, striped and turned the right way up."""
+    """The view painted band by band, shrunk, striped and turned the right way up.
+
+    ``shown`` gives the number of one of the ``own_colours`` for each cell of a window, or -1.
+    """
+    colours = (*_GROUND, *own_colours)
     height, width = view.shape
     picture = np.empty((height, width), np.uint8)
     columns = view.columns.stop - view.columns.start
     for band in bands_of_rows((view.rows.stop - view.rows.start, columns), multiple=view.shrink):
         rows = slice(view.rows.start + band.start, view.rows.start + band.stop)
         first = band.start // view.shrink
-        painted = paint((rows, view.columns))
+        painted = _painted(grid, shown, (rows, view.columns))
         if view.shrink > 1:
             painted = _shrunk(painted, view.shrink, len(colours), strong, averaged=averaged)
         picture[first : first + len(painted)] = painted

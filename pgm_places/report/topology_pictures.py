@@ -152,21 +152,22 @@ def topology_drawing(
         return scale * view.pixels_at_m(grid, points_m)
 
     caption = "places over the map"
-    if marked_checks(topology):
+    if checks := marked_checks(topology):
         caption += "; check those with their numbers in red first"
     if hidden_rooms(topology):
         caption += "; split along red lines?"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
     over = Drawing.of(canvas, scale)
     _draw_gates(over, topology, pixels)
-    _draw_graph(over, topology, pixels)
-    checks = marked_checks(topology)
+    shaped = {region.id for region in topology.regions if _keeps_shape(region, topology)}
+    _draw_edges(over, topology, pixels, shaped, through_passages=True)
+    _draw_nodes(over, topology, topology.regions, pixels)
     _draw_checks(over, checks, pixels)
     _draw_splits(over, topology, pixels)
     page.paste(over, _EDGE, top + _CAPTION)
     page.text(second[0], second[1] + 8, count_line(topology), size=15, colour=MUTED)
     diagram = Drawing(*size)
-    _draw_diagram(diagram, topology, pixels)
+    _draw_diagram(diagram, topology, pixels, shaped)
     page.paste(diagram, second[0], second[1] + _CAPTION)
     below = second[1] + _CAPTION + size[1] + 16
     draw_scale_bar(page, canvas, (_EDGE, below), scale, size=14)
@@ -182,16 +183,21 @@ def paled_canvas(
     return replace(canvas, colours=(*canvas.colours[:4], *pale))
 
 
-def _draw_graph(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
+def _draw_edges(
+    panel: Drawing,
+    topology: TopologicalMap,
+    pixels: _ToPixels,
+    shaped: set[int],
+    *,
+    through_passages: bool,
+) -> None:
     for item in topology.connections:
-        ends = [
-            item.point_m
-            if _keeps_shape(topology.place(number), topology)
-            else topology.place(number).anchor_m
+        first, second = (
+            item.point_m if number in shaped else topology.place(number).anchor_m
             for number in (item.first, item.second)
-        ]
-        panel.line(pixels([ends[0], item.point_m, ends[1]]), colour=INK, width=_LINE)
-    _draw_nodes(panel, topology, topology.regions, pixels)
+        )
+        way = [first, item.point_m, second] if through_passages else [first, second]
+        panel.line(pixels(way), colour=INK, width=_LINE)
 
 
 def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
@@ -221,20 +227,15 @@ def _draw_checks(panel: Drawing, checks: Iterable[PlaceCheck], pixels: _ToPixels
         panel.text(x, y, number, size=14, bold=True, centred=True, colour="white")
 
 
-def _draw_diagram(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
+def _draw_diagram(
+    panel: Drawing, topology: TopologicalMap, pixels: _ToPixels, shaped: set[int]
+) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
-    shaped = {region.id for region in topology.regions if _keeps_shape(region, topology)}
     for number in shaped:
         _draw_shape(panel, topology.place(number), pixels, colours)
-    for item in topology.connections:
-        ends = [
-            item.point_m if number in shaped else topology.place(number).anchor_m
-            for number in (item.first, item.second)
-        ]
-        panel.line(pixels(ends), colour=INK, width=_LINE)
-    _draw_nodes(
-        panel, topology, [region for region in topology.regions if region.id not in shaped], pixels
-    )
+    _draw_edges(panel, topology, pixels, shaped, through_passages=False)
+    others = [region for region in topology.regions if region.id not in shaped]
+    _draw_nodes(panel, topology, others, pixels)
     for number in shaped:
         region = topology.place(number)
         _name(panel, region.name, *pixels(region.anchor_m)[0])

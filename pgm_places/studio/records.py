@@ -44,19 +44,12 @@ def state_record(desk: Desk) -> dict[str, Any]:
             "box": list(desk.box),
         },
         "classes": [
-            {
-                "name": item.name,
-                "colour": item.colour,
-                "own": k < len(own),
-                "fixed": k < desk.n_fixed,
-            }
+            {**asdict(item), "own": k < len(own), "fixed": k < desk.n_fixed}
             for k, item in enumerate(painting.classes.items)
         ],
         "next_colour": painting.classes.next_colour,
-        "revision": painting.revision,
         "painted": painting.n_painted,
-        "can_undo": painting.can_undo,
-        "can_redo": painting.can_redo,
+        **{name: getattr(painting, name) for name in ("revision", "can_undo", "can_redo")},
         "versions": [asdict(item) for item in painting.versions],
         "learns": desk.learns,
         "learner": asdict(desk.learner.state),
@@ -197,6 +190,8 @@ def _beliefs(
 MOST_VOTES = 4
 """Of each sign, for each class."""
 MOST_BEAMS = 180
+QUESTION_KEYS = ("label", "log_odds", "from_scan", "from_spaces")
+GATE_KEYS = ("painted", "gate_probability", "gate_log_odds", "networks", "doorway_log_odds")
 
 
 def reasons_record(taught: Taught, x_m: float, y_m: float) -> dict[str, Any]:
@@ -212,22 +207,15 @@ def reasons_record(taught: Taught, x_m: float, y_m: float) -> dict[str, Any]:
     ranges, angles = found.ranges_m[::step], found.angles_rad[::step]
     ends = np.stack([x_m + ranges * np.cos(angles), y_m + ranges * np.sin(angles)], axis=1)
     return {
-        "painted": found.painted,
         "scan_m": ends.round(3).tolist(),
         "questions": [
             {
-                "label": question.label,
-                "log_odds": question.log_odds,
-                "from_scan": question.from_scan,
-                "from_spaces": question.from_spaces,
+                **{name: getattr(question, name) for name in QUESTION_KEYS},
                 "votes": [asdict(vote) for vote in _strongest(question.votes)],
             }
             for question in found.questions
         ],
-        "gate_probability": found.gate_probability,
-        "gate_log_odds": found.gate_log_odds,
-        "networks": found.networks,
-        "doorway_log_odds": found.doorway_log_odds,
+        **{name: getattr(found, name) for name in GATE_KEYS},
         "pulls": [
             {"at_m": [pull.x_m, pull.y_m], "label": pull.label, "towards": pull.towards}
             for pull in found.neighbours

@@ -146,10 +146,8 @@ class Shelf:
 
     def close(self) -> None:
         """Let go of all maps."""
-        self.closing = True
+        self.end()
         with self._lock:
-            for desk in self._open.values():
-                desk.closing = True
             for number in list(self._open):
                 self._close(number)
 

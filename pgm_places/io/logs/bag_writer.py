@@ -1,7 +1,7 @@
 """Writing a trajectory as a ROS bag."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -90,7 +90,7 @@ def _write_ros1(path: Path, trajectory: Trajectory) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg(_ROS1_TRANSFORMS, _TOPICS["/tf"]))
     with Writer(path) as writer:
-        _write(writer, store, _Messages(store, {"seq": 0}).of(trajectory), store.serialize_ros1)
+        _write(writer, store, trajectory, {"seq": 0}, store.serialize_ros1)
 
 
 @contextlib.contextmanager
@@ -113,20 +113,17 @@ def _write_ros2(
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with ros2_writer(folder, name, storage) as writer:
-        _write(writer, store, _Messages(store, {}).of(trajectory), store.serialize_cdr)
+        _write(writer, store, trajectory, {}, store.serialize_cdr)
 
 
 def _write(
-    writer: Any,
-    store: Any,
-    messages: Iterable[tuple[str, int, Any]],
-    serialized: Callable[[Any, str], Any],
+    writer: Any, store: Any, trajectory: Trajectory, header: dict[str, int], serialized: Any
 ) -> None:
     topics = {
         topic: writer.add_connection(topic, kind, typestore=store)
         for topic, kind in _TOPICS.items()
     }
-    for topic, stamp_ns, message in messages:
+    for topic, stamp_ns, message in _Messages(store, header).of(trajectory):
         writer.write(topics[topic], stamp_ns, serialized(message, _TOPICS[topic]))
 
 

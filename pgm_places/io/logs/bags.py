@@ -1,5 +1,6 @@
 """Trajectories from ROS bags: laser scans, with poses from odometry or transforms."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -125,10 +126,9 @@ class _Bag:
         self.path = path
         self.reader = reader
         self.types: dict[str, str] = {c.topic: c.msgtype for c in reader.connections}
-        self.counts: dict[str, int] = {}
+        self.counts: Counter[str] = Counter()
         for connection in reader.connections:
-            topic = connection.topic
-            self.counts[topic] = self.counts.get(topic, 0) + connection.msgcount
+            self.counts[connection.topic] += connection.msgcount
 
     def of_type(self, kinds: Sequence[str]) -> list[str]:
         """The topics of some message types that hold messages, sorted."""

@@ -122,9 +122,8 @@ def _in_millimetres(ranges_m: NDArray[np.float32], geometry: ScanGeometry) -> ND
     """Rounded ranges; one with a return stays below the maximum range."""
     rounded = np.round(ranges_m.astype(np.float64), 3)
     # Rounding must not turn a wall just within reach into "nothing seen", nor the other way round.
-    below = np.ceil(geometry.range_max_m / _RESOLUTION_M - 1e-6) * _RESOLUTION_M - _RESOLUTION_M
-    met: NDArray[np.float64] = np.clip(rounded, None, below)
     longest = np.ceil(geometry.range_max_m / _RESOLUTION_M - 1e-6) * _RESOLUTION_M
+    met: NDArray[np.float64] = np.clip(rounded, None, longest - _RESOLUTION_M)
     return np.where(geometry.returned(ranges_m), met, longest)
 
 
@@ -251,15 +250,9 @@ def _finite(fields: list[bytes]) -> tuple[float, ...]:
 
 
 def _scan(geometry: ScanGeometry, readings: list[bytes], poses: list[bytes], time: bytes) -> Scan:
-    numbers = _finite(poses)
+    place, wheels = np.array(_finite(poses)).reshape(2, 3)
     ranges = geometry.cleaned(list(map(float, readings)))
-    return Scan(
-        _finite([time])[0],
-        np.array(numbers[:3]),
-        ranges,
-        geometry,
-        np.array(numbers[3:]),
-    )
+    return Scan(_finite([time])[0], place, ranges, geometry, wheels)
 
 
 def iter_carmen_scans(

@@ -1,5 +1,6 @@
 """Counts of objects from other programs: CSV and JSON files, and detections of a ROS bag."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -137,7 +138,7 @@ def read_detection_bag(
     """
     if not together_s > 0:
         raise LogError(f"together_s must be a positive time in seconds, got {together_s}")
-    observations: dict[int, dict[str, dict[str, int]]] = {}
+    observations: dict[int, dict[str, Counter[str]]] = {}
     with open_bag(path) as bag:
         chosen = _connections(path, bag, topics)
         for connection, recorded_ns, raw in bag.messages(connections=chosen):
@@ -168,8 +169,8 @@ def _message(path: Path | str, bag: Any, connection: Any, raw: bytes) -> Any:
         ) from None
 
 
-def _count(message: Any, min_score: float, names: Mapping[str, str]) -> dict[str, int]:
-    counted: dict[str, int] = {}
+def _count(message: Any, min_score: float, names: Mapping[str, str]) -> Counter[str]:
+    counted: Counter[str] = Counter()
     for detection in message.detections:
         # ROS 1 and early ROS 2 have id and score in the result itself, later ones a level below.
         results = [getattr(result, "hypothesis", result) for result in detection.results]
@@ -179,20 +180,17 @@ def _count(message: Any, min_score: float, names: Mapping[str, str]) -> dict[str
         if best.score < min_score:
             continue
         code = str(best.class_id if hasattr(best, "class_id") else best.id)
-        name = names.get(code, code)
-        counted[name] = counted.get(name, 0) + 1
+        counted[names.get(code, code)] += 1
     return counted
 
 
 def _gathered(
-    observations: Mapping[int, Mapping[str, Mapping[str, int]]], together_s: float
+    observations: Mapping[int, Mapping[str, Counter[str]]], together_s: float
 ) -> ObjectCounts:
-    names = sorted({n for by in observations.values() for found in by.values() for n in found})
-    counts = np.zeros((len(observations), len(names)), np.int64)
     slots = sorted(observations)
-    for row, slot in enumerate(slots):
-        for found in observations[slot].values():
-            for name, count in found.items():
-                counts[row, names.index(name)] += count
+    totals = [sum(observations[slot].values(), Counter[str]()) for slot in slots]
+    names = sorted(set().union(*totals))
+    counts = np.array([[total[name] for name in names] for total in totals], np.int64)
+    counts = counts.reshape(len(slots), len(names))
     times = (np.array(slots, np.float64) + 0.5) * together_s
     return ObjectCounts(times, counts, tuple(names))

@@ -10,21 +10,8 @@ from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.topological_map import TopologicalMap
 
 CHECK_FILE = "check.csv"
-_COLUMNS = (
-    "id",
-    "name",
-    "label",
-    "second_label",
-    "probability",
-    "second_probability",
-    "area_m2",
-    "doubt",
-    "doubtful_m2",
-    "x_m",
-    "y_m",
-    "rooms",
-    "to_split",
-)
+_PLACE = ("id", "name", "label", "second_label", "probability", "second_probability", "area_m2")
+_COLUMNS = (*_PLACE, "doubt", "doubtful_m2", "x_m", "y_m", "rooms", "to_split")
 
 
 def check_table(topology: TopologicalMap) -> str:

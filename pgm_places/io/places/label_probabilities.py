@@ -16,6 +16,23 @@ def probability_file(label: str) -> str:
     return f"probability_{label}.png"
 
 
+def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> NDArray[np.integer]:
+    """(H, W) the greys of such an image, row 0 at the bottom.
+
+    Raises
+    ------
+    error
+        It is damaged, or not of the map's shape.
+    """
+    with open_image(path, error) as image:
+        if image.shape != shape or image.is_indexed or image.is_deep:
+            raise error(
+                f"{path}: expected 8-bit grey values in {shape[0]} rows x {shape[1]} columns, as "
+                "the map has; label the map again"
+            )
+        return image.stored()[::-1]
+
+
 def load_probabilities(
     folder: Path, label_names: Sequence[str], layout: GridLayout
 ) -> NDArray[np.float32] | None:
@@ -40,13 +57,6 @@ def load_probabilities(
         return None
     beliefs = np.empty((layout.n_nodes, len(paths)), np.float32)
     for k, path in enumerate(paths):
-        with open_image(path, InputError) as image:
-            shares = image.stored()
-        if shares.shape != layout.shape:
-            raise InputError(
-                f"{path}: expected a grey image of the map's {layout.shape} pixels, got "
-                f"{shares.shape}; label the map again"
-            )
-        beliefs[:, k] = layout.from_raster(shares[::-1])
+        beliefs[:, k] = layout.from_raster(read_shares(path, layout.shape, InputError))
     beliefs /= np.maximum(beliefs.sum(axis=1, keepdims=True), 1.0)
     return beliefs
