@@ -19,8 +19,7 @@ from pgm_places.batch.manifest import Elsewhere, Failure, LabelledRow, Outcome
 from pgm_places.batch.map_task import MapTask
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.ready_model import LabelOptions, ready_model
-from pgm_places.batch.time_limit import TimeIsUpError
-from pgm_places.batch.workers import Unfinished, Workers
+from pgm_places.batch.workers import TimeIsUpError, Unfinished, Workers
 from pgm_places.errors import OutputError
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import is_address

@@ -20,7 +20,7 @@ from pgm_places.batch.manifest import (
 )
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
-from pgm_places.batch.time_limit import TimeIsUpError, time_limit
+from pgm_places.batch.workers import TimeIsUpError, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.far_files import address_of

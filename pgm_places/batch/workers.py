@@ -1,7 +1,10 @@
-"""Who does the tasks of a batch, and how much memory they may take."""
+"""Who does the tasks of a batch, how much memory they may take, and how long."""
 
+import ctypes
 import re
+import threading
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from enum import Enum
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -68,3 +71,37 @@ def memory_bytes(text: str) -> int:
             f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"
         )
     return n_bytes
+
+
+class TimeIsUpError(BaseException):
+    """Raised inside work that has taken too long; nothing that catches errors stops it."""
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """Raise :class:`TimeIsUpError` in this thread when the block has taken so long.
+
+    It is raised between two steps of Python: a kernel that runs is finished first, unless its
+    process is killed (:mod:`pgm_places.batch.own_process`). It works in any thread, as a signal
+    would not.
+    """
+    if seconds is None:
+        yield
+        return
+    thread, lock, over = threading.get_ident(), threading.Lock(), False
+
+    def interrupt() -> None:
+        with lock:
+            if not over:
+                error = ctypes.py_object(TimeIsUpError)
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
+
+    timer = threading.Timer(seconds, interrupt)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()

@@ -7,27 +7,22 @@ from pgm_places.cli.command import HELP, Command
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError, nearest_name
 
-COMMANDS = {
-    "demo": "experiments",
-    "compare": "experiments",
-    "train": "experiments",
-    "label": "label",
-    "index": "label_many",
-    "studio": "studio",
-    "topology": "places",
-    "export": "places",
-    "where": "places",
-    "rename": "places",
-    "merge": "places",
-    "split": "places",
-    "explain": "explain",
-    "simulate": "simulate",
-    "simulate-map": "simulate",
-    "track": "track",
-    "live": "live",
-    "reproduce": "experiments",
-    "doctor": "doctor",
-}
+_LISTED = (
+    ("experiments", "demo", "compare", "train"),
+    ("label", "label"),
+    ("label_many", "index"),
+    ("studio", "studio"),
+    ("places", "topology", "export", "where", "rename", "merge", "split"),
+    ("explain", "explain"),
+    ("simulate", "simulate", "simulate-map"),
+    ("track", "track"),
+    ("live", "live"),
+    ("experiments", "reproduce"),
+    ("doctor", "doctor"),
+)
+"""Modules with their commands, in the order of the help."""
+
+COMMANDS = {name: module for module, *names in _LISTED for name in names}
 """The module of each command."""
 
 _SUMMARY = "Label the places of a robot's map: corridor, room, doorway, or your own."

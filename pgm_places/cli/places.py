@@ -94,7 +94,7 @@ def _probabilities(
     """The probabilities beside labels, and their cells; of labels changed since, none are known."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
-    from pgm_places.io.places.label_probabilities import load_probabilities
+    from pgm_places.io.places.number_image import load_probabilities
 
     if not is_as_written(labels_png):
         return {}

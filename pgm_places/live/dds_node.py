@@ -10,8 +10,8 @@ from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk
-from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
+from pgm_places.live.ros_codec import OUTPUTS
 
 TURN_S = 0.02
 """How often maps are looked after where no message comes."""

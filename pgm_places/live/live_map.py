@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places.errors import MapError
 from pgm_places.inference.backends import traits_of
@@ -11,12 +12,70 @@ from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.live.place_memory import PlaceMemory
-from pgm_places.live.settled_map import SettledMap
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.components import connected_components
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
+
+
+class SettledMap:
+    """Takes map after map, and holds back flickers.
+
+    Where a sensor is noisy, single cells of a map change to and fro, and with them what a robot
+    sees from everywhere around. A known cell that changes takes its new value at once if at least
+    ``few_cells`` cells beside each other have changed, and otherwise once ``few_maps`` maps on end
+    have said the same. Cells that were unknown are taken at once: the map grows. So a map that is
+    sent again and again is taken as it is in the end.
+
+    Parameters
+    ----------
+    few_cells : int
+        Changes of fewer cells wait; 1 for none.
+    few_maps : int
+        For so many maps, the first that says so counted.
+
+    Examples
+    --------
+    >>> settled = SettledMap(few_cells=2, few_maps=2)
+    >>> empty = OccupancyGrid([[0, 0, 0, 0, 0]], 0.1)
+    >>> flicker = OccupancyGrid([[0, 0, 100, 0, 0]], 0.1)
+    >>> [settled(grid).cells[0, 2].item() for grid in (empty, flicker, empty, flicker, flicker)]
+    [0, 0, 0, 0, 100]
+    """
+
+    def __init__(self, few_cells: int, few_maps: int) -> None:
+        self.few_cells, self.few_maps = few_cells, few_maps
+        self._taken: OccupancyGrid | None = None
+        self._sent: OccupancyGrid | None = None
+        self._times = np.zeros((0, 0), np.int32)
+
+    def __call__(self, grid: OccupancyGrid) -> OccupancyGrid:
+        """The map as it counts now, on the raster of the one that has come."""
+        taken, sent, times = self._taken, self._sent, self._times
+        self._sent, self._times = grid, np.ones(grid.shape, np.int32)
+        if taken is not None and sent is not None and self.few_cells > 1:
+            shift = raster_shift(taken, grid)
+            if shift is not None:
+                again = shifted(sent.cells, shift, grid.shape, UNKNOWN) == grid.cells
+                self._times += np.where(again, shifted(times, shift, grid.shape, 0), 0)
+                cells = self._settled(shifted(taken.cells, shift, grid.shape, UNKNOWN), grid)
+                grid = grid if cells is None else grid.with_cells(cells)
+        self._taken = grid
+        return grid
+
+    def _settled(self, taken: NDArray[np.int8], grid: OccupancyGrid) -> NDArray[np.int8] | None:
+        """The cells that count; None where all of them are those of the map that has come."""
+        changed = (taken != UNKNOWN) & (taken != grid.cells)
+        if not changed.any():
+            return None
+        found = connected_components(changed)
+        few = found.size < self.few_cells
+        waits = changed & few[found.piece] & (self._times < self.few_maps)
+        return np.where(waits, taken, grid.cells) if waits.any() else None
+
 
 __all__ = ["LiveLabels", "LiveMap"]
 
@@ -76,7 +135,7 @@ class LiveMap:
     the map labelled by itself.
 
     A change of a few cells counts once five maps on end have shown it
-    (:class:`~pgm_places.live.settled_map.SettledMap`), so the map that is labelled may differ from
+    (:class:`~pgm_places.live.live_map.SettledMap`), so the map that is labelled may differ from
     the one that has come by flickers: ``labels.grid`` is what was labelled.
 
     Ids and names persist: a place is recognised by its class and area in the map frame, also after

@@ -55,7 +55,7 @@ class LiveNode:
     desk : MapDesk
         Who labels the maps.
     publish : callable
-        Called with what it is (a key of ``outputs.OUTPUTS``) and its bytes.
+        Called with what it is (a key of ``ros_codec.OUTPUTS``) and its bytes.
     complain : callable
         Called with one line where something is wrong; each kind once in ten seconds.
     options : NodeOptions, optional

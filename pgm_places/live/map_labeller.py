@@ -14,10 +14,7 @@ from pgm_places.io.places.place_bag import class_grid
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.map_view import MapView
-from pgm_places.live.ros_codec import TYPES, RosCodec
-
-SHOWN = ("label_map", "markers", "topology", "places")
-"""What is published of a map; those who come later get the last."""
+from pgm_places.live.ros_codec import SHOWN, TYPES, RosCodec
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,71 @@
-"""The bytes of ROS messages: read and written without ROS."""
+"""The bytes of ROS messages, read and written without ROS; those of ``pgm_places_msgs``, too."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from pgm_places._extras import needed
 from pgm_places.errors import InputError, printable
-from pgm_places.live.message_types import MESSAGES, UPDATE
+
+PLACE = """\
+std_msgs/Header header
+string label
+float64 probability
+string[] labels
+float64[] beliefs
+uint32 id
+string name
+uint32 map_seq
+bool changed
+float64 x
+float64 y
+float64 heading
+"""
+
+REGION = """\
+uint32 id
+string name
+string label
+float64 area
+geometry_msgs/Point anchor
+float64 clearance
+float64 confidence
+"""
+
+CONNECTION = """\
+uint32 first
+uint32 second
+geometry_msgs/Point point
+float64 width
+float64 length
+"""
+
+PLACES = """\
+std_msgs/Header header
+uint32 map_seq
+Region[] regions
+Connection[] connections
+uint32[] appeared
+uint32[] vanished
+"""
+
+MESSAGES = {
+    "pgm_places_msgs/msg/Region": REGION,
+    "pgm_places_msgs/msg/Connection": CONNECTION,
+    "pgm_places_msgs/msg/Place": PLACE,
+    "pgm_places_msgs/msg/Places": PLACES,
+}
+"""As in ``ros/pgm_places_msgs/msg``, which explains the fields; what others need comes first."""
+
+UPDATE = """\
+std_msgs/Header header
+int32 x
+int32 y
+uint32 width
+uint32 height
+int8[] data
+"""
+"""``map_msgs/msg/OccupancyGridUpdate``."""
+
 
 TYPES = {
     "scan": "sensor_msgs/msg/LaserScan",
@@ -24,6 +84,37 @@ TYPES = {
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 """The message type of everything that comes in and goes out, by what it is."""
+
+
+SHOWN = ("label_map", "markers", "topology", "places")
+"""What is published of a map; those who come later get the last."""
+
+
+class Output(NamedTuple):
+    """How something is published.
+
+    Parameters
+    ----------
+    topic : str
+        Below the output namespace, but for those that begin with a slash.
+    is_kept : bool
+        Whether those who come later get the last message.
+    depth : int
+        How many messages wait to be sent.
+    """
+
+    topic: str
+    is_kept: bool
+    depth: int
+
+
+OUTPUTS = {
+    "place": Output("place", is_kept=False, depth=10),
+    "current_place": Output("current_place", is_kept=False, depth=10),
+    "diagnostics": Output("/diagnostics", is_kept=False, depth=10),
+    **{what: Output(what, is_kept=True, depth=1) for what in SHOWN},
+}
+"""All that is published, reliably; the types are in ``ros_codec.TYPES``."""
 
 
 class RosCodec:

@@ -13,7 +13,7 @@ from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
-from pgm_places.io.places.label_probabilities import probability_file
+from pgm_places.io.places.number_image import probability_file
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.report.drawing import Packing
 from pgm_places.report.outputs import Outputs

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from pgm_places.errors import InputError, nearest_name
-from pgm_places.io.places.label_probabilities import probability_file
+from pgm_places.io.places.number_image import probability_file
 
 _NONE = "none"
 

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.io.output_set import OutputSet
-from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import (
+    CHECK_FILE,
     TOPOLOGY_FILE,
     load_topology,
     read_own_names,
     save_topology,
+    write_checks,
 )
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.drawing import Packing

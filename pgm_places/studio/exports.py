@@ -16,9 +16,8 @@ from pgm_places.errors import InputError
 from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
-from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.exports import export
-from pgm_places.io.places.topology_files import NAMES_FILE, save_topology
+from pgm_places.io.places.topology_files import CHECK_FILE, NAMES_FILE, save_topology, write_checks
 from pgm_places.options import option_values, plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.studio.desk import Desk

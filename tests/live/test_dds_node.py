@@ -9,9 +9,8 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live import dds_node
 from pgm_places.live.dds_node import DdsNode
 from pgm_places.live.live_options import NodeOptions
-from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import PlaceFinder
-from pgm_places.live.ros_codec import RosCodec
+from pgm_places.live.ros_codec import OUTPUTS, RosCodec
 from tests.live.robot import Desk
 from tests.quick_labeler import places
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.live.settled_map import SettledMap
+from pgm_places.live.live_map import SettledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, OccupancyGrid, load_topology, save_topology, topological_map
-from pgm_places.io.places.check_table import check_table
+from pgm_places.io.places.topology_files import check_table
 from pgm_places.report.topology_output import doubt_summary, write_topology
 from pgm_places.report.topology_pictures import marked_checks, topology_drawing
 from pgm_places.spaces.doorways import Doorways

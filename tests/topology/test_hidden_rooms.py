@@ -9,7 +9,7 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.io.places.check_table import check_table
+from pgm_places.io.places.topology_files import check_table
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.palette import ERROR
 from pgm_places.report.topology_output import places_summary

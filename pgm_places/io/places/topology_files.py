@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_json, write_text
+from pgm_places.io.csv_table import csv_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS
@@ -17,7 +19,9 @@ from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
+from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
+from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
@@ -199,3 +203,42 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
         number = file.as_integer(key, "an id", low=1, high=MOST)
         (names[number],) = plain_names(f"{path}: names of places", [file.text(key)])
     return names
+
+
+CHECK_FILE = "check.csv"
+_PLACE = ("id", "name", "label", "second_label", "probability", "second_probability", "area_m2")
+_COLUMNS = (*_PLACE, "doubt", "doubtful_m2", "x_m", "y_m", "rooms", "to_split")
+
+
+def check_table(topology: TopologicalMap) -> str:
+    """Comma-separated values: a row per place, those with the most doubtful area first.
+
+    Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
+    ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times
+    area), ``x_m``, ``y_m``: the place's anchor in the map frame, ``rooms``: how many rooms the
+    place looks like, if more than one, and ``to_split``: the command that makes them places, to be
+    run in the table's folder.
+    """
+    count = {item.place.id: item.count for item in hidden_rooms(topology)}
+    rows: list[Iterable[object]] = [_COLUMNS]
+    for check in places_to_check(topology):
+        place, second = check.place, check.second_probability
+        row: list[object] = [place.id, place.name, place.label, check.second_label or ""]
+        row += [f"{check.probability:.4f}", "" if second is None else f"{second:.4f}"]
+        row += [f"{place.area_m2:.3f}", f"{check.doubt:.4f}", f"{check.doubtful_m2:.3f}"]
+        row += [f"{value:.3f}" for value in place.anchor_m]
+        if place.id in count:
+            row += [count[place.id], f"pgm-places split . {place.id}"]
+        rows.append(row + [""] * (len(_COLUMNS) - len(row)))
+    return csv_text(rows)
+
+
+def write_checks(path: Path | str, topology: TopologicalMap) -> Path:
+    """Write the table; the path.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written.
+    """
+    return write_text(path, check_table(topology))

@@ -26,8 +26,8 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions, parameter_name
 from pgm_places.live.map_process import MapProcess
-from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import PlaceFinder
+from pgm_places.live.ros_codec import OUTPUTS
 from pgm_places.options import from_mapping, option_values
 
 T = TypeVar("T")

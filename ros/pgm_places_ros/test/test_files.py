@@ -11,8 +11,7 @@ import pytest
 from stand_in import PACKAGE
 
 from pgm_places._version import __version__
-from pgm_places.live.message_types import MESSAGES
-from pgm_places.live.ros_codec import TYPES, RosCodec
+from pgm_places.live.ros_codec import MESSAGES, TYPES, RosCodec
 
 MESSAGES_PACKAGE = PACKAGE.parent / "pgm_places_msgs"
 
