@@ -83,12 +83,13 @@ def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> 
         It is damaged, or not of the map's shape.
     """
     with open_image(path, error) as image:
-        if image.shape != shape or image.is_indexed or image.is_deep:
+        shares = image.stored()
+        if shares.shape != shape or image.is_indexed or image.is_deep:
             raise error(
                 f"{path}: expected 8-bit grey values in {shape[0]} rows x {shape[1]} columns, as "
                 "the map has; label the map again"
             )
-        return image.stored()[::-1]
+        return shares[::-1]
 
 
 def load_probabilities(

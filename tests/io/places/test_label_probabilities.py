@@ -38,5 +38,5 @@ def test_a_label_without_an_image_leaves_all_unknown(tmp_path: Path) -> None:
 def test_images_of_another_form_are_refused(picture: Image.Image, tmp_path: Path) -> None:
     write(tmp_path, SHARES)
     picture.save(tmp_path / probability_file("hall"))
-    with pytest.raises(InputError, match=r"expected a grey image of the map's \(2, 3\) pixels"):
+    with pytest.raises(InputError, match=r"expected 8-bit grey values in 2 rows x 3 columns"):
         load_probabilities(tmp_path, ("room", "hall"), LAYOUT)
