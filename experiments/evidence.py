@@ -7,17 +7,10 @@ import numpy as np
 
 from experiments.paper.categories import CATEGORY_NAMES, Building79
 from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
-from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
-from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.labelers.trajectory_learning import learn_list, learn_method, trajectory_examples
 from pgm_places.models.hmm import MODES, HiddenMarkovModel
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.list_learning import (
-    RAREST_FIRST,
-    fitted_list,
-    held_out_scores,
-    with_explicit_order,
-)
-from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
+from pgm_places.unary.scan_model import BeamOptions, observed_along
 
 HEAD = (
     "| beams | every | weight: filter / smoother / Viterbi | training half, held out: alone | "
@@ -35,17 +28,13 @@ def evidence_table(data: Building79) -> str:
 
 def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     """The list learns once; the method learns anew for each way between updates."""
-    names, n_labels = CATEGORY_NAMES, len(CATEGORY_NAMES)
+    names = CATEGORY_NAMES
     sensor = Sensor(max_range_m=REACH_M)
     path = data.path.with_labels(np.where(data.left, -1, data.category), names)
     truth = np.where(data.left, data.category, -1)
     labeler = TrajectoryLabeler(names, sensor=sensor, beams=beams)
     examples = trajectory_examples(labeler, [], [path])
-    given = examples.features, examples.truth, examples.groups
-    unfitted = with_explicit_order(DecisionListClassifier(order=RAREST_FIRST), examples.truth)
-    fitted = fitted_list(unfitted, *given)
-    held_out = held_out_scores(fitted, unfitted, *given, n_labels, "held-out scores")
-    model = ScanModel(fitted, n_labels, sensor)
+    model, held_out = learn_list(labeler, examples)
     learned = path.subset(examples.steps[0])
     scores = model.log_proba(observed_along(path, sensor, beams).circles_m)
     for every_m in (0.1, 0.3, 0.5):

@@ -132,16 +132,16 @@ def learn_list(labeler: Any, examples: Examples) -> tuple[ScanModel, NDArray[np.
     """The list fitted on all examples, and (N, K) what lists say of examples held out."""
     from pgm_places.models.decision_list import DecisionListClassifier
 
-    n_labels, truth = len(labeler.label_names), examples.truth
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = labeler.classifier or DecisionListClassifier(order=list_learning.RAREST_FIRST)
-    unfitted = list_learning.with_explicit_order(unfitted, truth)
-    given = examples.features, truth, examples.groups
+    unfitted = list_learning.with_explicit_order(unfitted, examples.truth)
+    rows = list_learning.Rows(examples.features, examples.truth, examples.groups, examples.domain)
     with staged("decision list"):
-        fitted = list_learning.fitted_list(unfitted, *given, examples.domain)
-    scores = list_learning.held_out_scores(
-        fitted, unfitted, *given, n_labels, "held-out scores", examples.domain
-    )
+        fitted = list_learning.fitted_list(unfitted, rows)
+    ordered = list_learning.in_the_order_of(fitted, unfitted)
+    lists = list_learning.held_out_lists(ordered, rows, "held-out scores")
+    n_labels = len(labeler.label_names)
+    scores = list_learning.scores_of(lists, rows.features, examples.groups, n_labels)
     own, further = as_features(labeler.features), tuple(labeler.extra_names)
     sees_spaces = labeler.beams.spaces_m > 0
     return ScanModel(fitted, n_labels, labeler.sensor, further, own, sees_spaces), scores

@@ -19,7 +19,7 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
-from pgm_places.topology.naming import EarlierPlaces, identify, name_places
+from pgm_places.topology.naming import EarlierPlaces, name_places, number_on
 from pgm_places.topology.regions import deepest_cells, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -148,7 +148,8 @@ def topological_map(
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
     if known is None:
-        ids, next_id = identify(pieces, grid, names, doorway_label=rules.doorway_label)
+        none = [0] * pieces.count
+        ids, next_id = number_on(none, 1, pieces, grid, names, rules.doorway_label)
     else:
         ids, next_id = known.identify(pieces, grid, names, rules.doorway_label)
     classes = [names[label] for label in pieces.label]

@@ -77,34 +77,19 @@ class KnownPlaces:
         label_names: Sequence[str],
         doorway_label: str = "doorway",
     ) -> tuple[list[int], int]:
-        """An id per piece, and the next unused id: see :func:`identify`."""
-        return identify(pieces, grid, label_names, self, doorway_label)
+        """An id per piece, and the next unused id.
 
-
-def identify(
-    pieces: Components,
-    grid: OccupancyGrid,
-    label_names: Sequence[str],
-    known: KnownPlaces | None = None,
-    doorway_label: str = "doorway",
-) -> tuple[list[int], int]:
-    """An id per piece, and the next unused id.
-
-    A piece takes the id of the known place of the same class with which it shares most of their
-    common area, if that is at least a quarter; each id goes to one piece. The others are numbered
-    on from ``known.next_id`` in reading order, doorways after all others. Maps may differ in size,
-    resolution and origin, as long as their frames agree.
-    """
-    ids = [0] * pieces.count
-    next_id = 1
-    if known is not None:
-        next_id = known.next_id
-        taken: set[int] = set()
-        for _, piece, place in sorted(_overlaps(pieces, grid, label_names, known)):
+        A piece takes the id of the known place of the same class with which it shares most of
+        their common area, if that is at least a quarter; each id goes to one piece. The others are
+        numbered on from ``next_id`` in reading order, doorways after all others. Maps may differ
+        in size, resolution and origin, as long as their frames agree.
+        """
+        ids, taken = [0] * pieces.count, set()
+        for _, piece, place in sorted(_overlaps(pieces, grid, label_names, self)):
             if not ids[piece] and place not in taken:
                 ids[piece] = place
                 taken.add(place)
-    return number_on(ids, next_id, pieces, grid, label_names, doorway_label)
+        return number_on(ids, self.next_id, pieces, grid, label_names, doorway_label)
 
 
 def number_on(

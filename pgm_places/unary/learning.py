@@ -198,7 +198,7 @@ class UnaryLearner:
             held_out=self.with_scores and self._from_held_out,
             extra=spaces.columns,
             limit=options.max_examples_per_map,
-            domain=cells.domain,
+            by_domain=True,
             n_labels=self.n_labels + (self.halls is not None),
         )
         return _SpaceLists(lists, spaces, None if self.halls is None else self.halls.corridor)
@@ -212,33 +212,33 @@ class UnaryLearner:
         held_out: bool,
         extra: Extra | None = None,
         limit: int | None = None,
-        domain: NDArray[np.int64] | None = None,
+        by_domain: bool = False,
         n_labels: int | None = None,
     ) -> "_Lists":
         """A list fitted on the examples and, if wanted, one for each fold that has not seen it.
 
-        With ``limit`` it is fitted on at most that many examples of each map; with the ``domain``
-        (N,) of all cells it is the mean of lists that were fitted without one.
+        With ``limit`` it is fitted on at most that many examples of each map; ``by_domain`` it is
+        the mean of lists that were fitted without one.
         """
         some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
-        values = _beside(cells.features[some], examples, extra)
-        truth, groups = cells.truth[examples], cells.groups[examples]
-        domain = None if domain is None else domain[examples]
+        rows = list_learning.Rows(
+            _beside(cells.features[some], examples, extra),
+            cells.truth[examples],
+            cells.groups[examples],
+            cells.domain[examples] if by_domain else None,
+        )
         tempered = unfitted.calibration == "temperature"
         if tempered:
             unfitted = list_learning.like(unfitted, calibration="none")
         with staged(name):
-            fitted = list_learning.fitted_list(unfitted, values, truth, groups, domain)
+            fitted = list_learning.fitted_list(unfitted, rows)
         of_fold = {}
         if tempered or held_out:
-            stage = f"held-out scores: {name}"
             ordered = list_learning.in_the_order_of(fitted, unfitted)
-            of_fold = list_learning.held_out_lists(ordered, values, truth, groups, stage, domain)
+            of_fold = list_learning.held_out_lists(ordered, rows, f"held-out scores: {name}")
         if tempered:
-            fitted, of_fold = list_learning.with_temperatures(
-                fitted, of_fold, values, truth, groups
-            )
+            fitted, of_fold = list_learning.with_temperatures(fitted, of_fold, rows)
         return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
     def _scores(

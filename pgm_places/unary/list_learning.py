@@ -1,6 +1,6 @@
 """Boosted lists on rows of features: fitted, held out fold by fold, and as sure as they may be."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,28 +34,50 @@ def with_explicit_order(
     return like(classifier, order=order)
 
 
-def fitted_list(
-    unfitted: "DecisionListClassifier",
-    values: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64] | None,
-    domain: NDArray[np.int64] | None = None,
-) -> BoostedList:
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What lists learn from.
+
+    Parameters
+    ----------
+    features : (n, F) float32
+    truth : (n,) int
+        Label index of each row.
+    groups : (n,) int or None
+        Number of the fold that a row is held out with.
+    domain : (n,) int or None
+        -1 for rows that all lists learn from, see :func:`fitted_list`.
+    """
+
+    features: NDArray[np.float32]
+    truth: NDArray[np.int64]
+    groups: NDArray[np.int64] | None
+    domain: NDArray[np.int64] | None = None
+
+    def where(self, seen: NDArray[np.bool_]) -> "Rows":
+        """The rows in a mask (n,)."""
+        groups, domain = (
+            None if part is None else part[seen] for part in (self.groups, self.domain)
+        )
+        return Rows(self.features[seen], self.truth[seen], groups, domain)
+
+
+def fitted_list(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
     """The list that learned from all rows, or the mean of those that leave one domain out.
 
-    Rows have a domain (n,), -1 for those that all lists learn from.
     What one list believes because of where a map comes from, those that have not seen such maps
     contradict: whole spaces flip between lists, and rarely in most of them at once.
     """
-    remaining = without_a_domain(truth, domain)
-    if len(remaining) == 1:  # all rows: a mask would copy them
-        boosted: BoostedList = like(unfitted).fit(values, truth, groups=groups).boosted_list_
-        return boosted
-    lists = []
-    for seen in remaining:
-        some = None if groups is None else groups[seen]
-        lists.append(like(unfitted).fit(values[seen], truth[seen], groups=some).boosted_list_)
-    return list_average(lists)
+    remaining = without_a_domain(rows.truth, rows.domain)
+    if len(remaining) > 1:
+        return list_average([_fitted(unfitted, rows.where(seen)) for seen in remaining])
+    return _fitted(unfitted, rows)  # a mask would copy all of them
+
+
+def _fitted(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
+    learned = like(unfitted).fit(rows.features, rows.truth, groups=rows.groups)
+    boosted: BoostedList = learned.boosted_list_
+    return boosted
 
 
 def without_a_domain(
@@ -72,53 +94,26 @@ def without_a_domain(
 
 
 def held_out_lists(
-    unfitted: "DecisionListClassifier",
-    features: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64],
-    name: str,
-    domain: NDArray[np.int64] | None = None,
+    unfitted: "DecisionListClassifier", rows: Rows, name: str
 ) -> dict[int, BoostedList]:
     """For each group a list that has not seen it, in the order, of labels, of the one given.
 
-    With domains (n,), each is the mean of lists that leave one of them out.
+    With domains, each is the mean of lists that leave one of them out.
     """
-    lists = {}
-    folds = np.unique(groups).tolist()
+    assert rows.groups is not None  # what they are held out by
+    lists, folds = {}, np.unique(rows.groups).tolist()
     with staged(name) as stage:
         for count, fold in enumerate(folds, start=1):
-            seen = groups != fold
-            order = [label for label in unfitted.order if (truth[seen] == label).any()]
+            seen = replace(rows, groups=None).where(rows.groups != fold)
+            order = [label for label in unfitted.order if (seen.truth == label).any()]
             if len(order) < 2:
                 raise InputError(
                     "out-of-fold scores need at least two labels outside every group; "
                     "use fewer folds or learn_on='in-sample'"
                 )
-            lists[fold] = fitted_list(
-                like(unfitted, order=order),
-                features[seen],
-                truth[seen],
-                None,
-                None if domain is None else domain[seen],
-            )
+            lists[fold] = fitted_list(like(unfitted, order=order), seen)
             stage.update(count / len(folds))
     return lists
-
-
-def held_out_scores(
-    fitted: BoostedList,
-    unfitted: "DecisionListClassifier",
-    features: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64],
-    n_labels: int,
-    name: str,
-    domain: NDArray[np.int64] | None = None,
-) -> NDArray[np.float64]:
-    """(N, K) log z of every row from a list of the same order that has not seen its group."""
-    ordered = in_the_order_of(fitted, unfitted)
-    lists = held_out_lists(ordered, features, truth, groups, name, domain)
-    return scores_of(lists, features, groups, n_labels)
 
 
 def scores_of(
@@ -139,11 +134,7 @@ def scores_of(
 
 
 def with_temperatures(
-    fitted: BoostedList,
-    lists: dict[int, BoostedList],
-    features: NDArray[np.float32],
-    truth: NDArray[np.int64],
-    groups: NDArray[np.int64],
+    fitted: BoostedList, lists: dict[int, BoostedList], rows: Rows
 ) -> tuple[BoostedList, dict[int, BoostedList]]:
     """A list and those that were held out, with the confidence that the latter justify.
 
@@ -157,10 +148,10 @@ def with_temperatures(
     order = fitted.classes[fitted.order]
     logits, label = [], []
     for fold, item in whole.items():
-        rows = groups == fold
+        unseen = rows.groups == fold
         slope, offset = item.calibration.T[:, :, None]
-        logits.append(slope * item.scores(features[rows]) + offset)
-        label.append(truth[rows])
+        logits.append(slope * item.scores(rows.features[unseen]) + offset)
+        label.append(rows.truth[unseen])
     if not whole:
         return fitted, lists
     odds, found = np.concatenate(logits, axis=1), np.concatenate(label)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.naming import KnownPlaces, identify, name_places
+from pgm_places.topology.naming import KnownPlaces, name_places, number_on
 from tests.topology.floors import NAMES, floor_grid
 
 
@@ -18,7 +18,7 @@ def ids_of(labels: np.ndarray, region: np.ndarray, **frame: object) -> list[int]
         {1: "kitchen", 2: "lab"},
         next_id=3,
     )
-    return identify(connected_components(labels), grid, NAMES, known)[0]
+    return known.identify(connected_components(labels), grid, NAMES)[0]
 
 
 def room(rows: slice, columns: slice) -> np.ndarray:
@@ -89,5 +89,5 @@ def test_doorways_are_numbered_after_all_others() -> None:
     assert [NAMES[label] for label in pieces.label] == [
         "corridor", "doorway", "room", "doorway", "room",
     ]  # fmt: skip
-    assert identify(pieces, grid, NAMES)[0] == [2, 5, 1, 4, 3]
-    assert identify(pieces, grid, NAMES, doorway_label="door")[0] == [3, 5, 1, 2, 4]
+    assert number_on([0] * 5, 1, pieces, grid, NAMES, "doorway")[0] == [2, 5, 1, 4, 3]
+    assert number_on([0] * 5, 1, pieces, grid, NAMES, "door")[0] == [3, 5, 1, 2, 4]
