@@ -11,7 +11,7 @@ from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import output_set
-from pgm_places.labelers.label_joint import label_map_and_drive
+from pgm_places.labelers.joint_labeler import label_map_and_drive
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.tracking import Track
 from pgm_places.persistence.stored import Stored

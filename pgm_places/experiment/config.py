@@ -15,9 +15,8 @@ from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.floor_teaching import FloorOptions
-from pgm_places.experiment.source_config import SourceConfig, given_options
+from pgm_places.experiment.source_config import SourceConfig, SplitConfig, given_options
 from pgm_places.experiment.source_patterns import without_patterns
-from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LabelError, shown
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.graph_config import GraphConfig
-from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.source_config import GraphConfig, SourceConfig
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.tables import is_empty, problem_from_tables
 from pgm_places.io.graph_tables import GraphTables, Table, read_graphml, read_table

@@ -1,18 +1,104 @@
-"""What an experiment trains or is tested on: a map, a log of a drive, or a simulated drive."""
+"""What an experiment trains or is tested on: maps, drives, graphs, and splits of them."""
 
 import dataclasses
 from collections.abc import Set
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pgm_places._option_marks import Ge
+from pgm_places._option_marks import Ge, MinLen
 from pgm_places.errors import ConfigError
-from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.options import Positive, Seed, check_options
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.trajectories.similarity import Similarity
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphConfig:
+    """A graph with the true labels of its nodes, for ``nodes = "graph"``.
+
+    Parameters
+    ----------
+    file : str, optional
+        A GraphML file, whose attributes of nodes and of edges are the columns of two tables.
+    nodes, edges : str, optional
+        The two tables instead, CSV or Parquet: a row per node, and a row per edge. Without edges
+        each node is by itself.
+    node : str
+        The column that names the nodes.
+    ends : (str, str)
+        The columns that name the two nodes of an edge.
+    label : str
+        The column of true labels; it is empty where they are not known.
+    classes : mapping, optional
+        From the texts of that column to label names; what it leaves out has no label.
+    known : str, optional
+        The column of labels that methods are told and therefore not asked for: evidence.
+    features : list of str, optional
+        The node features; by default all columns of numbers that have no other meaning.
+    edge_features : list of str, optional
+        The same for edges.
+    probabilities : list of str, optional
+        For each label, in their order, the column of its probability by a classifier of one's own,
+        which takes the place of the configuration's.
+    positions : (str, str), optional
+        The columns of x and y: for pictures, and to hold out nodes that lie together.
+    """
+
+    file: str | None = None
+    nodes: str | None = None
+    edges: str | None = None
+    node: str = "node"
+    ends: tuple[str, str] = ("source", "target")
+    label: str = "label"
+    classes: dict[str, str] | None = None
+    known: str | None = None
+    features: tuple[str, ...] | None = None
+    edge_features: tuple[str, ...] | None = None
+    probabilities: tuple[str, ...] | None = None
+    positions: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if (self.file is None) == (self.nodes is None):
+            raise ConfigError("give either file (GraphML) or nodes (a table)")
+        if self.file is not None and self.edges is not None:
+            raise ConfigError("edges is a table beside nodes; a GraphML file has its own edges")
+
+    @property
+    def other_columns(self) -> tuple[str, ...]:
+        """The columns of nodes that are no features."""
+        named = [self.node, self.label, *(self.probabilities or ()), *(self.positions or ())]
+        return (*named, self.known) if self.known is not None else tuple(named)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitConfig:
+    """Buildings of ``[[train]]`` to test on, and those to learn from.
+
+    Parameters
+    ----------
+    test : list of str
+        Buildings that are tested on.
+    train : list of str, optional
+        Buildings that are learned from; by default all others.
+    name : str, optional
+        Its name in tables; by default the buildings that are tested on.
+    """
+
+    test: Annotated[tuple[str, ...], MinLen(1)]
+    train: Annotated[tuple[str, ...], MinLen(1)] | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        both = [name for name in self.test if name in (self.train or ())]
+        if both:
+            raise ConfigError(
+                f"splits: {both[0]!r} is in both train and test of a split; learn from other "
+                "buildings than those that are tested on"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

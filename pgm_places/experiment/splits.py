@@ -8,9 +8,8 @@ from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.evaluation.folds import fold_of_buildings
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.source_config import SourceConfig, SplitConfig
 from pgm_places.experiment.sources import load_sources
-from pgm_places.experiment.split_config import SplitConfig
 from pgm_places.experiment.tasks import task_of, tests_of
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
-from pgm_places.labelers.label_names import numbered
+from pgm_places.labelers.structured_learning import numbered
 
 Scorer = Callable[[Any, Sequence[LabelingProblem], Sequence[NDArray[np.int64]]], float]
 

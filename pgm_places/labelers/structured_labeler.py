@@ -16,11 +16,10 @@ from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, listed_problems
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers import structured_learning
-from pgm_places.labelers.label_names import numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.labelers.side_by_side import beside, label_all
-from pgm_places.labelers.structured_learning import Truth
+from pgm_places.labelers.structured_learning import Truth, numbered
 from pgm_places.progress import Progress, reported
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 

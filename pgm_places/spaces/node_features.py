@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.maps.components import number_type
-from pgm_places.spaces.cell_features import CellFeatures
+from pgm_places.spaces.cell_features import CellFeatures, Lookups, SegmentLookup
 from pgm_places.spaces.relief import clearance_m
-from pgm_places.spaces.segment_lookup import Lookups, SegmentLookup
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
 _WIDEST_M, _SHORTEST_M, _ASPECT = 3.0, 3.0, 0.5

@@ -1,16 +1,92 @@
-"""The features of segments, one row per segment."""
+"""The features of segments, one row per segment: shape, openings, and position."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._core import add_paths, largest_rests
+from pgm_places._core import add_paths, gather_basins, largest_rests
+from pgm_places.spaces.basins import N_RECTANGLES
 from pgm_places.spaces.components import components, neighbour_lists
-from pgm_places.spaces.segment_rows import SegmentRows
+from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segmentation import Segments
-from pgm_places.spaces.shapes import shape_columns
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentRows:
+    """The segments of divisions of one map, those of one division after those of the other.
+
+    Parameters
+    ----------
+    divisions : sequence of Segments
+        At least one.
+    """
+
+    divisions: Sequence[Segments]
+
+    @cached_property
+    def first(self) -> NDArray[np.int64]:
+        """(D + 1,) the first segment of each division, and S, the number of all."""
+        return np.cumsum([0, *(division.count for division in self.divisions)])
+
+    @property
+    def count(self) -> int:
+        """S."""
+        return int(self.first[-1])
+
+    @property
+    def resolution_m(self) -> float:
+        """The map's cell size."""
+        return self.divisions[0].watershed.grid.resolution_m
+
+    @cached_property
+    def area_m2(self) -> NDArray[np.float64]:
+        """(S,) area of each segment."""
+        return np.concatenate([division.area_m2 for division in self.divisions])
+
+    @cached_property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(S,) radius of the largest disc in each segment."""
+        return np.concatenate([division.radius_m for division in self.divisions])
+
+    @cached_property
+    def ends(self) -> NDArray[np.int64]:
+        """(2 O,) the two segments of each opening."""
+        return self._numbered(division.openings.segments for division in self.divisions).reshape(-1)
+
+    @cached_property
+    def half_width_m(self) -> NDArray[np.float64]:
+        """(2 O,) half the width of each opening, twice."""
+        openings = [division.openings.half_width_m for division in self.divisions]
+        return np.repeat(np.concatenate(openings), 2)
+
+    @cached_property
+    def open_sides(self) -> NDArray[np.float64]:
+        """(S,) sides of cells at openings."""
+        sides = np.concatenate([division.openings.sides for division in self.divisions])
+        twice = np.repeat(sides, 2).astype(np.float64)
+        return np.asarray(np.bincount(self.ends, twice, self.count), np.float64)
+
+    @cached_property
+    def neighbours(self) -> NDArray[np.int64]:
+        """(E, 2) the pairs of segments that share an opening."""
+        return self._numbered(division.neighbours for division in self.divisions)
+
+    def by_division(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """Values (S, ...) of all segments as those of each division."""
+        return np.split(values, self.first[1:-1])
+
+    def _numbered(self, pairs: Iterator[NDArray[np.int32]]) -> NDArray[np.int64]:
+        """Pairs of segments of each division by their numbers among all."""
+        starts = self.first.tolist()
+        return np.concatenate(
+            [part.astype(np.int64) + start for part, start in zip(pairs, starts, strict=False)]
+        )
+
 
 NARROW_M = 0.8
 """Half width of the widest opening that counts as narrow."""
@@ -172,3 +248,61 @@ def _of_largest_neighbour(
     of_largest = np.zeros_like(picked)
     of_largest[i[order]] = picked[j[order]]  # the last one stays
     return of_largest
+
+
+def shape_columns(rows: SegmentRows) -> dict[str, NDArray[np.float64]]:
+    """(S,) values of all segments of some divisions by feature: see ``SHAPE_FEATURES``.
+
+    Beside these, ``outline`` is its length along sides of cells, including openings. Roundness is 1
+    for a disc or a square, near 0 for a line.
+    """
+    resolution_m, area, radius, count = rows.resolution_m, rows.area_m2, rows.radius_m, rows.count
+    sums = rows.divisions[0].watershed.sums
+    total = np.zeros((count, sums.total.shape[1]), np.int64)
+    low = np.full((count, sums.low.shape[1]), np.inf)
+    high = np.full((count, sums.high.shape[1]), -np.inf)
+    parts = zip(rows.divisions, *map(rows.by_division, (total, low, high)), strict=True)
+    for division, *own in parts:
+        gather_basins(division.segment_of, sums.total, sums.low, sums.high, *own)
+    cells = np.round(area / resolution_m**2).astype(np.int64)
+    short, long = (side * resolution_m for side in _rectangles(low, high))
+    clearance = clearance_m(total[:, 0] / cells, resolution_m)
+    outline = (total[:, 2] + total[:, 3] + rows.open_sides) * resolution_m
+    return {
+        "area": area,
+        "radius": radius,
+        "clearance": clearance,
+        "clearance_share": clearance / radius,
+        "roundness": _roundness(cells, total[:, 4:9]),
+        "short": short,
+        "long": long,
+        "aspect": short / long,
+        "filling": area / (short * long),
+        "discs": area / (np.pi * radius**2),
+        "unknown": total[:, 3] * resolution_m / outline,
+        "furniture": total[:, 1] / cells,
+        "outline": outline,
+    }
+
+
+def _rectangles(
+    low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(S,) shorter and (S,) longer side, in cells, of the rectangle with the smallest area."""
+    extent = high - low + 1
+    one, other = extent[:, :N_RECTANGLES], extent[:, N_RECTANGLES:]
+    best = np.arange(len(low)), np.argmin(np.round(one * other, 6), axis=1)
+    return np.minimum(one, other)[best], np.maximum(one, other)[best]
+
+
+def _roundness(cells: NDArray[np.int64], moments: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Square root of the ratio of the principal second moments; cells are squares, not points."""
+    r, c, rr, rc, cc = moments.T
+    # Integers shifted by the rounded mean stay exact and small.
+    mid_r, mid_c = np.round(r / cells).astype(np.int64), np.round(c / cells).astype(np.int64)
+    off_r, off_c = (r - cells * mid_r) / cells, (c - cells * mid_c) / cells
+    var_r = (rr - 2 * mid_r * r + cells * mid_r**2) / cells - off_r**2 + 1 / 12
+    var_c = (cc - 2 * mid_c * c + cells * mid_c**2) / cells - off_c**2 + 1 / 12
+    cov = (rc - mid_r * c - mid_c * r + cells * mid_r * mid_c) / cells - off_r * off_c
+    mean, spread = (var_r + var_c) / 2, np.hypot((var_r - var_c) / 2, cov)
+    return np.asarray(np.sqrt(np.maximum(mean - spread, 0.0) / (mean + spread)))

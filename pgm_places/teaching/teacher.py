@@ -28,9 +28,8 @@ from pgm_places.models.independent import Independent
 from pgm_places.progress import Progress, Silent, Stage, reported, staged, warn
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.kept_field import KeptField, kept_in
-from pgm_places.teaching.alone import learned_alone
 from pgm_places.teaching.cell_table import CellPaint, CellTable
-from pgm_places.teaching.learning import Learning
+from pgm_places.teaching.learning import Learning, learned_alone
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pgm_places.experiment.config import parse_config
+from pgm_places.experiment.config_changes import seeded_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import train
-from pgm_places.experiment.seeds import seeded_config
 from pgm_places.experiment.setup import step_labeler
 from pgm_places.options import plain_values
 from tests.experiment.test_graph_runs import content

@@ -21,10 +21,14 @@ from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.node_features import NodeFeatures
 from pgm_places.spaces.openings import Openings
 from pgm_places.spaces.places import places_between
-from pgm_places.spaces.segment_features import area_cut_off, betweenness, segment_features
-from pgm_places.spaces.segment_rows import SegmentRows
+from pgm_places.spaces.segment_features import (
+    SegmentRows,
+    area_cut_off,
+    betweenness,
+    segment_features,
+    shape_columns,
+)
 from pgm_places.spaces.segmentation import Segmentation, Segments, divided
-from pgm_places.spaces.shapes import shape_columns
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference

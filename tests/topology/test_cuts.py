@@ -7,9 +7,8 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.hidden_rooms import HiddenRooms
+from pgm_places.topology.hidden_rooms import HiddenRooms, propose_splits
 from pgm_places.topology.place_edits import split_at
-from pgm_places.topology.proposals import propose_splits
 from pgm_places.topology.topological_map import TopologicalMap
 
 NAMES = ("corridor", "room", "doorway")
