@@ -91,8 +91,7 @@ def _evidence(
         item = hall_names.fold(item, labeler.halls)
     with experiment.timed("score cells"):
         graph, scores = labeler.scores(item.grid, mask=item.cells)
-    assert isinstance(graph.layout, GridLayout)  # from_grid made it
-    tested, truth = tested_map(item, graph.layout), item.truth(graph)
+    tested, truth = tested_map(item, graph.grid_layout), item.truth(graph)
 
     def label(name: str) -> Sequence[Labeling]:
         return [labeler.infer(graph, scores, method=name, truth=truth)]

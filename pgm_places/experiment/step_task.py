@@ -12,7 +12,6 @@ from pgm_places.experiment.map_task import tested_map
 from pgm_places.experiment.setup import joint_labeler, step_labeler, step_methods
 from pgm_places.experiment.sources import Sources
 from pgm_places.experiment.task import Evidence, Task
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.place_labeler import PlaceMethod
@@ -72,8 +71,8 @@ def _both(
     with experiment.timed("score steps"):
         scores = first.scores(known.grid, path, mask=known.cells)
     cells = scores.graph.cells
-    assert cells is not None and isinstance(cells.layout, GridLayout)
-    on_map = tested_map(known, cells.layout, f"{path.name}: cells")
+    assert cells is not None  # there is a map
+    on_map = tested_map(known, cells.grid_layout, f"{path.name}: cells")
 
     def label(name: str) -> Sequence[Labeling]:
         found = labelers[name].infer(scores)

@@ -370,6 +370,16 @@ class LabelGraph:
         return self.points_m
 
     @property
+    def grid_layout(self) -> GridLayout:
+        """The layout of a graph that :meth:`from_grid` made; InputError for any other."""
+        if not isinstance(self.layout, GridLayout):
+            raise InputError(
+                "cells can only be scored on a graph made by LabelGraph.from_grid; this one has "
+                f"{'no layout' if self.layout is None else type(self.layout).__name__}"
+            )
+        return self.layout
+
+    @property
     def _names(self) -> tuple[Hashable, ...] | range:
         return range(self.n_nodes) if self.node_names is None else self.node_names
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -87,9 +86,8 @@ class JointGraph:
         chain = segments.graph(loop_m=loop_m)
         if cells is None:
             return cls(chain, None, segments)
-        assert grid is not None and isinstance(cells.layout, GridLayout)
-        assert chain.positions_m is not None
-        under = cells.layout.nodes_at(grid.cells_at_m(chain.positions_m))
+        assert grid is not None and chain.positions_m is not None
+        under = cells.grid_layout.nodes_at(grid.cells_at_m(chain.positions_m))
         linked = np.flatnonzero(under >= 0)
         if not len(linked):
             raise InputError(

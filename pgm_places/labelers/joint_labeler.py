@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import METHODS, Learnable
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
@@ -434,16 +433,15 @@ def label_map_and_drive(
             warn(message)
         scores = labeler.scores(used, drive)
         labeling = labeler.infer(scores)
-    cells = scores.graph.cells
-    assert cells is not None and isinstance(cells.layout, GridLayout)
-    assert labeling.cells is not None and labeling.steps is not None  # there are a map and a drive
+    cells, steps = labeling.cells, labeling.steps
+    assert cells is not None and steps is not None and scores.graph.cells is not None  # are given
     places = on_own_raster(
         grid,
         used,
-        cells.layout,
-        labeling.cells,
+        scores.graph.cells.grid_layout,
+        cells,
         label_names=labeler.label_names_,
         method=METHODS.name_of(type(labeler.method_)),
         warnings=warnings,
     )
-    return LabelledDrive(places, labeling.steps)
+    return LabelledDrive(places, steps)

@@ -292,12 +292,12 @@ def _labelled(
         known=raster,
         own=None if features_of is None else features_of(grid),
     )
-    assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
+    layout = graph.grid_layout
     model, doorways = labeler.unary_model_.space, scores.doorways
     if doorways is None and model is not None and model.gates is not None:
         doorways = (scores.spaces or model.spaces(grid, known=raster)).doorways
     problem = labeler.problem_of(
-        graph, scores, method, known=None if known is None else known.of_nodes(graph.layout)
+        graph, scores, method, known=None if known is None else known.of_nodes(layout)
     )
     hall = scores.hall
     del scores
@@ -305,8 +305,8 @@ def _labelled(
     with staged(f"labelling with {name}"):
         labeling = labeler.with_halls(infer(method.backend, problem), hall)
     if known is not None:
-        labeling = known.kept(labeling, graph.layout)
-    return graph.layout, labeling, doorways
+        labeling = known.kept(labeling, layout)
+    return layout, labeling, doorways
 
 
 def _brought_back(

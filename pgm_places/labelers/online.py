@@ -12,8 +12,7 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
 from pgm_places.unary.floor_model import FloorModel, with_local_floor
-from pgm_places.unary.scan_model import ScanModel, ScanScorer
-from pgm_places.unary.scan_observer import ScanObserver
+from pgm_places.unary.scan_model import ScanModel, ScanObserver, ScanScorer
 
 
 class BeliefFilter:
@@ -155,7 +154,7 @@ class OnlineLabeler:
             )
         where = scan.pose if pose is None else np.asarray(pose, np.float64)
         seen = self._observer.add(where, scan.ranges_m)
-        log_z = self._scorer.log_proba(seen.circle_m, extra, seen.spaces)
+        log_z = self._scorer.log_proba(seen.circles_m, extra, seen.spaces)
         if self._floor is not None and seen.floor is not None:
             log_z = with_local_floor(log_z, seen.floor, self._floor)
         self.n_steps += 1

@@ -1,29 +1,36 @@
 """TrajectoryLabeler: labels the places along a robot's trajectory, as a whole or step by step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import NotFittedError
+from pgm_places.errors import InputError, NotFittedError
 from pgm_places.features.own import as_features
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers import trajectory_learning
-from pgm_places.labelers.method import as_backend, unfitted, with_edge_kinds
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.labelers.map_prior import MapPrior
+from pgm_places.labelers.method import as_backend, infer, infer_further, unfitted, with_edge_kinds
+from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.step_labelling import StepLabelling
 from pgm_places.labelers.trajectory_learning import KnownMaps
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.options import AtLeastZero, Seed, Whole
-from pgm_places.progress import Progress, reported
+from pgm_places.progress import Progress, reported, staged
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.floor_model import FloorModel, columns_of
+from pgm_places.unary.floor_model import FloorModel, columns_of, with_local_floor
 from pgm_places.unary.options import NumberOfFolds
-from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, observed_along
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -41,7 +48,7 @@ BEAMS = BeamOptions()
 
 
 @dataclass(eq=False, repr=False)
-class TrajectoryLabeler(StepLabelling):
+class TrajectoryLabeler(Labeler):
     """Learns places from labelled maps and trajectories, and labels trajectories.
 
     Each scan is completed to the full circle, its features go through the boosted list, and the
@@ -122,6 +129,8 @@ class TrajectoryLabeler(StepLabelling):
     loop_m: AtLeastZero = 0.0
     floor: FloorModel | None = None
 
+    scan_model_: ScanModel = field(init=False)
+    method_: Any = field(init=False)
     learn_seconds_: float = field(init=False)
 
     stored_as: ClassVar[str] = "trajectory-labeler"
@@ -297,3 +306,145 @@ class TrajectoryLabeler(StepLabelling):
             return {"scan_model_": model, "method_": fitted, "label_names_": names}
 
         return self.set_learned_with(methods, learn), examples.split(scores)[1]
+
+    # ------------------------------------------------------------------ labelling
+
+    def online(
+        self,
+        geometry: ScanGeometry,
+        *,
+        known_map: OccupancyGrid | None = None,
+        map_prior: MapPrior | None = None,
+    ) -> OnlineLabeler:
+        """A fresh labeler for one robot with that laser: ``step(scan) -> belief``.
+
+        Raises
+        ------
+        InputError
+            The method is no hidden Markov model, which alone works step by step.
+        NotFittedError
+            Before :meth:`fit`.
+        """
+        self.check_fitted()
+        observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map, self.floor)
+        belief_filter = self._filter(map_prior)
+        return OnlineLabeler(
+            self.scan_model_, observer, belief_filter, self.label_names_, self.floor
+        )
+
+    def scores(
+        self,
+        trajectory: Trajectory,
+        *,
+        known_map: OccupancyGrid | None = None,
+        extra: ArrayLike | None = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> NDArray[np.float64]:
+        """(T, K) log z of each step by itself: what the list, and the networks, say of it."""
+        self.check_fitted()
+        model, beams, floor = self.scan_model_, self.beams, self.floor
+        with threads(n_threads), reported(progress), staged("scans, features and list"):
+            seen = observed_along(trajectory, model.sensor, beams, known_map=known_map, floor=floor)
+            log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces)
+        if floor is None or seen.floor is None:
+            return log_z
+        return with_local_floor(log_z, seen.floor, floor)
+
+    def label(
+        self,
+        trajectory: Trajectory,
+        *,
+        known_map: OccupancyGrid | None = None,
+        map_prior: MapPrior | None = None,
+        extra: ArrayLike | None = None,
+        truth: ArrayLike | None = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Labeling:
+        """A label for each step.
+
+        A hidden Markov model in mode ``filter`` gives the same beliefs as :meth:`online` step by
+        step; other modes and methods label whole segments, also by what comes after.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            With scans, or without them if there is a known map to cast them in.
+        known_map : OccupancyGrid, optional
+            A map in the frame of the poses.
+        map_prior : MapPrior, optional
+            A labelled map in the frame of the poses, whose labels count as further observations.
+        extra : (T, D) float, optional
+            The columns in addition to the laser's that the model was trained with.
+        truth, n_threads, progress
+            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+        """
+        scores = self.scores(
+            trajectory, known_map=known_map, extra=extra, n_threads=n_threads, progress=progress
+        )
+        return self.infer(trajectory, scores, map_prior=map_prior, truth=truth)
+
+    def infer(
+        self,
+        trajectory: Trajectory,
+        scores: NDArray[np.float64],
+        *,
+        map_prior: MapPrior | None = None,
+        truth: ArrayLike | None = None,
+    ) -> Labeling:
+        """The method's labelling of given scores (T, K)."""
+        self.check_fitted()
+        if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
+            return self._filter(map_prior).run(trajectory.poses, scores)
+        segments = Segments(trajectory.poses, self.every_m)
+        if truth is not None:
+            truth = segments.majority(truth, len(self.label_names_))
+        problem = self.problem(segments, scores)
+        if map_prior is None:
+            labeling = infer(self.method_, problem, truth)
+        else:
+            map_prior.check_labels(self.label_names_)
+            means = segments.means(map_prior.at(trajectory.poses[:, :2]))
+            labeling = infer_further(self.method_, problem, map_prior.log_likelihood(means), truth)
+        beliefs = None if labeling.beliefs is None else labeling.beliefs[segments.of_step]
+        return replace(labeling, labels=labeling.labels[segments.of_step], beliefs=beliefs)
+
+    def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
+        """The graph of a trajectory's segments with the mean scores of their steps."""
+        self.check_fitted()
+        return trajectory_learning.segment_problem(self, self.method_, segments, scores)
+
+    def updated_every(self, every_m: float) -> tuple[Self, float]:
+        """A fitted copy for another distance between updates, its transitions rescaled.
+
+        The second result is how far a probability had to be changed for that: see
+        :meth:`HiddenMarkovModel.rescaled <pgm_places.models.hmm.HiddenMarkovModel.rescaled>`. Other
+        methods stay as they are.
+
+        Raises
+        ------
+        InputError
+            The transitions cannot be had for such a distance, or the distance is not a number above
+            0.
+        """
+        self.check_fitted()
+        other, changed = self.with_options(every_m=every_m), 0.0
+        if isinstance(self.method_, HiddenMarkovModel) and every_m != self.every_m:
+            if not (every_m > 0 and self.every_m > 0):
+                raise InputError(
+                    f"transitions for updates every {self.every_m:g} m cannot be rescaled to every "
+                    f"{every_m:g} m; train the model at this distance"
+                )
+            other.method_, changed = self.method_.rescaled(self.every_m, every_m)
+        return other, changed
+
+    def _filter(self, map_prior: MapPrior | None = None) -> BeliefFilter:
+        if not isinstance(self.method_, HiddenMarkovModel):
+            raise InputError(
+                f"{type(self.method_).__name__} labels whole trajectories; online labelling needs "
+                "the method 'hmm'"
+            )
+        if map_prior is not None:
+            map_prior.check_labels(self.label_names_)
+        return BeliefFilter(self.method_, self.every_m, map_prior)

@@ -161,41 +161,34 @@ def learn_method(
     """
     if not isinstance(method, Learnable):
         return method
-    names, loop_m = tuple(labeler.label_names), loops_for(method, labeler.loop_m)
+    n_labels = len(labeler.label_names)
     of_cells, of_steps = examples.split(scores)
     problems, truths = [], []
     for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
         labelled = item.subset(steps)
         segments = Segments(labelled.poses, labeler.every_m)
-        problems.append(segment_problem(segments, part, names, loop_m=loop_m))
-        truths.append(segments.majority(_labels(labelled), len(names)))
+        problems.append(segment_problem(labeler, method, segments, part))
+        truths.append(segments.majority(_labels(labelled), n_labels))
     if not isinstance(method, HiddenMarkovModel) or not maps:
         return method.fit(problems, truths)
     observed = [problem.unary for problem in problems if problem.unary is not None] or of_cells
     known = truths or np.split(examples.truth, np.cumsum(examples.n_of_map)[:-1])
     drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
-    learned = learn_movement(maps, known, observed, len(names), model=method, **drawn)
+    learned = learn_movement(maps, known, observed, n_labels, model=method, **drawn)
     return learned.with_sequences(problems, truths) if problems else learned
 
 
-def loops_for(method: Any, loop_m: float) -> float:
-    """The distance within which loops are closed: 0 for methods that label chains only."""
-    return 0.0 if traits_of(method).chains_only else loop_m
-
-
 def segment_problem(
-    segments: Segments,
-    scores: NDArray[np.float64],
-    label_names: tuple[str, ...],
-    *,
-    loop_m: float = 0.0,
+    labeler: Any, method: Any, segments: Segments, scores: NDArray[np.float64]
 ) -> LabelingProblem:
     """The graph of a trajectory's segments with the mean scores (T, K) of their steps.
 
-    A chain, and for ``loop_m`` > 0 also links between passes of one spot.
+    A chain and, for ``loop_m`` > 0 and methods that label more than chains, links between passes of
+    one spot.
     """
-    means = segments.means(np.exp(scores))
-    return LabelingProblem(segments.graph(loop_m=loop_m), label_names, unary=np.log(means))
+    loop_m = 0.0 if traits_of(method).chains_only else labeler.loop_m
+    means, names = segments.means(np.exp(scores)), tuple(labeler.label_names)
+    return LabelingProblem(segments.graph(loop_m=loop_m), names, unary=np.log(means))
 
 
 def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:

@@ -12,7 +12,7 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.node_features import NodeSegments
+from pgm_places.spaces.cell_features import NodeSegments
 
 _PAIR = ("corridor", "room")
 """Only these change places: doorways keep their cells, and other labels need not follow spaces."""

@@ -10,7 +10,6 @@ from typing import Any
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
@@ -307,8 +306,7 @@ class Teacher:
         graph, scores = labeler.scores(
             used, methods=[method], known=known.on_cells, own=self._rows(labeler)
         )
-        layout = graph.layout
-        assert isinstance(layout, GridLayout)  # scores() made it from a grid
+        layout = graph.grid_layout
         model, doorways = labeler.unary_model_.space, None
         if scores.spaces is not None and model is not None and model.gates is not None:
             doorways = scores.spaces.doorways

@@ -6,7 +6,7 @@ from numpy.typing import DTypeLike, NDArray
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.spaces.node_features import NodeFeatures
+from pgm_places.spaces.cell_features import NodeFeatures
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 

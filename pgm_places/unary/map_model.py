@@ -19,8 +19,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.spaces.cell_features import NodeSegments
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.node_features import NodeSegments
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
 from pgm_places.unary.feature_tables import iter_features
 from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
@@ -197,7 +197,7 @@ class UnaryModel:
             The laser and custom features of the nodes that are needed, where they are known from
             before, and the scores that follow from them.
         """
-        layout, n = _grid_layout(graph), graph.n_nodes
+        layout, n = graph.grid_layout, graph.n_nodes
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
         second = self.context_classifier if "context" in unaries else None
@@ -298,12 +298,3 @@ class UnaryModel:
             scores = context_part.scores(means)
             scores += context[nodes, : len(scores)].T
             context[nodes] = on_labels(second, second.log_histogram_of(scores), self.n_labels)
-
-
-def _grid_layout(graph: LabelGraph) -> GridLayout:
-    if not isinstance(graph.layout, GridLayout):
-        raise InputError(
-            "cells can only be scored on a graph made by LabelGraph.from_grid; this one has "
-            f"{'no layout' if graph.layout is None else type(graph.layout).__name__}"
-        )
-    return graph.layout

@@ -12,8 +12,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.labelers.whole_spaces import with_whole_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.cell_features import CellFeatures
-from pgm_places.spaces.node_features import NodeFeatures, NodeSegments
+from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, NodeSegments
 from pgm_places.spaces.segmentation import Segmentation
 from tests.quick_labeler import places
 from tests.reference.whole_spaces import best_labels

@@ -15,10 +15,9 @@ from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces import cell_features
-from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, space_feature_names
 from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates
-from pgm_places.spaces.node_features import NodeFeatures
 from pgm_places.spaces.openings import Openings
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segment_features import (
