@@ -131,7 +131,7 @@ def by_teaching(
         if click is None:  # every place has been looked at: only crumbs are left
             break
         name = NAMES[int(person.truth[click][0])]
-        paint = paint.with_mask(click, name)
+        paint = paint.with_cells(np.argwhere(click), name)
         np.copyto(shown, person.truth, where=click)
         taught = teacher.teach(paint) if learns else teacher.label(paint)
         course.append(person.accuracy(taught.labels))

@@ -13,13 +13,16 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
 from pgm_places.evaluation.confusion import confusion_matrix, mean_of_defined, paired_labels, ratio
 
+# Rows of the reliability table.
+N_BINS = 10
+
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
     """How often predictions with a given confidence are correct.
 
     Confidence is the belief in the predicted label; bin ``b`` holds confidences from
-    ``b / n_bins`` up to ``(b + 1) / n_bins``.
+    ``b / 10`` up to ``(b + 1) / 10``.
 
     Parameters
     ----------
@@ -202,7 +205,6 @@ def evaluate(
     label_names: Sequence[str],
     *,
     beliefs: ArrayLike | None = None,
-    n_bins: int = 10,
 ) -> Evaluation:
     """The figures of merit of predicted labels.
 
@@ -216,8 +218,6 @@ def evaluate(
         The K labels.
     beliefs : (N, K) float, optional
         Probabilities of the labels, for the reliability of confidence.
-    n_bins : int
-        Rows of the reliability table.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def evaluate(
     table = None
     if beliefs is not None:
         array = finite_array("beliefs", beliefs, (len(true), size))
-        table = _reliability(true[known], chosen[known], array[known], n_bins)
+        table = _reliability(true[known], chosen[known], array[known])
     return Evaluation(label_names, confusion, table)
 
 
@@ -244,16 +244,13 @@ def _reliability(
     true: NDArray[np.int64],
     chosen: NDArray[np.int64],
     beliefs: NDArray[np.float64],
-    n_bins: int,
 ) -> Reliability:
-    if n_bins < 1:
-        raise InputError(f"n_bins must be at least 1, got {n_bins}")
     confidence = beliefs[np.arange(len(chosen)), chosen]
-    index = np.clip((confidence * n_bins).astype(np.int64), 0, n_bins - 1)
+    index = np.clip((confidence * N_BINS).astype(np.int64), 0, N_BINS - 1)
     return Reliability(
-        np.bincount(index, minlength=n_bins),
-        np.asarray(np.bincount(index, weights=confidence, minlength=n_bins), np.float64),
-        np.bincount(index[true == chosen], minlength=n_bins),
+        np.bincount(index, minlength=N_BINS),
+        np.asarray(np.bincount(index, weights=confidence, minlength=N_BINS), np.float64),
+        np.bincount(index[true == chosen], minlength=N_BINS),
     )
 
 

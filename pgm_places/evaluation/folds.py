@@ -59,9 +59,11 @@ def contiguous_parts(
     return parts
 
 
-def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
-    """Block numbers of the cells of several masks, map after map."""
-    return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
+def groups_of(fold: int | None, places: NDArray[np.integer], n_folds: int) -> NDArray[np.int64]:
+    """The fold of each place: that of its building, or of the contiguous part that it is in."""
+    if fold is None:
+        return contiguous_blocks(places, n_folds)
+    return np.full(len(places), fold, np.int64)
 
 
 def building_folds(
@@ -73,10 +75,12 @@ def building_folds(
     meant for new buildings must learn from scores on new buildings.
     """
     folds = fold_of_buildings(map_buildings(maps), n_folds)
-    if folds[0] is None:
-        return fold_groups(masks, n_folds)
-    sizes = [int(mask.sum()) for mask in masks]
-    return np.repeat(np.array(folds, np.int64), sizes)
+    return np.concatenate(
+        [
+            groups_of(fold, np.argwhere(mask), n_folds)
+            for fold, mask in zip(folds, masks, strict=True)
+        ]
+    )
 
 
 def map_buildings(maps: Sequence[LabelledMap]) -> list[str]:

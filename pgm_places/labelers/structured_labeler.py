@@ -13,7 +13,7 @@ from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.node_weights import weights_of
-from pgm_places.inference.problem import LabelingProblem, listed_problems
+from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers import structured_learning
 from pgm_places.labelers.labeler import Labeler
@@ -171,7 +171,7 @@ class StructuredLabeler(Labeler):
         self.check_options()
         methods = {name: as_backend(method) for name, method in methods.items()}
         y, by_name = numbered(X, y)
-        problems, truths = structured_learning.checked(X, y)
+        problems, truths = zip(*labelled_problems(X, y), strict=True)
         if not all(problem.graph.is_chain for problem in problems):
             for backend in methods.values():
                 check_labels_any_graph("the backend", backend, "a problem's graph")
@@ -183,7 +183,8 @@ class StructuredLabeler(Labeler):
                 f"no training node is labelled {missing[0]!r}: y never holds "
                 f"{names.index(missing[0])}; label some, or take the name out of label_names"
             )
-        seen, classifier, weights = problems, None, None
+        seen: Sequence[LabelingProblem] = problems
+        classifier, weights = None, None
         if sample_weight is not None:
             weights = weights_of(sample_weight, problems)
             learners = [item for item in methods.values() if isinstance(item, Learnable)]
@@ -192,14 +193,7 @@ class StructuredLabeler(Labeler):
         if self.classifier is not None:
             classifier = structured_learning.trained(self.classifier, problems, truths, weights)
             if self.learn_on == "out-of-fold":
-                seen = structured_learning.held_out_problems(
-                    self.classifier,
-                    problems,
-                    truths,
-                    weights,
-                    n_folds=self.n_folds,
-                    least=self.min_probability,
-                )
+                seen = structured_learning.held_out_problems(self, problems, truths, weights)
             else:
                 seen = [p.with_unary(self._unary(classifier, p)) for p in problems]
 
@@ -306,7 +300,7 @@ class StructuredLabeler(Labeler):
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
-        problems, truths = structured_learning.checked(X, numbered(X, y)[0])
+        problems, truths = zip(*labelled_problems(X, numbered(X, y)[0]), strict=True)
         labelings = [item.labels for item in self.label_all(problems)]
         result = evaluate(
             np.concatenate(truths), np.concatenate(labelings), problems[0].label_names

@@ -18,7 +18,7 @@ from pgm_places.errors import (
     shown,
 )
 from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.inference.problem import LabelingProblem
 
 UNKNOWN = (None, "")
 """What stands in place of a name where no label is known."""
@@ -85,15 +85,7 @@ def require_weighing(part: Any) -> None:
         )
 
 
-def checked(
-    problems: Sequence[LabelingProblem], labelings: Sequence[Truth]
-) -> tuple[list[LabelingProblem], list[Truth]]:
-    """Both as lists that belong together."""
-    pairs = labelled_problems(problems, labelings)
-    return [problem for problem, _ in pairs], [truth for _, truth in pairs]
-
-
-def counted(truths: list[Truth], weights: Weights) -> list[Truth]:
+def counted(truths: Sequence[Truth], weights: Weights) -> Sequence[Truth]:
     """The labellings without nodes of weight 0."""
     if weights is None:
         return truths
@@ -158,16 +150,13 @@ def log_probabilities(
 
 
 def held_out_problems(
-    unfitted: Any,
-    problems: Sequence[LabelingProblem],
-    truths: Sequence[Truth],
-    weights: Weights,
-    *,
-    n_folds: int,
-    least: float,
+    labeler: Any, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
 ) -> list[LabelingProblem]:
-    """The problems with unaries from classifiers that were fitted without those nodes."""
-    folds = _folds(problems, truths, n_folds)
+    """The problems with unaries from classifiers that were fitted without those nodes.
+
+    The classifier and how to hold out are those of a StructuredLabeler, which imports this module.
+    """
+    folds, least = _folds(problems, truths, labeler.n_folds), labeler.min_probability
     unaries = [np.zeros((p.graph.n_nodes, p.n_labels)) for p in problems]
     for fold in np.unique(np.concatenate(folds)):
         others = [
@@ -176,7 +165,7 @@ def held_out_problems(
         if (np.concatenate(others) < 0).all():
             raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
         _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
-        classifier = trained(unfitted, problems, others, weights)
+        classifier = trained(labeler.classifier, problems, others, weights)
         for problem, part, unary in zip(problems, folds, unaries, strict=True):
             held_out = part == fold
             if held_out.any():

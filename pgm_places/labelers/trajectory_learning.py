@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
+from pgm_places.evaluation.folds import fold_of_buildings, groups_of, map_buildings
 from pgm_places.features.own import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
@@ -97,9 +97,8 @@ def trajectory_examples(
     parts = [training_features(maps, sensor, features)] if maps else []
     buildings = [*map_buildings(maps), *(item.building for item in trajectories)]
     folds = fold_of_buildings(buildings, n_folds)
-    groups = [
-        _groups(fold, np.argwhere(mask), n_folds) for fold, mask in zip(folds, masks, strict=False)
-    ]
+    places = map(np.argwhere, masks)
+    groups = [groups_of(*both, n_folds) for both in zip(folds, places, strict=False)]
     steps = []
     with staged("scans of trajectories") as stage:
         for number, item in enumerate(trajectories):
@@ -114,7 +113,7 @@ def trajectory_examples(
             parts.append(np.concatenate([values, seen.spaces[known], columns[known]], axis=1))
             truths.append(labels[known])
             order = np.arange(len(known))[:, None]
-            groups.append(_groups(folds[len(maps) + number], order, n_folds))
+            groups.append(groups_of(folds[len(maps) + number], order, n_folds))
             steps.append(known)
             stage.update((number + 1) / len(trajectories))
     truth = np.concatenate(truths)
@@ -205,13 +204,6 @@ def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
         f"{type(method).__name__} is trained on labelled trajectories; pass some, or use the "
         "method 'hmm', for which maps suffice"
     )
-
-
-def _groups(fold: int | None, places: NDArray[np.int64], n_folds: int) -> NDArray[np.int64]:
-    """The fold of each place: that of its building, or of the contiguous part that it is in."""
-    if fold is None:
-        return contiguous_blocks(places, n_folds)
-    return np.full(len(places), fold, np.int64)
 
 
 def _labels(trajectory: Trajectory) -> NDArray[np.int64]:

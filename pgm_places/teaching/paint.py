@@ -155,11 +155,6 @@ class Paint:
         labels[r, c] = -1 if name is None else self._number(name)
         return replace(self, labels=labels)
 
-    def with_mask(self, mask: ArrayLike, name: str | None) -> Self:
-        """The paint with a mask (H, W) painted as ``name``; None wipes it."""
-        label = np.int16(-1 if name is None else self._number(name))
-        return replace(self, labels=np.where(np.asarray(mask, np.bool_), label, self.labels))
-
     def with_classes(self, classes: Sequence[str]) -> Self:
         """The same paint with other classes to choose from.
 

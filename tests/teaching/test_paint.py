@@ -100,7 +100,7 @@ def test_classes_are_added_and_only_unpainted_ones_are_dropped() -> None:
 
 
 def test_wiping_and_masks() -> None:
-    paint = painted().with_mask(np.ones(GRID.shape, bool), None)
+    paint = painted().with_cells(np.argwhere(np.ones(GRID.shape, bool)), None)
     assert not paint.painted.any()
     assert paint.with_cells([[0, 0]], "room").with_cells([[0, 0]], None).counts["room"] == 0
     with pytest.raises(LabelError, match="'attic' is not among the classes"):

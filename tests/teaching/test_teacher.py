@@ -97,7 +97,7 @@ def test_learning_from_nothing_but_paint() -> None:
     few = np.random.default_rng(0).random(grid.shape) < 0.02
     paint = pupil.blank()
     for label, name in enumerate(NAMES):
-        paint = paint.with_mask(few & grid.free & (truth == label), name)
+        paint = paint.with_cells(np.argwhere(few & grid.free & (truth == label)), name)
     taught = pupil.teach(paint)
     right = taught.labels == truth
     assert right[grid.free & (truth >= 0)].mean() > 0.9
@@ -117,8 +117,10 @@ def relabelled(share: float) -> Paint:
     west = np.zeros(grid.shape, np.bool_)
     west[:, : grid.shape[1] // 2] = True
     chosen = west & grid.free & (np.random.default_rng(1).random(grid.shape) < share)
-    paint = Paint.blank(grid.shape, NAMES).with_mask(chosen & (truth == 1), "corridor")
-    return paint.with_mask(chosen & (truth == 0), "room")
+    paint = Paint.blank(grid.shape, NAMES).with_cells(
+        np.argwhere(chosen & (truth == 1)), "corridor"
+    )
+    return paint.with_cells(np.argwhere(chosen & (truth == 0)), "room")
 
 
 @cache
