@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places.errors import InputError, ModelFileError
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
@@ -78,9 +78,7 @@ class BoostedList:
                     f"classifier {k} looks at feature {int(item.feature.max())}, "
                     f"but there are {self.n_features} features"
                 )
-        object.__setattr__(self, "classes", frozen(np.asarray(self.classes)))
-        object.__setattr__(self, "order", frozen(order))
-        object.__setattr__(self, "calibration", frozen(calibration))
+        set_fields(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
 
     @property
     def used_features(self) -> NDArray[np.int64]:

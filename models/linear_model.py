@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_type
+from pgm_places._checks import finite_array, integer_array, require_type, set_fields
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import Traits, learned
@@ -126,7 +126,7 @@ class LinearModel:
     def __post_init__(self) -> None:
         check_options(self)
         parse_node_features(self.node_features)
-        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
+        set_fields(self, edge_features=parse_edge_features(self.edge_features))
         if self.node_weights is not None:
             self._check_learned()
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places._core import sum_trees, sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
@@ -95,11 +95,9 @@ class StrongClassifier(Voters):
         polarity = integer_array("polarity", self.polarity, (size,), low=-1, high=2)
         if (polarity == 0).any():
             raise InputError("polarity must hold +1 or -1, got 0")
-        object.__setattr__(self, "feature", frozen(feature))
-        object.__setattr__(self, "polarity", frozen(polarity.astype(np.int8)))
+        set_fields(self, feature=feature, polarity=polarity.astype(np.int8))
         for name in ("threshold", "alpha"):
-            values = finite_array(name, getattr(self, name), (size,))
-            object.__setattr__(self, name, frozen(values))
+            set_fields(self, **{name: finite_array(name, getattr(self, name), (size,))})
 
     @property
     def cut(self) -> NDArray[np.float32]:

@@ -22,6 +22,12 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
+def set_fields(item: Any, **values: Any) -> None:
+    """Set fields of a frozen dataclass that is being made; arrays become read-only."""
+    for name, value in values.items():
+        object.__setattr__(item, name, frozen(value) if isinstance(value, np.ndarray) else value)
+
+
 def sealed(array: NDArray[Any]) -> NDArray[Any]:
     """The array itself, made read-only: for results that nobody else holds; saves a copy."""
     array.setflags(write=False)

@@ -30,6 +30,7 @@ from pgm_places._checks import (
     frozen,
     integer_array,
     is_sparse,
+    set_fields,
     stacked_rows,
 )
 from pgm_places._core import add_feature_difference, multiply_rows
@@ -87,8 +88,7 @@ class MarginProblem(ABC):
             raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
         if not (np.isfinite(self.penalty) and self.penalty > 0):
             raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
-        object.__setattr__(self, "labels", frozen(labels))
-        object.__setattr__(self, "loss", frozen(loss))
+        set_fields(self, labels=labels, loss=loss)
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
@@ -163,9 +163,7 @@ class MaxMarginProblem(MarginProblem):
         self._check_truth(self.n_labels)
         if self.sets is not None:
             self.sets.check_fits(n_nodes, self.n_labels)
-        object.__setattr__(self, "node_features", nodes)
-        object.__setattr__(self, "edges", frozen(edges.astype(np.int32, copy=False)))
-        object.__setattr__(self, "edge_features", frozen(features))
+        set_fields(self, node_features=nodes, edges=edges.astype(np.int32), edge_features=features)
 
     @property
     def n_nodes(self) -> int:

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import set_fields
 from pgm_places.datasets.bending import shifted
 from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.filling import draw_floor
@@ -66,7 +66,7 @@ class LabelledBuilding:
     name: str
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "labels", frozen(self.labels))
+        set_fields(self, labels=self.labels)
 
 
 @dataclass(frozen=True)

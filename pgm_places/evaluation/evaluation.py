@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
 from pgm_places.evaluation.confusion import confusion_matrix, mean_of_defined, paired_labels, ratio
@@ -93,8 +93,7 @@ class Evaluation:
             raise InputError(
                 "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
             )
-        object.__setattr__(self, "label_names", names)
-        object.__setattr__(self, "confusion", frozen(counts))
+        set_fields(self, label_names=names, confusion=counts)
 
     @classmethod
     def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, number_array, require_type
+from pgm_places._checks import finite_array, frozen, number_array, require_type, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph import edge_list
 from pgm_places.graph.cliques import Cliques
@@ -75,7 +75,7 @@ class LabelGraph:
             points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
             if points.shape[1] not in (2, 3):
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
-            object.__setattr__(self, "points_m", frozen(points))
+            set_fields(self, points_m=points)
         if self.cliques is not None:
             require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
             self.cliques.check_fits(self.n_nodes)

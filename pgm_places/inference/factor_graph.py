@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, frozen, integer_array, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
@@ -61,9 +61,8 @@ class FactorGraph:
             _factor(number, scope, table, sizes)
             for number, (scope, table) in enumerate(zip(scopes, tables, strict=True))
         ]
-        object.__setattr__(self, "n_labels", frozen(sizes))
-        object.__setattr__(self, "scopes", tuple(scope for scope, _ in checked))
-        object.__setattr__(self, "tables", tuple(frozen(table) for _, table in checked))
+        set_fields(self, n_labels=sizes, scopes=tuple(scope for scope, _ in checked))
+        set_fields(self, tables=tuple(frozen(table) for _, table in checked))
 
     @classmethod
     def of(

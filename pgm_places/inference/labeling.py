@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.inference.problem import LabelingProblem
@@ -87,14 +87,14 @@ class Labeling:
 
     def __post_init__(self) -> None:
         labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31, narrow=True)
-        object.__setattr__(self, "labels", frozen(labels))
+        set_fields(self, labels=labels)
         if self.beliefs is not None:
             beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"), dtype=None)
             parts = (beliefs[i : i + ROWS_AT_ONCE] for i in range(0, len(beliefs), ROWS_AT_ONCE))
             if any(np.abs(part.sum(axis=1) - 1).max() > 1e-6 for part in parts):
                 raise InputError("beliefs must sum to one in every row")
-            object.__setattr__(self, "beliefs", frozen(beliefs))
-        object.__setattr__(self, "info", MappingProxyType(dict(self.info)))
+            set_fields(self, beliefs=beliefs)
+        set_fields(self, info=MappingProxyType(dict(self.info)))
 
     def __repr__(self) -> str:
         parts = [f"{len(self.labels)} nodes", str(self.status)]

@@ -83,13 +83,13 @@ class LabelingProblem:
         names = tuple(str(name) for name in self.label_names)
         if len(names) < 1 or len(set(names)) != len(names):
             raise InputError(f"label_names must be at least one name, each once, got {list(names)}")
-        object.__setattr__(self, "label_names", names)
+        _checks.set_fields(self, label_names=names)
         n, e = self.graph.n_nodes, self.graph.n_edges
         if self.known is not None:
             known = _checks.integer_array("known", self.known, (n,), low=-1, high=len(names))
-            object.__setattr__(self, "known", _checks.frozen(known))
+            _checks.set_fields(self, known=known)
             if self.unary is None and self.node_features is None:
-                object.__setattr__(self, "unary", np.zeros((n, len(names))))
+                _checks.set_fields(self, unary=np.zeros((n, len(names))))
         self._check_cliques()
         if self.unary is None and self.node_features is None:
             raise InputError(
@@ -100,19 +100,19 @@ class LabelingProblem:
             unary = _checks.finite_array(
                 "unary", self.unary, (n, len(names)), dtype=None, allow_minus_inf=True
             )
-            object.__setattr__(self, "unary", _checks.frozen(unary))
+            _checks.set_fields(self, unary=unary)
             self._check_allowed()
         if self.node_features is not None:
             nodes = _checks.feature_rows("node_features", self.node_features, n)
-            object.__setattr__(self, "node_features", nodes)
+            _checks.set_fields(self, node_features=nodes)
         if self.edge_features is not None:
             edges = _checks.finite_array("edge_features", self.edge_features, (e, "F"))
-            object.__setattr__(self, "edge_features", _checks.frozen(edges))
+            _checks.set_fields(self, edge_features=edges)
 
     def _check_cliques(self) -> None:
         """Take the graph's cliques over, and refuse features that do not fit them."""
         if self.cliques is None:
-            object.__setattr__(self, "cliques", self.graph.cliques)
+            _checks.set_fields(self, cliques=self.graph.cliques)
         if self.cliques is not None:
             _checks.require_type(
                 "cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes"
@@ -130,7 +130,7 @@ class LabelingProblem:
                 f"clique_features must be at least 0, got {features.min():g}; split signed "
                 "features into a positive and a negative column"
             )
-        object.__setattr__(self, "clique_features", _checks.frozen(features))
+        _checks.set_fields(self, clique_features=features)
 
     def __repr__(self) -> str:
         given = [

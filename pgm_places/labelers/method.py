@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import set_fields
 from pgm_places.errors import ConfigError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build, traits_of
 from pgm_places.inference.labeling import Labeling, keep_evidence
@@ -53,7 +54,7 @@ class PlaceMethod:
     unary: Unary = "auto"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "backend", as_backend(self.backend))
+        set_fields(self, backend=as_backend(self.backend))
         check_options(self)
 
     @property

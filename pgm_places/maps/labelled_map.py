@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import set_fields
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -51,7 +51,7 @@ class LabelledMap:
                 f"{self.name}: labels must be integers of the map's shape {self.grid.shape}, got "
                 f"{labels.dtype} of shape {labels.shape}"
             )
-        object.__setattr__(self, "labels", frozen(labels.astype(np.int16)))
+        set_fields(self, labels=labels.astype(np.int16))
         window = self.window
         if window is not None:
             window = np.asarray(window, np.bool_)
@@ -60,7 +60,7 @@ class LabelledMap:
                     f"{self.name}: window must have the map's shape {self.grid.shape}, "
                     f"got {window.shape}"
                 )
-            object.__setattr__(self, "window", frozen(window))
+            set_fields(self, window=window)
 
     @cached_property
     def cells(self) -> NDArray[np.bool_]:

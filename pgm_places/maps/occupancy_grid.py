@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, sealed
+from pgm_places._checks import sealed, set_fields
 from pgm_places.errors import MapError
 
 _RESOLUTIONS_M = (1e-6, 1e3)
@@ -81,10 +81,9 @@ class OccupancyGrid:
                 f"origin_xy_m and yaw_rad must be three finite numbers up to {_FARTHEST:g}, got "
                 f"{pose}"
             )
-        object.__setattr__(self, "cells", frozen(cells.astype(np.int8, copy=False)))
-        object.__setattr__(self, "resolution_m", float(self.resolution_m))
-        object.__setattr__(self, "origin_xy_m", (float(pose[0]), float(pose[1])))
-        object.__setattr__(self, "yaw_rad", float(self.yaw_rad))
+        x, y, yaw = map(float, pose)
+        set_fields(self, resolution_m=float(self.resolution_m), origin_xy_m=(x, y), yaw_rad=yaw)
+        set_fields(self, cells=cells.astype(np.int8, copy=False))
 
     def __repr__(self) -> str:
         height, width = self.shape

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import sealed, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps._blocks import factor_between, holders
@@ -93,7 +93,7 @@ class Doorways:
             raise InputError(
                 f"place must have the map's shape {self.grid.shape}, got {self.place.shape}"
             )
-        object.__setattr__(self, "_runs", RasterRuns.of(self.place))
+        set_fields(self, _runs=RasterRuns.of(self.place))
         object.__delattr__(self, "place")
 
     def __getattr__(self, name: str) -> NDArray[Any]:

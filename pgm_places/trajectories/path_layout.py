@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, sealed
+from pgm_places._checks import finite_array, sealed, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -46,7 +46,7 @@ class PathLayout:
 
     def __post_init__(self) -> None:
         positions = finite_array("positions_m", self.positions_m, ("T", 2))
-        object.__setattr__(self, "positions_m", sealed(positions.copy()))
+        set_fields(self, positions_m=sealed(positions.copy()))
 
     @property
     def shape(self) -> tuple[int, int]:

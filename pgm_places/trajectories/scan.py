@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen
+from pgm_places._checks import finite_array, set_fields
 from pgm_places.errors import InputError
 
 _ANGLE_TOLERANCE_RAD = 2e-4  # a hundredth of a degree
@@ -58,9 +58,7 @@ class ScanGeometry:
                 "range limits must be finite metres with 0 <= range_min_m < range_max_m, got "
                 f"range_min_m {low:g} and range_max_m {high:g}"
             )
-        object.__setattr__(self, "angles_rad", frozen(angles))
-        object.__setattr__(self, "range_min_m", low)
-        object.__setattr__(self, "range_max_m", high)
+        set_fields(self, angles_rad=angles, range_min_m=low, range_max_m=high)
 
     def __repr__(self) -> str:
         return (
@@ -210,10 +208,8 @@ class Scan:
     odometry: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", float(self.time_s))
-        object.__setattr__(self, "pose", frozen(finite_array("pose", self.pose, (3,))))
+        set_fields(self, time_s=float(self.time_s), pose=finite_array("pose", self.pose, (3,)))
         ranges = finite_array("ranges_m", self.ranges_m, (self.geometry.n_beams,), dtype=np.float32)
-        object.__setattr__(self, "ranges_m", frozen(ranges))
+        set_fields(self, ranges_m=ranges)
         if self.odometry is not None:
-            odometry = frozen(finite_array("odometry", self.odometry, (3,)))
-            object.__setattr__(self, "odometry", odometry)
+            set_fields(self, odometry=finite_array("odometry", self.odometry, (3,)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.trajectories.scan import Scan, ScanGeometry
@@ -73,11 +73,9 @@ class Trajectory:
     def __post_init__(self) -> None:
         times = finite_array("times_s", self.times_s, ("T",))
         n_steps = len(times)
-        object.__setattr__(self, "times_s", frozen(times))
-        object.__setattr__(self, "poses", frozen(finite_array("poses", self.poses, (n_steps, 3))))
+        set_fields(self, times_s=times, poses=finite_array("poses", self.poses, (n_steps, 3)))
         if self.odometry is not None:
-            odometry = finite_array("odometry", self.odometry, (n_steps, 3))
-            object.__setattr__(self, "odometry", frozen(odometry))
+            set_fields(self, odometry=finite_array("odometry", self.odometry, (n_steps, 3)))
         self._check_scans(n_steps)
         self._check_labels(n_steps)
 
@@ -95,7 +93,7 @@ class Trajectory:
                 f"ranges_m must lie from 0 to range_max_m = {reach:g} m, got {ranges.min():g} to "
                 f"{ranges.max():g}; geometry.cleaned(readings) makes them so"
             )
-        object.__setattr__(self, "ranges_m", frozen(ranges))
+        set_fields(self, ranges_m=ranges)
 
     def _check_labels(self, n_steps: int) -> None:
         if (self.labels is None) != (self.label_names is None):
@@ -104,8 +102,7 @@ class Trajectory:
             return
         names = tuple(self.label_names)
         labels = integer_array("labels", self.labels, (n_steps,), low=-1, high=len(names))
-        object.__setattr__(self, "labels", frozen(labels))
-        object.__setattr__(self, "label_names", names)
+        set_fields(self, labels=labels, label_names=names)
 
     def __len__(self) -> int:
         return len(self.times_s)

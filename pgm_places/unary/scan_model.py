@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, set_fields
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
@@ -257,8 +257,7 @@ class ScanModel:
                 "columns"
             )
         needed = self.classifier.used_features
-        object.__setattr__(self, "needed", needed)
-        object.__setattr__(self, "short_list", self.classifier.restricted(needed))
+        set_fields(self, needed=needed, short_list=self.classifier.restricted(needed))
 
     @property
     def n_spaces(self) -> int:

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places.errors import InputError
 
 N_IMAGES = 8
@@ -123,9 +123,7 @@ class ObjectCounts:
             raise InputError("counts need object_names, one per column")
         counts = integer_array("counts", self.counts, (len(times), len(names)), low=0, high=MOST)
         order = np.argsort(times, kind="stable")
-        object.__setattr__(self, "times_s", frozen(times[order]))
-        object.__setattr__(self, "counts", frozen(counts[order]))
-        object.__setattr__(self, "object_names", names)
+        set_fields(self, times_s=times[order], counts=counts[order], object_names=names)
 
     def __len__(self) -> int:
         return len(self.times_s)
