@@ -1,18 +1,17 @@
 """``pgm-places label`` with many maps, ``pgm-places index``, and the workers that both ask for."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pgm_places._option_marks import Ge, Le
-from pgm_places.cli.arguments import Force, Quiet
+from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
-from pgm_places.options import Positive
+from pgm_places.options import Positive, Whole
 
 if TYPE_CHECKING:
     from pgm_places.batch.found_maps import FoundMaps, Shard
@@ -76,6 +75,49 @@ _MOST_NAMES = 10
 
 
 @dataclass(frozen=True)
+class LabelFlags:
+    """The flags of one map and of many.
+
+    Parameters
+    ----------
+    maps
+        map_server maps, folders to look through, or quoted patterns.
+    doorways : gates|labels
+        What separates places: gates, if the model finds any, or cells labelled as doorways; by
+        default, as set in the model's [topology].
+    halls : corridor|room|hall
+        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
+        set in the model's [labels].
+    doorway_depth_m : M
+        How deep doorways are labelled along the passage; by default, as in the maps that the model
+        learned from (m).
+    corrections : FILE.png|FILE.geojson
+        Known labels of a single map: a label image of its size, or polygons and lines in metres
+        with a property 'class'. Every method keeps them.
+    max_cells
+        Largest number of cells that a map coarser than the model is split into; 100 million by
+        default.
+    outputs : pictures,probabilities|none
+        What to write besides labels and places; both by default.
+    """
+
+    maps: Annotated[list[str], Argument("MAP.yaml...")]
+    out: Out
+    model: Model = "default"
+    method: Method = None
+    doorways: str | None = None
+    halls: str | None = None
+    doorway_depth_m: Positive | None = None
+    corrections: Path | None = None
+    unknown_value: UnknownValue = None
+    max_cells: Whole | None = None
+    outputs: str | None = None
+    force: Force = False
+    n_threads: Threads = None
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True)
 class BatchOptions:
     """The flags that only a batch has.
 
@@ -103,38 +145,34 @@ class BatchOptions:
 
 
 def label_many(
-    arguments: Sequence[str],
-    out: Path,
+    asked: LabelFlags,
     options: "LabelOptions",
     workers: WorkerOptions,
     batch: BatchOptions,
-    *,
-    force: bool,
-    n_threads: int | None,
     progress: "Progress",
 ) -> None:
-    """Label the maps that arguments name; the exit code says whether one failed."""
+    """Label the maps that are asked for; the exit code says whether one failed."""
     from pgm_places.batch.batch_folder import recorded_root
     from pgm_places.batch.found_maps import Shard, find_maps
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
-    found = find_maps(arguments, out, root=recorded_root(out))
+    found = find_maps(asked.maps, asked.out, root=recorded_root(asked.out))
     if found.n_passed_over:
         n = found.n_passed_over
         say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
     if batch.dry_run:
-        _say_plan(found, out, options, shard, only_failed=batch.retry_failed)
+        _say_plan(found, asked.out, options, shard, only_failed=batch.retry_failed)
         return
     from pgm_places.batch.label_batch import label_batch
 
-    processes, threads = make_workers(workers, len(found.maps), n_threads)
+    processes, threads = make_workers(workers, len(found.maps), asked.n_threads)
     done = label_batch(
         found,
-        out,
+        asked.out,
         options,
         processes,
         n_threads=threads,
-        force=force,
+        force=asked.force,
         shard=shard,
         only_failed=batch.retry_failed,
         limit_s=batch.time_limit_s,

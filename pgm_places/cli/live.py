@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option
-from pgm_places.cli.flags import option_flags
+from pgm_places.cli.flags import grouped, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import ConfigError
@@ -26,29 +27,9 @@ if TYPE_CHECKING:
 PLACES_FILE = "places.jsonl"
 
 
-@option_flags("node", NodeOptions)
-@option_flags("options", LiveOptions)
-def live(
-    replay: Path | None = None,
-    dds: bool = False,
-    local: bool = False,
-    interface: str | None = None,
-    peers: Annotated[list[str] | None, Option("--peer")] = None,
-    session: Path | None = None,
-    seconds: AtLeastZero | None = None,
-    model: Model = "default",
-    method: Method = None,
-    out: Annotated[Path | None, Option("--out", "-o")] = None,
-    max_range_m: AtLeastZero | None = None,
-    *,
-    node: NodeOptions,
-    options: LiveOptions,
-    jsonl: bool = False,
-    force: Force = False,
-    n_threads: Threads = None,
-    quiet: Quiet = False,
-) -> None:
-    """Label the places of a robot as it drives and maps. One line for each change of place.
+@dataclass(frozen=True)
+class LiveFlags:
+    """What is asked of a robot and of a replay.
 
     Parameters
     ----------
@@ -73,39 +54,41 @@ def live(
     jsonl
         Print each line as a JSON object.
     """
-    if dds == (replay is not None):
+
+    replay: Path | None = None
+    dds: bool = False
+    local: bool = False
+    interface: str | None = None
+    peers: Annotated[list[str] | None, Option("--peer")] = None
+    session: Path | None = None
+    seconds: AtLeastZero | None = None
+    model: Model = "default"
+    method: Method = None
+    out: Annotated[Path | None, Option("--out", "-o")] = None
+    max_range_m: AtLeastZero | None = None
+    jsonl: bool = False
+    force: Force = False
+    n_threads: Threads = None
+    quiet: Quiet = False
+
+
+@option_flags("node", NodeOptions)
+@option_flags("options", LiveOptions)
+@grouped("asked", LiveFlags)
+def live(asked: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
+    """Label the places of a robot as it drives and maps. One line for each change of place."""
+    if asked.dds == (asked.replay is not None):
         raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
-    for flag, is_given in (("--interface", interface), ("--peer", peers), ("--local", local)):
-        if is_given and not dds:
-            raise ConfigError(f"{flag} is for a robot: pass --dds with it")
-    asked = _Asked(options, model, method, session, jsonl, n_threads, quiet)
-    if replay is None:
-        _run_robot(asked, node, DdsNetwork(local, interface or "", tuple(peers or ())), seconds)
+    given = {"--interface": asked.interface, "--peer": asked.peers, "--local": asked.local}
+    for flag in [flag for flag, value in given.items() if value and not asked.dds]:
+        raise ConfigError(f"{flag} is for a robot: pass --dds with it")
+    if asked.replay is None:
+        _run_robot(asked, node, options)
     else:
-        _run_replay(asked, replay, node.map_topic, max_range_m, out, force=force)
+        _run_replay(asked, asked.replay, node.map_topic, options)
 
 
-class _Asked(NamedTuple):
-    """What is asked of a robot and of a replay alike."""
-
-    options: LiveOptions
-    model: str
-    method: str | None
-    session: Path | None
-    json_lines: bool
-    n_threads: int | None
-    quiet: bool
-
-
-def _run_replay(
-    asked: _Asked,
-    log: Path,
-    map_topic: str,
-    max_range_m: float | None,
-    out: Path | None,
-    *,
-    force: bool,
-) -> None:
+def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.live.place_memory import PlaceMemory
@@ -113,21 +96,20 @@ def _run_replay(
     from pgm_places.report.outputs import LIVE
 
     memory = PlaceMemory() if asked.session is None else read_session(asked.session)
-    run = _replay(asked, log, map_topic, max_range_m, memory)
+    run = _replay(asked, log, map_topic, options, memory)
     with ExitStack() as stack:
         files = None
-        if out is not None:
-            files = stack.enter_context(output_set(out, "live", names=LIVE, force=force))
-        _say_all(run, None if files is None else files.stage, asked.json_lines)
+        if asked.out is not None:
+            aside = output_set(asked.out, "live", names=LIVE, force=asked.force)
+            files = stack.enter_context(aside)
+        _say_all(run, None if files is None else files.stage, asked.jsonl)
     if asked.session is not None:
         write_session(asked.session, memory)
     if files is not None:
         say_written(files)
 
 
-def _run_robot(
-    asked: _Asked, node: NodeOptions, network: DdsNetwork, seconds: float | None
-) -> None:
+def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> None:
     """``pgm-places live --dds``."""
     for module in ("cyclonedds", "rosbags"):
         needed(module, extra="dds", purpose="live --dds")
@@ -135,12 +117,13 @@ def _run_robot(
     from pgm_places.live.map_process import MapProcess
     from pgm_places.live.place_finder import PlaceFinder
 
+    network = DdsNetwork(asked.local, asked.interface or "", tuple(asked.peers or ()))
     network.config()  # refused before anything is started
     progress = make_progress(quiet=asked.quiet)
 
     def show(found: "FoundPlace") -> None:
         if found.changed:
-            say(_place_line(found, asked.json_lines))
+            say(_place_line(found, asked.jsonl))
 
     desk = MapProcess(
         asked.model, method=asked.method, n_threads=asked.n_threads, session=asked.session
@@ -148,12 +131,10 @@ def _run_robot(
     try:
         with progress.stage("model"):
             tracker = pp.TrajectoryLabeler.from_places(pp.trained_labeler(asked.model))
-            finder = PlaceFinder(tracker, asked.options)
+            finder = PlaceFinder(tracker, options)
             finder.warm_up()
-        robot = DdsNode(
-            finder, desk, progress.warn, node, asked.options, on_place=show, network=network
-        )
-        robot.run(float("inf") if seconds is None else seconds)
+        robot = DdsNode(finder, desk, progress.warn, node, options, on_place=show, network=network)
+        robot.run(float("inf") if asked.seconds is None else asked.seconds)
     except KeyboardInterrupt:
         if not asked.quiet:
             complain("stopped")
@@ -162,7 +143,7 @@ def _run_robot(
 
 
 def _replay(
-    asked: _Asked, log: Path, map_topic: str, max_range_m: float | None, memory: "PlaceMemory"
+    asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceMemory"
 ) -> "Replay":
     """The log, with the maps that it holds in the frame of its poses."""
     from pgm_places.io.logs.map_messages import read_map_messages
@@ -175,12 +156,12 @@ def _replay(
     with progress.stage("log"):
         maps = list(read_map_messages(log, map_topic))
         frame = maps[0].frame if maps else None
-        loaded = read_trajectory(log, range_max_m=max_range_m, fixed_frame=frame)
+        loaded = read_trajectory(log, range_max_m=asked.max_range_m, fixed_frame=frame)
     for message in loaded.warnings:
         progress.warn(message)
-    finder = PlaceFinder(pp.TrajectoryLabeler.from_places(labeler), asked.options)
+    finder = PlaceFinder(pp.TrajectoryLabeler.from_places(labeler), options)
     live_map = LiveMap(labeler, method=asked.method, memory=memory, n_threads=asked.n_threads)
-    run = Replay(loaded.trajectory, finder, live_map, asked.options, maps)
+    run = Replay(loaded.trajectory, finder, live_map, options, maps)
     if run.counts_metres:
         n_stamps = len(set(run.drive.times_s.tolist()))
         progress.warn(
