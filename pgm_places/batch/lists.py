@@ -50,10 +50,7 @@ class Lists:
     """
 
     def __init__(
-        self,
-        out: Path,
-        names: Iterable[str] | None = None,
-        put: Callable[[], None] | None = None,
+        self, out: Path, names: Iterable[str] | None = None, put: Callable[[], None] | None = None
     ) -> None:
         self.out, self._put = out, put
         self._summary = GrowingTable(out / SUMMARY_FILE, _FIRST, _LAST)

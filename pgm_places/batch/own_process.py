@@ -83,10 +83,7 @@ class OwnProcess:
     """
 
     def __init__(
-        self,
-        n_threads: int = 1,
-        memory_bytes: int | None = None,
-        idle_s: float | None = None,
+        self, n_threads: int = 1, memory_bytes: int | None = None, idle_s: float | None = None
     ) -> None:
         self._n_threads, self._memory_bytes, self._idle_s = n_threads, memory_bytes, idle_s
         self._lock, self._ended = threading.Lock(), False

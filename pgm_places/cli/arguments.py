@@ -12,15 +12,13 @@ Place = Annotated[str, Argument(metavar="PLACE", help="Name or id of a place.")]
 
 Out = Annotated[Path, Option("--out", "-o", help="Folder for the results; created if needed.")]
 Cache = Annotated[
-    Path | None,
-    Option(metavar="DIR", help="Cache the features of training maps in this folder."),
+    Path | None, Option(metavar="DIR", help="Cache the features of training maps in this folder.")
 ]
 Threads = Annotated[
     Whole | None, Option("--threads", help="Number of threads; all cores by default.")
 ]
 Model = Annotated[
-    str,
-    Option("--model", "-m", help="Folder written by 'train', or the name of a shipped model."),
+    str, Option("--model", "-m", help="Folder written by 'train', or the name of a shipped model.")
 ]
 Method = Annotated[str | None, Option(help="Method of the model; its last one by default.")]
 UnknownValue = Annotated[

@@ -51,11 +51,7 @@ class Option:
     """
 
     def __init__(
-        self,
-        *flags: str,
-        help: str = "",
-        metavar: str = "",
-        usual: bool | str | None = None,
+        self, *flags: str, help: str = "", metavar: str = "", usual: bool | str | None = None
     ) -> None:
         self.flags, self.help, self.metavar, self.usual = flags, help, metavar, usual
 

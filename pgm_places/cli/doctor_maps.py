@@ -140,12 +140,7 @@ def _table(rows: Sequence[_Row], speed: Speed | None) -> str:
 
 
 def _row(
-    name: str,
-    path: Path,
-    labeler: pp.PlaceLabeler,
-    unknown_value: UnknownGrey | None,
-    *,
-    fix: bool,
+    name: str, path: Path, labeler: pp.PlaceLabeler, unknown_value: UnknownGrey | None, *, fix: bool
 ) -> _Row:
 
     kept = []

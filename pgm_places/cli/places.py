@@ -245,9 +245,7 @@ def _values(texts: Sequence[str]) -> dict[str, float]:
 
 
 def where(
-    folder: Places,
-    x: Annotated[float, Argument("X")],
-    y: Annotated[float, Argument("Y")],
+    folder: Places, x: Annotated[float, Argument("X")], y: Annotated[float, Argument("Y")]
 ) -> None:
     """Show the place at a position. The exit code is 1 if there is none.
 
@@ -275,11 +273,7 @@ if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap
 
 
-def rename(
-    folder: Places,
-    place: Place,
-    name: Annotated[str, Argument("NAME")],
-) -> None:
+def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
     """Give a place a name of your own, in place_names.yaml.
 
     Parameters
@@ -297,11 +291,7 @@ def rename(
     say(f"place {number} is called {name!r} (in {path})")
 
 
-def merge(
-    folder: Places,
-    first: Place,
-    second: Annotated[str, Argument("OTHER")],
-) -> None:
+def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")]) -> None:
     """Merge two places into one. It keeps the id and the name of the first.
 
     Parameters

@@ -68,11 +68,7 @@ def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Tra
     for message in warnings[len(read.warnings) :]:
         progress.warn(message)
     labeling = labeler.label(
-        trajectory,
-        known_map=given.grid,
-        map_prior=given.prior,
-        extra=extra,
-        progress=progress,
+        trajectory, known_map=given.grid, map_prior=given.prior, extra=extra, progress=progress
     )
     impossible = labeling.info.get("impossible", [])
     if impossible:

@@ -125,10 +125,7 @@ def as_unreadable(path: Path | str, error: type[InputError]) -> Iterator[None]:
 
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
     """The content of a file; parameters and errors are those of :func:`read_text`."""
-    with (
-        open_input(path, error, what, max_bytes=max_bytes) as file,
-        as_unreadable(path, error),
-    ):
+    with open_input(path, error, what, max_bytes=max_bytes) as file, as_unreadable(path, error):
         data = file.read(max_bytes + 1)
     if len(data) > max_bytes:  # it has grown since, or has no size, as in /proc
         raise error(f"{path}: larger than {max_bytes} bytes; expected {what}")

@@ -106,11 +106,7 @@ class PlaceFinder:
             self._ask_map(self._online)
 
     def step(
-        self,
-        scan: Scan,
-        robot: NDArray[np.float64] | None = None,
-        *,
-        now_s: float | None = None,
+        self, scan: Scan, robot: NDArray[np.float64] | None = None, *, now_s: float | None = None
     ) -> FoundPlace:
         """The place after one more scan.
 

@@ -211,9 +211,7 @@ def _row_by_label(method: MethodResult, comparison: Comparison) -> list[_Cell]:
     ]
 
 
-def _by_split(
-    comparison: Comparison,
-) -> list[tuple[str, list[tuple[Evaluation, bool]]]]:
+def _by_split(comparison: Comparison) -> list[tuple[str, list[tuple[Evaluation, bool]]]]:
     """By split, each method's evaluation and whether no other one is more accurate there."""
     found = {method.id: comparison.by_split(method) for method in comparison.methods}
     rows = []

@@ -75,10 +75,7 @@ class Layers:
     """
 
     def __init__(
-        self,
-        grid: OccupancyGrid,
-        paint: NDArray[np.int16],
-        given: Mapping[str, NDArray[np.int16]],
+        self, grid: OccupancyGrid, paint: NDArray[np.int16], given: Mapping[str, NDArray[np.int16]]
     ) -> None:
         self.grid = grid
         self.truth = next(iter(given.values()), None)

@@ -51,10 +51,7 @@ class Shelf:
     """
 
     def __init__(
-        self,
-        books: Sequence[Book],
-        folder: Path,
-        export_folders: ExportFolders | None = None,
+        self, books: Sequence[Book], folder: Path, export_folders: ExportFolders | None = None
     ) -> None:
         self.books, self.folder, self.closing = tuple(books), folder, False
         self.export_folders = export_folders or ExportFolders.started_here()

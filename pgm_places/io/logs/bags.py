@@ -19,11 +19,7 @@ from pgm_places.trajectories.trajectory import Trajectory
 _SCANS = "sensor_msgs/msg/LaserScan"
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_POSES = (
-    _ODOMETRY,
-    "geometry_msgs/msg/PoseStamped",
-    "geometry_msgs/msg/PoseWithCovarianceStamped",
-)
+_POSES = (_ODOMETRY, "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 _ORIGIN = np.zeros(3)
 
 

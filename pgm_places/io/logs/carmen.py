@@ -278,10 +278,7 @@ def iter_carmen_scans(
 
 
 def read_carmen(
-    path: Path | str,
-    *,
-    laser: Laser = "front",
-    range_max_m: float | None = None,
+    path: Path | str, *, laser: Laser = "front", range_max_m: float | None = None
 ) -> LoadedLog:
     """The trajectory in a CARMEN log, plain or gzip, with warnings about the file.
 

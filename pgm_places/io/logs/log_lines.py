@@ -72,10 +72,7 @@ class LogLines:
 
 
 def follow_lines(
-    stream: BinaryIO,
-    *,
-    poll_s: float | None = 0.2,
-    is_over: Callable[[], bool] = lambda: False,
+    stream: BinaryIO, *, poll_s: float | None = 0.2, is_over: Callable[[], bool] = lambda: False
 ) -> Iterator[bytes]:
     """Complete lines of a file that is still growing, or of standard input, as they come.
 

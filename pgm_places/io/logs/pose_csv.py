@@ -26,10 +26,7 @@ _LABEL = ("label", "place")
 
 
 def read_pose_csv(
-    path: Path | str,
-    *,
-    label_column: str | None = None,
-    label_names: Sequence[str] | None = None,
+    path: Path | str, *, label_column: str | None = None, label_names: Sequence[str] | None = None
 ) -> LoadedLog:
     """The trajectory in a table of comma-separated values with a header line.
 

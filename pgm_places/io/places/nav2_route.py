@@ -14,10 +14,7 @@ Feature = dict[str, Any]
 
 
 def route_features(
-    topology: TopologicalMap,
-    routes: RouteGraph,
-    *,
-    speeds_m_s: Mapping[str, float] | None = None,
+    topology: TopologicalMap, routes: RouteGraph, *, speeds_m_s: Mapping[str, float] | None = None
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
 
@@ -92,10 +89,7 @@ def _edges(
 ) -> list[Feature]:
     features: list[Feature] = []
     for edge in routes.edges:
-        metadata = {
-            **_place(topology, edge.region),
-            "clearance_m": round(edge.clearance_m, DIGITS),
-        }
+        metadata = {**_place(topology, edge.region), "clearance_m": round(edge.clearance_m, DIGITS)}
         places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
         known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
         # Floats: Nav2 keeps the type that a number has in the file, and asks for a float only.

@@ -92,9 +92,7 @@ def _occupancy_grid(ros: ROS, topology: TopologicalMap) -> Any:
     height, width = grid.shape
     x, y = grid.origin_xy_m
     origin = ros.new(
-        "geometry_msgs/msg/Pose",
-        position=ros.point(x, y, 0.0),
-        orientation=ros.turn(grid.yaw_rad),
+        "geometry_msgs/msg/Pose", position=ros.point(x, y, 0.0), orientation=ros.turn(grid.yaw_rad)
     )
     return ros.new(
         _GRID_TYPE,

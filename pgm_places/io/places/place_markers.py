@@ -81,9 +81,7 @@ class ROS:
             type=getattr(cls, kind),
             action=cls.ADD,
             pose=self.new(
-                "geometry_msgs/msg/Pose",
-                position=self.point(*at),
-                orientation=self.turn(0.0),
+                "geometry_msgs/msg/Pose", position=self.point(*at), orientation=self.turn(0.0)
             ),
             scale=self.new("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
             color=colour,
