@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.live.dds_bus import DdsBus
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsBus, DdsNetwork
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import NodeOptions
 from tests.live import test_waiting

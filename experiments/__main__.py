@@ -26,7 +26,7 @@ from experiments.section_tables import (
     paper_table,
     section_tables,
 )
-from pgm_places.cli.progress import LineProgress
+from pgm_places.cli.terminal import LineProgress
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import load_config

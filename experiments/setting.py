@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from experiments.paper.setting import Setting, data_folder
-from pgm_places.cli.progress import LineProgress
+from pgm_places.cli.terminal import LineProgress
 
 
 def asked_setting(what: str | None) -> Setting:

@@ -16,7 +16,7 @@ import argparse
 from pathlib import Path
 
 from experiments.paper.setting import data_folder
-from pgm_places.cli.progress import LineProgress
+from pgm_places.cli.terminal import LineProgress
 
 STEPS = ("floors", "train", "measure", "doors", "plans", "kinds", "ship")
 

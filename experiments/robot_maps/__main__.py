@@ -17,7 +17,7 @@ from experiments.paper.setting import data_folder
 from experiments.robot_maps.catalogue import GROUPS, robot_maps, training_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
-from pgm_places.cli.progress import LineProgress
+from pgm_places.cli.terminal import LineProgress
 from pgm_places.trained import DEFAULT, trained_labeler
 
 

@@ -1,7 +1,7 @@
 """Labelling many maps: tasks for workers, and the lists of what became of them."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,11 +53,15 @@ class LabelledBatch:
 
     def summary(self) -> str:
         """One line: how many maps were labelled, had been before, and failed."""
-        n_all = self.n_labelled + self.n_kept + self.n_failed
-        parts = [f"{self.n_labelled:,} labelled"]
-        parts += [f"{self.n_kept:,} done before"] if self.n_kept else []
-        parts += [f"{self.n_failed:,} failed"] if self.n_failed else []
-        return f"{n_all:,} map{'' if n_all == 1 else 's'}: {', '.join(parts)}"
+        counts = {"labelled": self.n_labelled, "done before": self.n_kept, "failed": self.n_failed}
+        return _counted(counts)
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    """How many maps there are, and of each kind; the first kind is told even where it has none."""
+    n_all = sum(counts.values())
+    listed = [f"{n:,} {words}" for k, (words, n) in enumerate(counts.items()) if n or not k]
+    return f"{n_all:,} map{'' if n_all == 1 else 's'}: {', '.join(listed)}"
 
 
 def maps_to_do(
@@ -265,11 +269,9 @@ class Plan:
 
     def summary(self) -> str:
         """One line."""
-        n_all = len(self.to_label) + len(self.done) + len(self.refused)
-        parts = [f"{len(self.to_label):,} to label"]
-        parts += [f"{len(self.done):,} done before"] if self.done else []
-        parts += [f"{len(self.refused):,} refused"] if self.refused else []
-        return f"{n_all:,} map{'' if n_all == 1 else 's'}: {', '.join(parts)}; nothing was written"
+        named = {"to label": self.to_label, "done before": self.done, "refused": self.refused}
+        counts = {words: len(names) for words, names in named.items()}
+        return f"{_counted(counts)}; nothing was written"
 
     def lists(self) -> Iterator[tuple[str, Sequence[str]]]:
         """What is worth naming, with a title each."""

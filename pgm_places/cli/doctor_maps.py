@@ -8,9 +8,8 @@ import pgm_places as pp
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.ready_model import LabelOptions, ready_model
-from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line, text_table
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import MapError, OutputError
 from pgm_places.io.maps.map_pixels import FREE_THRESH
 from pgm_places.io.maps.map_server import MapFile, correct_free_thresh

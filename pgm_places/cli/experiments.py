@@ -10,9 +10,8 @@ from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Argument
 from pgm_places.cli.flags import grouped
 from pgm_places.cli.label_many import WorkerOptions, make_workers
-from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
-from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.options import Seed
 

@@ -7,8 +7,7 @@ import pgm_places as pp
 from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.inputs import read_map
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import make_progress, say
 
 
 def explain(

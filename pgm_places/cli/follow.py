@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pgm_places as pp
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.cli.track_inputs import TrackInputs, stored_model
 from pgm_places.cli.track_log import write
 from pgm_places.cli.track_options import TrackOptions

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 from pgm_places.cli.flags import GivenOptions, grouped, named_as_flags, option_flags
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.label_many import BatchOptions, LabelFlags, WorkerOptions, label_many
-from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.spaces.entered_options import EnteredOptions
 

@@ -8,8 +8,7 @@ from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import InputError
 from pgm_places.options import Positive, Whole
 

@@ -11,10 +11,9 @@ from pgm_places._extras import needed
 from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option
 from pgm_places.cli.flags import grouped, option_flags
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import ConfigError
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsNetwork
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.options import AtLeastZero
 

@@ -10,8 +10,7 @@ from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownVa
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import GivenOptions, option_flags
 from pgm_places.cli.inputs import read_labels, read_map
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions

@@ -10,8 +10,7 @@ from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.inputs import read_labels, read_map
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, Seed, UnknownGrey, Whole

@@ -10,8 +10,7 @@ from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.inputs import read_labels, read_map
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:

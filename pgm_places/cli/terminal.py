@@ -1,12 +1,18 @@
-"""What the commands print: text that does nothing to a terminal, whoever named the places."""
+"""What the commands print, which does nothing to a terminal, whoever named the places; progress."""
 
 import contextlib
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pgm_places.errors import OutputError, printable
+from pgm_places.progress import Silent, Stage
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
+    from rich.progress import Progress
+
     from pgm_places.io.output_set import OutputSet
 
 _LONGEST = 2000
@@ -49,3 +55,68 @@ def complain(message: str) -> None:
         text = f"{text[:_LONGEST]} ..."
     with contextlib.suppress(OSError, ValueError):  # it is full or closed: nobody to tell
         print(text, file=sys.stderr, flush=True)  # noqa: T201  the command line speaks
+
+
+def make_progress(*, quiet: bool) -> "BarProgress | QuietProgress":
+    """Bars if standard error is a terminal, lines if it is not, only warnings if ``quiet``."""
+    if quiet:
+        return QuietProgress()
+    return BarProgress() if sys.stderr.isatty() else LineProgress()
+
+
+class QuietProgress(Silent):
+    """Warnings only."""
+
+    def warn(self, message: str) -> None:
+        """Print the warning."""
+        warn(message)
+
+
+class LineProgress(QuietProgress):
+    """One line per stage when it ends, for logs and pipes."""
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        """Print the stage's name and its seconds when it ends."""
+        start = time.perf_counter()
+        yield Silent()
+        complain(f"{name}: {time.perf_counter() - start:.1f} s")
+
+
+class _Bar:
+    def __init__(self, progress: "Progress", task: int) -> None:
+        self._progress, self._task = progress, task
+
+    def update(self, fraction: float, note: str = "") -> None:
+        fields = {"note": note} if note else {}
+        self._progress.update(self._task, completed=fraction, **fields)  # type: ignore[arg-type]
+
+
+class BarProgress:
+    """One bar per stage; finished stages stay as a line with their time."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+
+        self._console = Console(stderr=True)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        """Show a bar until the stage ends."""
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (
+            TextColumn("{task.description:<28}"),
+            BarColumn(bar_width=30),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[note]}"),
+        )
+        with Progress(*columns, console=self._console) as progress:
+            task = progress.add_task(name, total=1.0, note="")
+            yield _Bar(progress, task)
+            progress.update(task, completed=1.0)
+
+    def warn(self, message: str) -> None:
+        """Print the warning above the bars."""
+        text = printable(f"warning: {message}")
+        self._console.print(text, style="yellow", markup=False, highlight=False)

@@ -3,8 +3,7 @@
 import pgm_places as pp
 from pgm_places.batch.map_files import write_labelled
 from pgm_places.cli.flags import named_as_flags
-from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.cli.track_inputs import map_of
 from pgm_places.cli.track_log import folder_for, read_log, summary, write
 from pgm_places.cli.track_options import TrackOptions

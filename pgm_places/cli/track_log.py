@@ -3,9 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.cli.track_inputs import TrackInputs
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError

@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable
 
 from pgm_places.errors import ConfigError
-from pgm_places.live.dds_bus import DdsBus
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsBus, DdsNetwork
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import LogError
 from pgm_places.io.logs.map_messages import MapMessage
@@ -66,19 +65,16 @@ class Replay:
         driven_m = np.bincount(stamp[:-1], self.drive.step_lengths_m)
         return float(driven_m.max(initial=0.0)) > LONGEST_STAMP_M
 
-    def _clock(self) -> NDArray[np.float64]:
-        """(T,) the seconds by which options are measured."""
-        if not self.counts_metres:
-            return self.drive.times_s
-        return np.concatenate([[0.0], np.cumsum(self.drive.step_lengths_m)])
-
     def __iter__(self) -> Iterator[FoundPlace | LiveLabels]:
         """The place of each scan, and between them the maps as they are labelled."""
         ranges, geometry = self.drive.ranges_m, self.drive.geometry
         assert ranges is not None and geometry is not None  # checked above
         maps = _Sent(self.maps) if self.maps else _Drawn(self.drive)
         labelled_s = -np.inf
-        for step, now_s in enumerate(self._clock().tolist()):
+        clock_s = self.drive.times_s  # by which options are measured
+        if self.counts_metres:
+            clock_s = np.concatenate([[0.0], np.cumsum(self.drive.step_lengths_m)])
+        for step, now_s in enumerate(clock_s.tolist()):
             scan = Scan(self.drive.times_s[step], self.drive.poses[step], ranges[step], geometry)
             maps.add(scan)
             if now_s - labelled_s >= self.options.relabel_min_period_s:

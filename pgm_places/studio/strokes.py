@@ -78,15 +78,20 @@ def stroke_cells(
     >>> stroke_cells(line, grid).tolist()
     [[0, 0, 2]]
     """
+    points = np.array(stroke.points)[:, ::-1] - 0.5  # whole numbers are the centres of cells
     if stroke.tool == "rectangle":
-        return _inside_rectangle(stroke.points, grid)
+        # A centre on the left or lower border is inside, one on the right or upper border is not.
+        corners = np.ceil(points)
+        first, last = (_clipped(corner, grid.shape) for corner in (corners.min(0), corners.max(0)))
+        return runs_of_mask(grid.free[first[0] : last[0], first[1] : last[1]], first)
     if stroke.tool == "polygon":
-        return _inside_polygon(stroke.points, grid)
+        ring = grid.cell_centres_m([*points, points[0]])
+        rows, columns, mask = rasterize_polygon([ring], grid)
+        return runs_of_mask(mask & grid.free[rows, columns], (rows.start, columns.start))
     if stroke.tool == "doorway":
         ends = doorway_ends(stroke.points, grid, limits)
     else:
-        ends = np.array([_centred(point) for point in stroke.points])
-        ends = ends if len(ends) > 1 else ends.repeat(2, axis=0)
+        ends = points if len(points) > 1 else points.repeat(2, axis=0)
     return _near(np.hstack([ends[:-1], ends[1:]]), max(stroke.radius, 0.5), grid)
 
 
@@ -96,11 +101,6 @@ def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -
     ends = (tuple(map(tuple, grid.points_at_m(line).tolist())) for line in lines)
     strokes = (Stroke(tool="doorway", points=points, radius=radius) for points in ends)
     return np.concatenate([stroke_cells(stroke, grid, limits) for stroke in strokes])
-
-
-def _centred(point: tuple[float, float]) -> tuple[float, float]:
-    """A point as row and column, whole numbers being the centres of cells."""
-    return (point[1] - 0.5, point[0] - 0.5)
 
 
 def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDArray[np.int64]:
@@ -124,23 +124,6 @@ def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDAr
         covered = np.cumsum(turns[:, :-1], axis=1, dtype=np.int32) > 0
         runs.append(runs_of_mask(covered & grid.free[rows, left:right], (row, left)))
     return np.concatenate(runs)
-
-
-def _inside_rectangle(
-    points: Sequence[tuple[float, float]], grid: OccupancyGrid
-) -> NDArray[np.int64]:
-    # A centre on the left or lower border is inside, one on the right or upper border is not.
-    corners = np.ceil([_centred(point) for point in points])
-    first, last = (_clipped(corner, grid.shape) for corner in (corners.min(0), corners.max(0)))
-    return runs_of_mask(grid.free[first[0] : last[0], first[1] : last[1]], first)
-
-
-def _inside_polygon(
-    points: Sequence[tuple[float, float]], grid: OccupancyGrid
-) -> NDArray[np.int64]:
-    ring = np.array([_centred(point) for point in (*points, points[0])])
-    rows, columns, mask = rasterize_polygon([grid.cell_centres_m(ring)], grid)
-    return runs_of_mask(mask & grid.free[rows, columns], (rows.start, columns.start))
 
 
 def _clipped(point_rc: NDArray[np.float64], shape: tuple[int, int]) -> tuple[int, int]:

@@ -7,8 +7,7 @@ from typing import Any
 
 from pgm_places.errors import InputError
 from pgm_places.live.live_map import LiveMap
-from pgm_places.live.map_labeller import MapLabeller
-from pgm_places.live.map_process import MapAnswer
+from pgm_places.live.map_process import MapAnswer, MapLabeller
 from pgm_places.live.ros_codec import RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.trajectories.trajectory import Trajectory

@@ -29,8 +29,7 @@ __all__ = ["run"]
 
 pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 
-from pgm_places.live.dds_bus import DdsBus
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsBus, DdsNetwork
 
 PATIENCE_S = 120.0
 """What a machine that is busy with other things may take."""

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pgm_places.errors import ConfigError
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsNetwork
 from tests.real_data import ROOT
 
 SPACE = "{https://cdds.io/config}"
@@ -67,7 +67,7 @@ TALK = """
 import sys, time
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsBus
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsNetwork
 
 domain, interface, seconds = int(sys.argv[1]), sys.argv[2], float(sys.argv[3])
 peers = ("127.0.0.1",) if interface else ()

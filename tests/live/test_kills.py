@@ -25,8 +25,7 @@ pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 if not Path("/proc/self/task").is_dir():
     pytest.skip("processes are looked up in /proc", allow_module_level=True)
 
-from pgm_places.live.dds_bus import DdsBus
-from pgm_places.live.dds_network import DdsNetwork
+from pgm_places.live.dds_bus import DdsBus, DdsNetwork
 
 PATIENCE_S = 240.0
 

@@ -13,8 +13,14 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.live.live_map import LiveMap
-from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
-from pgm_places.live.map_process import MOST_STARTS, NICENESS, MapAnswer, MapProcess
+from pgm_places.live.map_process import (
+    MOST_STARTS,
+    NICENESS,
+    LabelledMapMessages,
+    MapAnswer,
+    MapLabeller,
+    MapProcess,
+)
 from pgm_places.live.session_file import read_session
 from pgm_places.persistence.stored import save
 from tests.drives import building

@@ -141,6 +141,7 @@ def write_filter_mask(
     values: Mapping[str, float] | None = None,
     robot_radius_m: float = 0.0,
     lies_in: Path | None = None,
+    parameters: dict[str, Any] | None = None,
 ) -> list[Path]:
     """Write ``<stem>.png``, ``<stem>.yaml`` and ``<stem>_params.yaml``; the paths.
 
@@ -165,6 +166,8 @@ def write_filter_mask(
         For ``keepout``: the areas grow by as much, so that no part of the robot gets into them.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved: Nav2 wants an absolute path.
+    parameters : dict, optional
+        Takes the parameters; no file of them is written then.
 
     Raises
     ------
@@ -173,32 +176,9 @@ def write_filter_mask(
     OutputError
         Where a file cannot be written.
     """
-    target = Path(stem)
-    paths, parameters = mask_files(
-        target, topology, kind, values=values, robot_radius_m=robot_radius_m, lies_in=lies_in
-    )
-    listed = yaml.safe_dump(parameters, sort_keys=False, allow_unicode=True)
-    given = _named(topology, None) if values is None else values
-    legend = ", ".join(f"{value:g} {printable(name)}" for name, value in given.items())
-    text = f"# values: 0 nothing, {legend}\n{listed}"
-    return [*paths, write_text(target.with_name(f"{target.name}_params.yaml"), text)]
-
-
-def mask_files(
-    stem: Path,
-    topology: TopologicalMap,
-    kind: FilterKind,
-    *,
-    values: Mapping[str, float] | None = None,
-    robot_radius_m: float = 0.0,
-    lies_in: Path | None = None,
-) -> tuple[list[Path], dict[str, Any]]:
-    """The mask's picture and YAML file, written, and its parameters.
-
-    All as :func:`write_filter_mask` writes it.
-    """
     from PIL import Image
 
+    target = Path(stem)
     if kind not in TYPES:
         raise InputError(f"kind must be one of {', '.join(TYPES)}, got {kind!r}")
     if values is None and kind != "zones":
@@ -211,17 +191,21 @@ def mask_files(
     if robot_radius_m:
         mask = _grown(mask, robot_radius_m / topology.grid.resolution_m)
     content = raster_png(Image.fromarray(np.ascontiguousarray(mask[::-1])))
-    image_path = write_bytes(stem.with_name(f"{stem.name}.png"), content)
+    image_path = write_bytes(target.with_name(f"{target.name}.png"), content)
     yaml_path = write_description(image_path, topology.grid, "raw")
     named = {number: _state_name(topology, coded, number) for number in np.unique(mask).tolist()}
-    parameters = filter_parameters(
-        kind,
-        stem.name,
-        (lies_in or stem.parent).resolve() / yaml_path.name,
-        multiplier=multiplier,
-        states={name: number for number, name in named.items() if number},
-    )
-    return [image_path, yaml_path], parameters
+    home, states = lies_in or target.parent, {s: number for number, s in named.items() if number}
+    mask_yaml = home.resolve() / yaml_path.name
+    found = filter_parameters(kind, target.name, mask_yaml, multiplier=multiplier, states=states)
+    if parameters is not None:
+        parameters.update(found)
+        return [image_path, yaml_path]
+    listed = yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
+    given = _named(topology, None) if values is None else values
+    legend = ", ".join(f"{value:g} {printable(name)}" for name, value in given.items())
+    text = f"# values: 0 nothing, {legend}\n{listed}"
+    params_path = write_text(target.with_name(f"{target.name}_params.yaml"), text)
+    return [image_path, yaml_path, params_path]
 
 
 def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int], float]:

@@ -9,7 +9,7 @@ import yaml
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.map_server import save_map
-from pgm_places.io.places.filter_masks import FilterKind, mask_files
+from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.route_graph import RouteGraph
@@ -105,10 +105,10 @@ def write_nav2(
         masks.append(("speed-m-s", speeds, 0.0))
     for kind, values, radius_m in masks:
         name = kind.replace("-", "_")
-        paths, parameters = mask_files(
-            folder / name, topology, kind, values=values, robot_radius_m=radius_m, lies_in=home
-        )
-        written += paths
+        parameters: dict[str, Any] = {}
+        options: dict[str, Any] = {"robot_radius_m": radius_m, "parameters": parameters}
+        stem = folder / name
+        written += write_filter_mask(stem, topology, kind, values=values, lies_in=home, **options)
         for server, executable in zip(SERVERS, ("map_server", SERVERS[1]), strict=True):
             own = f"{name}_{server}"
             servers.append(("nav2_map_server", executable, own))

@@ -90,10 +90,6 @@ def _latched() -> Any:
 def _occupancy_grid(ros: ROS, topology: TopologicalMap) -> Any:
     grid = topology.grid
     height, width = grid.shape
-    x, y = grid.origin_xy_m
-    origin = ros.new(
-        "geometry_msgs/msg/Pose", position=ros.point(x, y, 0.0), orientation=ros.turn(grid.yaw_rad)
-    )
     return ros.new(
         _GRID_TYPE,
         header=ros.header(),
@@ -103,7 +99,7 @@ def _occupancy_grid(ros: ROS, topology: TopologicalMap) -> Any:
             resolution=grid.resolution_m,
             width=width,
             height=height,
-            origin=origin,
+            origin=ros.pose(*grid.origin_xy_m, 0.0, grid.yaw_rad),
         ),
         data=class_grid(topology).ravel(),
     )

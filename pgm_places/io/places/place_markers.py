@@ -54,6 +54,11 @@ class ROS:
         z, w = float(np.sin(yaw_rad / 2)), float(np.cos(yaw_rad / 2))
         return self.new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
 
+    def pose(self, x: float, y: float, z: float, yaw_rad: float = 0.0) -> Any:
+        """A pose that stands upright."""
+        at, turn = self.point(x, y, z), self.turn(yaw_rad)
+        return self.new("geometry_msgs/msg/Pose", position=at, orientation=turn)
+
     def colour(self, rgb: Sequence[float], alpha: float = 1.0) -> Any:
         """A colour; parts from 0 to 1."""
         r, g, b = rgb
@@ -74,15 +79,14 @@ class ROS:
         """A marker of a kind such as ``"LINE_LIST"``; it stays until it is replaced."""
         cls = self.types["visualization_msgs/msg/Marker"]
         x, y, z = scale
+        nothing = np.zeros(0, np.uint8)
         return cls(
             header=self.header(),
             ns=space,
             id=number,
             type=getattr(cls, kind),
             action=cls.ADD,
-            pose=self.new(
-                "geometry_msgs/msg/Pose", position=self.point(*at), orientation=self.turn(0.0)
-            ),
+            pose=self.pose(*at),
             scale=self.new("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
             color=colour,
             lifetime=self.new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
@@ -91,17 +95,12 @@ class ROS:
             colors=[],
             texture_resource="",
             texture=self.new(
-                "sensor_msgs/msg/CompressedImage",
-                header=self.header(),
-                format="",
-                data=np.zeros(0, np.uint8),
+                "sensor_msgs/msg/CompressedImage", header=self.header(), format="", data=nothing
             ),
             uv_coordinates=[],
             text=text,
             mesh_resource="",
-            mesh_file=self.new(
-                "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
-            ),
+            mesh_file=self.new("visualization_msgs/msg/MeshFile", filename="", data=nothing),
             mesh_use_embedded_materials=False,
         )
 
