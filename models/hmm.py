@@ -290,7 +290,7 @@ class HiddenMarkovModel(StepFilter, Options):
         contradicts = problem.evidence[impossible]
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
-            chain = self._explained(problem.graph, observed, everything_possible=True)
+            chain = self._all_possible._explained(problem.graph, observed)
         info: dict[str, Any] = {}
         if isinstance(chain, ChainPath):
             labels, beliefs, status = chain.labels, None, Status.EXACT
@@ -312,27 +312,19 @@ class HiddenMarkovModel(StepFilter, Options):
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
     def _explained(
-        self, graph: LabelGraph, observed: NDArray[np.float64], *, everything_possible: bool = False
+        self, graph: LabelGraph, observed: NDArray[np.float64]
     ) -> ChainBeliefs | ChainPath:
-        """What the mode's algorithm finds; where everything is possible, nothing has weight 0."""
+        """What the mode's algorithm finds."""
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
         methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
-        start, tables = self._start(), self._transitions
-        if everything_possible:
-            start, tables = possible(start), possible(tables)
-        return methods[self.mode](start, tables, observed, actions=self._actions(graph))
+        actions = np.where(self._moved(graph), MOVE, STAY)
+        return methods[self.mode](self._start(), self._transitions, observed, actions=actions)
 
     def _next(
-        self,
-        observed: NDArray[np.float64],
-        state: Any,
-        moved_m: float | None,
-        *,
-        everything_possible: bool = False,
+        self, observed: NDArray[np.float64], state: Any, moved_m: float | None
     ) -> tuple[NDArray[np.float64], Any, bool]:
         stays = moved_m is not None and moved_m < self.stay_below_m
-        forward = self._filters[everything_possible]
-        belief, was_possible = forward.step(observed, state, STAY if stays else MOVE)
+        belief, was_possible = self._filter.step(observed, state, STAY if stays else MOVE)
         return belief, belief, was_possible
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -374,10 +366,13 @@ class HiddenMarkovModel(StepFilter, Options):
         return confusion, finite_array("prior", self.prior, (len(confusion),))
 
     @cached_property
-    def _filters(self) -> tuple[ForwardFilter, ForwardFilter]:
-        """As learned, and where everything is possible."""
-        start, tables = self._start(), self._transitions
-        return ForwardFilter(start, tables), ForwardFilter(possible(start), possible(tables))
+    def _filter(self) -> ForwardFilter:
+        return ForwardFilter(self._start(), self._transitions)
+
+    @cached_property
+    def _all_possible(self) -> Self:
+        move, stay = possible(self._transitions)
+        return replace(self, initial=possible(self._start()), transition=move, stay=stay)
 
     @cached_property
     def _transitions(self) -> NDArray[np.float64]:
@@ -389,7 +384,3 @@ class HiddenMarkovModel(StepFilter, Options):
 
     def _moved(self, graph: LabelGraph) -> NDArray[np.bool_]:
         return moved_steps(graph, self.stay_below_m)
-
-    def _actions(self, graph: LabelGraph) -> NDArray[np.int64]:
-        """(T - 1,) MOVE or STAY between each step and the next."""
-        return np.where(self._moved(graph), MOVE, STAY)

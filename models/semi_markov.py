@@ -246,22 +246,17 @@ class SemiMarkovModel(HiddenMarkovModel):
         return replace(self, fitted_weights=weights_at(self.fitted_weights, from_m, to_m)), 0.0
 
     def _next(
-        self,
-        observed: NDArray[np.float64],
-        state: SemiMarkovState | None,
-        moved_m: float | None,
-        *,
-        everything_possible: bool = False,
+        self, observed: NDArray[np.float64], state: SemiMarkovState | None, moved_m: float | None
     ) -> tuple[NDArray[np.float64], SemiMarkovState, bool]:
-        chain = self._chain_of_possible if everything_possible else self._chain
         stays = state is None or moved_m is None or moved_m < self.stay_below_m
-        after, was_possible = chain.step(observed, state, 0.0 if stays else float(moved_m or 0.0))
+        driven = 0.0 if stays else float(moved_m or 0.0)
+        after, was_possible = self._chain.step(observed, state, driven)
         return after.belief, after, was_possible
 
     def _explained(
-        self, graph: LabelGraph, observed: NDArray[np.float64], *, everything_possible: bool = False
+        self, graph: LabelGraph, observed: NDArray[np.float64]
     ) -> ChainBeliefs | ChainPath:
-        chain = self._chain_of_possible if everything_possible else self._chain
+        chain = self._chain
         moved = np.linalg.norm(np.diff(_positions(graph), axis=0), axis=1)
         moved[moved < self.stay_below_m] = 0.0
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
@@ -282,14 +277,12 @@ class SemiMarkovModel(HiddenMarkovModel):
         return SemiMarkovChain(self._start(), self._durations.leaving, edges, self._durations.rates)
 
     @cached_property
-    def _chain_of_possible(self) -> SemiMarkovChain:
-        """The same where nothing that evidence may call for has probability 0."""
-        edges = EDGES_M if self.edges_m is None else self.edges_m
-        durations = self._durations
-        away = np.where(np.eye(len(durations.leaving)) > 0, 0.0, possible(durations.leaving))
-        if len(away) == 1:
-            away = durations.leaving
-        return SemiMarkovChain(possible(self._start()), away, edges, possible(durations.rates))
+    def _all_possible(self) -> Self:
+        rates, leaving = self._durations
+        if len(leaving) > 1:
+            leaving = np.where(np.eye(len(leaving)) > 0, 0.0, possible(leaving))
+        start = possible(self._start())
+        return replace(self, initial=start, rates=possible(rates), leaving=leaving)
 
 
 def _positions(graph: LabelGraph) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """Chains labelled online: one more observation at a time, each belief from the one before."""
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,20 +41,20 @@ class StepFilter(ABC):
             observed += finite_array("further", further, row.shape)
         belief, after, was_possible = self._next(observed, state, moved_m)
         if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
-            belief, after, _ = self._next(observed, state, moved_m, everything_possible=True)
+            belief, after, _ = self._all_possible._next(observed, state, moved_m)
         return belief, after, was_possible
 
     @abstractmethod
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden."""
 
+    @property
+    @abstractmethod
+    def _all_possible(self) -> Self:
+        """The same model, in which nothing that evidence may call for has probability 0."""
+
     @abstractmethod
     def _next(
-        self,
-        observed: NDArray[np.float64],
-        state: Any,
-        moved_m: float | None,
-        *,
-        everything_possible: bool = False,
+        self, observed: NDArray[np.float64], state: Any, moved_m: float | None
     ) -> tuple[NDArray[np.float64], Any, bool]:
-        """As :meth:`advance`, of checked log-likelihoods; nothing has weight 0 if so asked."""
+        """As :meth:`advance`, of checked log-likelihoods."""
