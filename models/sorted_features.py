@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import finite_array
 from pgm_places._core import bin_members, count_bins, join_bins, quantise
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts, run_tasks
 
 _N_BINS = 256
 _EDGE_SAMPLE = 4096  # examples whose values place the bins' edges
@@ -187,11 +187,10 @@ def _codes(
     n = len(rows)
     codes = np.empty((X.shape[1], n), np.uint8)
 
-    def work(task: int) -> None:
-        start = task * _ROWS_PER_TASK
-        quantise(X, rows, edges, start, min(start + _ROWS_PER_TASK, n), codes)
+    def work(part: slice) -> None:
+        quantise(X, rows, edges, part.start, part.stop, codes)
 
-    run_tasks(work, -(-n // _ROWS_PER_TASK), n_threads=n_threads)
+    run_parts(work, n, _ROWS_PER_TASK, n_threads=n_threads)
     return codes
 
 

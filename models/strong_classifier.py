@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import finite_array, integer_array, set_fields
 from pgm_places._core import sum_trees, sum_votes
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 
 _SAMPLES_PER_TASK = 8192
 
@@ -187,12 +187,11 @@ class VoteTable(NamedTuple):
         if X.dtype != np.float32 or not X.flags.c_contiguous:
             X = np.ascontiguousarray(X[:, self.columns], np.float32)
             self = self._replace(columns=np.arange(len(self.columns)))
-        n, size = len(X), _SAMPLES_PER_TASK
-        out = np.empty((len(self.first) - 1, n))
+        out = np.empty((len(self.first) - 1, len(X)))
         kernel: Any = sum_votes if self.cut.ndim == 1 else sum_trees
 
-        def work(task: int) -> None:
-            kernel(X, task * size, min((task + 1) * size, n), self, out)
+        def work(part: slice) -> None:
+            kernel(X, part.start, part.stop, self, out)
 
-        run_tasks(work, -(-n // size), n_threads=n_threads)
+        run_parts(work, len(X), _SAMPLES_PER_TASK, n_threads=n_threads)
         return out

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places import _core
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]
@@ -184,14 +184,13 @@ class StumpSearch:
         tables = self.prepared.tables
         n_tables = len(tables.cells)
 
-        def work(task: int) -> None:
-            first, last = task * _PER_TASK, min((task + 1) * _PER_TASK, n_tables)
-            sums = self.weighed.sums
-            _core.score_tables(first, last, tables, self.changed, self.cells, sums, self.best)
+        def work(part: slice) -> None:
+            where = part.start, part.stop, tables, self.changed, self.cells
+            _core.score_tables(*where, self.weighed.sums, self.best)
 
         n_changes = int(self.changed.spans[-1, 1])
         threads = self._threads_for(n_tables * n_changes)
-        run_tasks(work, -(-n_tables // _PER_TASK), n_threads=threads)
+        run_parts(work, n_tables, _PER_TASK, n_threads=threads)
 
     def _score_fine(self, best: int) -> NDArray[np.int64]:
         """Fill the fine histograms of all features that can reach the best score; return them."""

@@ -13,7 +13,7 @@ from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.pages import Planes
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.solvers import relaxation
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import OnIteration, Relaxed
@@ -257,14 +257,13 @@ def _fill(
     n_threads: int | None,
 ) -> Planes:
     """The store (K, M) with the beliefs of the start."""
-    store, parts = Planes((unary.shape[1], rows.n_cells), np.float32), list(_parts(cells))
+    store = Planes((unary.shape[1], rows.n_cells), np.float32)
 
-    def fill(task: int) -> None:
-        part = parts[task]
+    def fill(part: slice) -> None:
         beliefs = relaxation.starting_beliefs(unary[part], floor=floor, first_node=part.start)
         _core.place_beliefs(beliefs, cells[part], rows.index, store.array)
 
-    run_tasks(fill, len(parts), n_threads=n_threads)
+    run_parts(fill, len(cells), NODES_AT_ONCE, n_threads=n_threads)
     return store
 
 

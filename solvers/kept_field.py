@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import update_rows
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.solvers.schedule import until_at_rest
 
 MAX_BYTES = 1 << 28
@@ -118,11 +118,10 @@ class KeptField:
         """Update rows (n,) that do not touch; whether each holds other beliefs than it did."""
         differs = np.empty(len(rows), np.bool_)
 
-        def some(task: int) -> None:
-            for k in range(task * _ROWS_PER_TASK, min((task + 1) * _ROWS_PER_TASK, len(rows))):
-                differs[k] = self._updated_row(rule, number, int(rows[k]))
+        def some(part: slice) -> None:
+            differs[part] = [self._updated_row(rule, number, row) for row in rows[part].tolist()]
 
-        run_tasks(some, -(-len(rows) // _ROWS_PER_TASK), n_threads=n_threads)
+        run_parts(some, len(rows), _ROWS_PER_TASK, n_threads=n_threads)
         return differs
 
     def _updated_row(self, rule: "_Rule", number: int, row: int) -> bool:

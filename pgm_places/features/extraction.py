@@ -19,7 +19,7 @@ from pgm_places.features.beams import (
 )
 from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 
 __all__ = ["ScanExtractor", "Workspace", "extract", "extract_one", "resample_beams"]
 
@@ -153,9 +153,8 @@ def extract(
     n_tiles = min(TILES_PER_GROUP, -(-len(array) // LANES))
     idle: list[Workspace] = []
 
-    def work(task: int) -> None:
+    def work(part: slice) -> None:
         space = idle.pop() if idle else _workspace(n_tiles)
-        part = slice(task * SCANS_PER_TASK, (task + 1) * SCANS_PER_TASK)
         scans = array[part]
         if not as_they_are:
             scans = clean_beams(scans, max_range_m=max_range_m, invalid=invalid)
@@ -169,7 +168,7 @@ def extract(
             rows[:] = contiguous
         idle.append(space)
 
-    run_tasks(work, -(-len(array) // SCANS_PER_TASK), n_threads=n_threads)
+    run_parts(work, len(array), SCANS_PER_TASK, n_threads=n_threads)
     return result
 
 

@@ -11,7 +11,7 @@ from pgm_places._checks import ROWS_AT_ONCE, sealed
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.options import Positive
 
 Temperature = Positive | Literal["auto"]
@@ -52,11 +52,10 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
         return labeling
     beliefs, power = np.empty_like(labeling.beliefs), 1 / float(temperature)
 
-    def part(task: int) -> None:
-        rows = slice(task * ROWS_AT_ONCE, (task + 1) * ROWS_AT_ONCE)
+    def part(rows: slice) -> None:
         beliefs[rows] = _flattened(labeling.beliefs[rows], power)  # type: ignore[index]
 
-    run_tasks(part, -(-len(beliefs) // ROWS_AT_ONCE))
+    run_parts(part, len(beliefs), ROWS_AT_ONCE)
     return dataclasses.replace(labeling, beliefs=sealed(beliefs))
 
 

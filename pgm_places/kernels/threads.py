@@ -171,3 +171,14 @@ def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | Non
     """
     with Crew(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
         crew.run(work, n_tasks)
+
+
+def run_parts(
+    work: Callable[[slice], None], n_items: int, size: int, *, n_threads: int | None = None
+) -> None:
+    """Call ``work(part)`` for slices of at most ``size`` items, as :func:`run_tasks` does."""
+
+    def one(task: int) -> None:
+        work(slice(task * size, min((task + 1) * size, n_items)))
+
+    run_tasks(one, -(-n_items // size), n_threads=n_threads)

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_dilation
 from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
@@ -146,12 +146,11 @@ class GrowingFeatures:
         cells_rc = np.ascontiguousarray(cells_rc)
         reached = (row_of, self._reach, self._farthest)
 
-        def work(task: int) -> None:
-            first = task * _CELLS_PER_TASK
-            end = min(first + _CELLS_PER_TASK, len(cells_rc))
-            mark_stale(cells_rc, *reached, squares, self.sensor.n_beams, first, end, stale)
+        def work(part: slice) -> None:
+            some = self.sensor.n_beams, part.start, part.stop
+            mark_stale(cells_rc, *reached, squares, *some, stale)
 
-        run_tasks(work, -(-len(cells_rc) // _CELLS_PER_TASK), n_threads=self.n_threads)
+        run_parts(work, len(cells_rc), _CELLS_PER_TASK, n_threads=self.n_threads)
 
     def _cast(
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64], nodes: NDArray[np.int64]

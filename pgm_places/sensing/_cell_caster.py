@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places._core import add_noise, dda_from_centres
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.kernels.threads import resolve_threads, run_parts, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing import _sweep
 from pgm_places.sensing._beams import Beams
@@ -198,8 +198,7 @@ class CellCaster:
     def _in_parts(self, work: Callable[[Cells], None], cells: Cells) -> None:
         """Call ``work`` for the parts of a list of cells, spread over threads."""
 
-        def one(task: int) -> None:
-            part = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+        def one(part: slice) -> None:
             work(Cells(cells.rows[part], cells.columns[part], cells.nodes[part]))
 
-        run_tasks(one, ceil(len(cells.nodes) / _CELLS_PER_TASK), n_threads=self._n_threads)
+        run_parts(one, len(cells.nodes), _CELLS_PER_TASK, n_threads=self._n_threads)

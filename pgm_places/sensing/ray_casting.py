@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._core import dda_from_poses
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
@@ -246,8 +246,7 @@ class PoseCaster:
         headings = poses[:, 2] - grid.yaw_rad
         ranges = np.empty((len(poses), len(angles)), np.float32)
 
-        def cast(task: int) -> None:
-            part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
+        def cast(part: slice) -> None:
             dda_from_poses(
                 self._blocked,
                 _Poses(x[part], y[part], headings[part]),
@@ -258,7 +257,7 @@ class PoseCaster:
                 ranges[part],
             )
 
-        run_tasks(cast, -(-len(poses) // _POSES_PER_TASK), n_threads=n_threads)
+        run_parts(cast, len(poses), _POSES_PER_TASK, n_threads=n_threads)
         return ranges
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import integer_array
 from pgm_places._core import write_features
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.components import number_type
 from pgm_places.spaces.places import Places, place_features
 from pgm_places.spaces.relief import clearance_m
@@ -224,11 +224,10 @@ class CellFeatures:
         cells = watershed.checked(cells_rc)
         features = np.empty((len(cells), len(indices)), np.float32)
 
-        def take(task: int) -> None:
-            some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+        def take(some: slice) -> None:
             self.lookups.write(cells[some], *watershed.read(cells[some]), indices, features[some])
 
-        run_tasks(take, -(-len(cells) // _CELLS_PER_TASK), n_threads=n_threads)
+        run_parts(take, len(cells), _CELLS_PER_TASK, n_threads=n_threads)
         return features
 
     @cached_property

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_parts
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.spaces.cell_features import NodeFeatures
 from pgm_places.unary.kept_table import KeptTable
@@ -115,21 +115,20 @@ class SpaceList:
     def take(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
         """Score some nodes, doorways weighed by their gates."""
 
-        def score(task: int) -> None:
-            some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+        def score(some: slice) -> None:
             self.scores[nodes[some]] = self._scores(nodes[some], values[some])
 
-        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK))
+        run_parts(score, len(nodes), _CELLS_PER_TASK)
 
     def take_kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> None:
         """Score the nodes whose row or spaces are not those of before; weigh all by their gates."""
 
-        def score(task: int) -> None:
-            some = nodes[task * _CELLS_PER_TASK : (task + 1) * _CELLS_PER_TASK]
+        def score(part: slice) -> None:
+            some = nodes[part]
             self.scores[some] = self._weighed(some, self._kept(table, some))
 
         table.prepare(self.unary, len(self.of_spaces), self._n_classes)
-        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK))
+        run_parts(score, len(nodes), _CELLS_PER_TASK)
 
     def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
         """(n, K) what the list says of a few nodes, on one thread; notes which are halls."""
