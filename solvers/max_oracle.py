@@ -1,11 +1,11 @@
 """Maximisers of score plus loss for max-margin learning: a fast one, and a certified one."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.expansion import ExpansionGraph
 from pgm_places.solvers.max_margin import (
     MarginProblem,
@@ -96,7 +96,7 @@ def certify_weights(
     certificate = certify(
         problem,
         weights,
-        Augmented(graph.around, unary, agreement=agreement),
+        (unary, graph.around, agreement),
         quick.labels,
         accuracy=accuracy,
         max_iterations=max_iterations,
@@ -106,34 +106,24 @@ def certify_weights(
     return replace(certificate, labels=labels[: problem.n_nodes])
 
 
-@dataclass(frozen=True, eq=False)
-class Augmented:
-    """Score plus loss as potentials: ``agreement`` (E, K) or ``pairwise`` tables (E, K, K)."""
-
-    around: Adjacency
-    unary: NDArray[np.float64]
-    agreement: NDArray[np.float64] | None = None
-    pairwise: NDArray[np.float64] | None = None
-
-
 def certify(
     problem: MarginProblem,
     weights: NDArray[np.float64],
-    augmented: Augmented,
+    augmented: tuple[Any, ...],
     quick: NDArray[np.integer],
     *,
     accuracy: float = 1e-3,
     max_iterations: int = MAX_PASSES,
 ) -> Certificate:
-    """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle."""
-    pairs = augmented.agreement, augmented.pairwise
-    model = pairwise_model(augmented.unary, augmented.around, *pairs)
+    """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle.
+
+    The potentials are given as :func:`~pgm_places.solvers.trws.trws` takes them.
+    """
+    model = pairwise_model(*augmented)
     known = objective(problem, weights, hinge(problem, weights, total_score(model, quick)))
     slack = accuracy * known * problem.n_nodes / problem.penalty
     found = trws(
-        augmented.unary,
-        augmented.around,
-        *pairs,
+        *augmented,
         initial=quick,
         max_iterations=max_iterations,
         tolerance=slack / model.size if model.size > 0 else 0.0,

@@ -16,7 +16,7 @@ from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.max_margin import MarginProblem, Oracle
-from pgm_places.solvers.max_oracle import Augmented, Certificate, certify
+from pgm_places.solvers.max_oracle import Certificate, certify
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws
@@ -124,9 +124,7 @@ def table_oracle(field: TableField) -> Oracle:
     return best
 
 
-def certify_tables(
-    problem: TableMarginProblem, weights: NDArray[np.float64], *, accuracy: float = 1e-3
-) -> Certificate:
+def certify_tables(problem: TableMarginProblem, weights: NDArray[np.float64]) -> Certificate:
     """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
 
     As :func:`~pgm_places.solvers.max_oracle.certify_weights`, for tables.
@@ -134,6 +132,6 @@ def certify_tables(
     field = problem.field
     unary, tables = problem.augmented_potentials(weights)
     quick = best_labels(field, unary, tables, ORACLE_PASSES)
-    augmented = Augmented(field.whole, unary, pairwise=tables)
-    proof = certify(problem, weights, augmented, quick, accuracy=accuracy)
+    augmented = (unary, field.whole, None, tables)
+    proof = certify(problem, weights, augmented, quick)
     return replace(proof, labels=proof.labels[: field.n_nodes])
