@@ -1,18 +1,28 @@
-"""The folder that the results of many maps are written to: its names, its root, its claims."""
+"""The folder that the results of many maps are written to: its names, root, claims and index."""
 
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path, PurePosixPath
+from typing import Any
 
+from pgm_places._extras import needed
+from pgm_places.batch.far_maps import results_of
 from pgm_places.batch.found_maps import FoundMap
-from pgm_places.batch.lists import LISTS
-from pgm_places.batch.manifest import Failure
+from pgm_places.batch.lists import LISTS, Lists
+from pgm_places.batch.manifest import MANIFEST_FILE, Failure, LabelledRow, labelled_row
+from pgm_places.batch.overview import Overview
 from pgm_places.errors import InputError
-from pgm_places.io.atomic import write_json
-from pgm_places.io.input_file import is_address, read_json
+from pgm_places.io.atomic import atomic_file, write_json
+from pgm_places.io.far_files import address_of
+from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
+from pgm_places.io.output_set import claim
+from pgm_places.io.places.topology_files import MAX_BYTES, TOPOLOGY_FILE
 from pgm_places.io.staging import claimed, remove_leftovers
+from pgm_places.progress import Progress
 
 _RECORD = ".pgm-places-batch.json"
 _CLAIMS = ".pgm-places-claims"
@@ -80,3 +90,165 @@ def names_in_the_way(maps: Iterable[FoundMap]) -> Iterator[Failure]:
         if item.name in found:
             message = f"{item.path}: {found[item.name]}; rename the map or its folder"
             yield Failure(item.name, str(item.path), "MapError", message)
+
+
+@dataclass(frozen=True)
+class Index:
+    """What is in a folder, and the files that list it."""
+
+    overview: Overview
+    written: tuple[str, ...]
+
+
+def index_folder(
+    folder: Path, *, parquet: bool = False, force: bool = False, progress: Progress
+) -> Index:
+    """List all labelled maps below a folder, or behind an address.
+
+    Raises
+    ------
+    InputError
+        There is no such folder, or no labelled map in it; or Parquet cannot be written here.
+    OutputError
+        The lists cannot be written, or files of the user's own are in their way.
+    """
+    if is_address(folder):
+        wanted = (MANIFEST_FILE, TOPOLOGY_FILE) if parquet else (MANIFEST_FILE,)
+        shown = address_of(folder)
+        with results_of(folder, wanted, LISTS) as (here, put):
+            _check_holds_results(shown, here)
+            lists = Lists(here, put=put)
+            index = _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
+            put()  # the table of places as well
+        return index
+    out = user_path(folder, InputError)
+    if file_kind(out) != "folder":
+        raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
+    _check_holds_results(str(folder), out)
+    lists = Lists(claim(out, force=True))
+    return _listed(lists, str(folder), parquet, force=force, progress=progress)
+
+
+def _check_holds_results(shown: str, out: Path) -> None:
+    if next(_labelled(out), None) is None:
+        raise InputError(
+            f"{shown}: no labelled map below it (a folder with {MANIFEST_FILE}), as 'label' "
+            "writes them for many maps"
+        )
+
+
+def _listed(lists: Lists, shown: str, parquet: bool, *, force: bool, progress: Progress) -> Index:
+    """Make the lists of a folder on this machine, which is called as shown."""
+    lists.begin(force=force)
+    with progress.stage("labelled maps"):
+        overview = lists.rebuild(lambda: _labelled(lists.out))
+        lists.write_page(overview)
+    written = [path.name for path in lists.files()]
+    if parquet:
+        with progress.stage("places"):
+            names = (row.name for row, _ in _labelled(lists.out))
+            write_place_table(lists.out / PLACE_TABLE, lists.out, names)
+            written.append(PLACE_TABLE)
+    return Index(overview, tuple(f"{shown}/{name}" for name in written))
+
+
+def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:
+    """The labelled maps below a folder in order, each with the time that it was labelled at."""
+    root = recorded_root(out)
+    for folder, below, files in os.walk(out):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        name = Path(folder).relative_to(out).as_posix()
+        if MANIFEST_FILE not in files or name == ".":
+            continue
+        row = labelled_row(Path(folder), name)
+        if row is not None:
+            yield _in_root(row, root), (Path(folder) / MANIFEST_FILE).stat().st_mtime
+
+
+def _in_root(row: LabelledRow, root: Path | None) -> LabelledRow:
+    """The row with the path that its map has now, where the whole input was moved."""
+    moved = None if root is None else root / f"{row.name}.yaml"
+    return replace(row, map=str(moved)) if moved is not None and moved.exists() else row
+
+
+PLACE_TABLE = "places.parquet"
+
+_MAPS_AT_ONCE = 1000
+"""Maps whose places are held in memory, and make a group of rows of the file."""
+
+
+def write_place_table(path: Path, out: Path, names: Iterable[str]) -> Path:
+    """Write the places of maps; the path.
+
+    Columns: ``map`` (its name), ``place`` (its id), ``name``, ``label``, ``area_m2``,
+    ``confidence`` (null where unknown), ``doubtful_m2``, ``x_m`` and ``y_m`` (the anchor in the
+    map's frame), and ``connected_to`` (the ids of its neighbours).
+
+    Parameters
+    ----------
+    path : Path
+    out : Path
+        The folder of the results.
+    names : iterable of str
+        The maps, each with a folder below it.
+
+    Raises
+    ------
+    InputError
+        The extra ``tables`` is not installed.
+    OutputError
+        The file cannot be written.
+    """
+    arrow = needed("pyarrow", extra="tables", purpose="--parquet")
+    parquet = needed("pyarrow.parquet", extra="tables", purpose="--parquet")
+    schema = arrow.schema(
+        {
+            "map": arrow.string(),
+            "place": arrow.int32(),
+            "name": arrow.string(),
+            "label": arrow.string(),
+            "area_m2": arrow.float64(),
+            "confidence": arrow.float64(),
+            "doubtful_m2": arrow.float64(),
+            "x_m": arrow.float64(),
+            "y_m": arrow.float64(),
+            "connected_to": arrow.list_(arrow.int32()),
+        }
+    )
+    waiting = iter(names)
+    with atomic_file(path) as temporary, parquet.ParquetWriter(temporary, schema) as writer:
+        while some := list(islice(waiting, _MAPS_AT_ONCE)):
+            rows = [row for name in some for row in _places(out / name, name)]
+            writer.write_table(arrow.Table.from_pylist(rows, schema))
+    return path
+
+
+def _places(folder: Path, name: str) -> list[dict[str, Any]]:
+    """The places of one map; none where its file is damaged or gone."""
+    try:
+        wanted = "a topological map"
+        record = read_json(folder / TOPOLOGY_FILE, InputError, wanted, max_bytes=MAX_BYTES)
+        near: dict[int, set[int]] = {}
+        for item in record["connections"]:
+            near.setdefault(int(item["first"]), set()).add(int(item["second"]))
+            near.setdefault(int(item["second"]), set()).add(int(item["first"]))
+        return [_place(region, name, near) for region in record["regions"]]
+    except (InputError, LookupError, TypeError, ValueError):
+        return []
+
+
+def _place(region: dict[str, Any], name: str, near: dict[int, set[int]]) -> dict[str, Any]:
+    confidence, area_m2 = region["confidence"], float(region["area_m2"])
+    x_m, y_m = region["anchor_m"]
+    return {
+        "map": name,
+        "place": int(region["id"]),
+        "name": str(region["name"]),
+        "label": str(region["label"]),
+        "area_m2": area_m2,
+        "confidence": confidence,
+        "doubtful_m2": None if confidence is None else (1.0 - confidence) * area_m2,
+        "x_m": float(x_m),
+        "y_m": float(y_m),
+        "connected_to": sorted(near.get(int(region["id"]), ())),
+    }

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from pgm_places._extras import needed
-from pgm_places.batch.own_process import done_beside
+from pgm_places.batch.local_workers import done_beside
 from pgm_places.errors import InputError, OutputError
 
 Task = TypeVar("Task")

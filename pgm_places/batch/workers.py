@@ -82,7 +82,7 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     """Raise :class:`TimeIsUpError` in this thread when the block has taken so long.
 
     It is raised between two steps of Python: a kernel that runs is finished first, unless its
-    process is killed (:mod:`pgm_places.batch.own_process`). It works in any thread, as a signal
+    process is killed (:mod:`pgm_places.batch.local_workers`). It works in any thread, as a signal
     would not.
     """
     if seconds is None:

@@ -24,8 +24,7 @@ from pgm_places.io.logs.pose_csv import iter_pose_csv
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.online import OnlineLabeler
 from pgm_places.labelers.tracking import Track
-from pgm_places.live.map_view import PlaceOfMap
-from pgm_places.live.place_finder import FoundPlace
+from pgm_places.live.place_finder import FoundPlace, PlaceOfMap
 from pgm_places.report.outputs import TRACK
 
 POLL_S = 0.2

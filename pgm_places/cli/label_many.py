@@ -237,7 +237,7 @@ def index(
     parquet
         Write places.parquet as well: a row for each place of all maps.
     """
-    from pgm_places.batch.index import index_folder
+    from pgm_places.batch.batch_folder import index_folder
 
     found = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
     failed = f", {found.overview.n_failures:,} failed" if found.overview.n_failures else ""

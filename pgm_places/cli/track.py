@@ -17,7 +17,7 @@ def track(options: TrackOptions) -> None:
 
         run_follow(options)
     elif (stored := stored_model(options)).kind == "joint-labeler":
-        from pgm_places.cli.track_joint import run_joint
+        from pgm_places.cli.track_log import run_joint
 
         run_joint(stored, options)
     else:

@@ -15,8 +15,7 @@ from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk
-from pgm_places.live.map_view import PlaceOfMap
-from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder
+from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder, PlaceOfMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
 
 HEALTH_S = 1.0

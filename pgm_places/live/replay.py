@@ -10,8 +10,7 @@ from pgm_places.io.logs.map_messages import MapMessage
 from pgm_places.labelers.tracking import PathMap
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.live_options import LiveOptions
-from pgm_places.live.map_view import MapView
-from pgm_places.live.place_finder import FoundPlace, PlaceFinder
+from pgm_places.live.place_finder import FoundPlace, MapView, PlaceFinder
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.trajectory import Trajectory

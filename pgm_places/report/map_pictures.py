@@ -1,4 +1,4 @@
-"""Pictures of labelled maps: the labels, and an overview with areas and entropy."""
+"""Pictures of maps: the labels, an overview with areas and entropy, and a robot's path."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,13 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
+from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
+from pgm_places.palette import (
+    GROUND_SWATCHES,
+    IGNORED,
+    IGNORED_STRIPE,
+    Swatch,
+    label_colours,
+    label_swatches,
+)
 from pgm_places.report.canvas import label_canvas, value_canvas, view_of
-from pgm_places.report.drawing import Drawing
+from pgm_places.report.drawing import Drawing, text_width
+from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import ColourBar, Panel, sheet
 
 _NODES_AT_ONCE = 262_144
@@ -159,3 +168,100 @@ def _area_entries(
         Swatch(f"{item.name}  {area:.1f} m², {100 * count / total:.0f} %", item.colour)
         for item, area, count in zip(label_swatches(label_names), areas, counts, strict=True)
     ]
+
+
+_PATH, _CASING, _OTHER = 5.0, 8.0, 2.0
+"""Widths in pixels of the path, of the white line below it, and of a path to compare with."""
+
+_TEXT = 16
+_NO_LABEL = "#8d96a3"
+_OTHER_COLOUR = "#0f766e"
+"""Neither a place's nor a wall's; the line is thin and dashed besides."""
+
+
+def path_map(
+    grid: OccupancyGrid,
+    positions_m: ArrayLike,
+    labels: ArrayLike,
+    label_names: Sequence[str],
+    *,
+    other_m: ArrayLike | None = None,
+    other_name: str = "odometry",
+    title: str | None = None,
+) -> bytes:
+    """A PNG file of a path over a map, right way up and cropped to what is known.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map, in the frame of the positions.
+    positions_m : (T, 2) float
+        The robot's positions, step by step.
+    labels : (T,) int
+        The place at each step, -1 for none; it colours the path up to the next step.
+    label_names : sequence of str
+        Names of the labels; they choose the colours too.
+    other_m : (S, 2) float, optional
+        A thin line to compare with, such as what the odometry tells.
+    other_name : str
+        What that line is.
+    title : str or None
+
+    Raises
+    ------
+    InputError
+        Positions and labels differ in number, or a label has no name.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0], [100, -1, 0]], resolution_m=0.5)
+    >>> path_map(grid, [[0.2, 0.2], [1.2, 0.2]], [0, 1], ["corridor", "room"])[1:4]
+    b'PNG'
+    """
+    positions = finite_array("positions_m", positions_m, ("T", 2))
+    places = integer_array("labels", labels, (len(positions),), low=-1, high=len(label_names))
+    other = None if other_m is None else finite_array("other_m", other_m, ("S", 2))
+    view = view_of(grid, most_pixels=_MOST_PIXELS)
+    nowhere = np.full(grid.shape, -1, np.int16)
+    canvas = label_canvas(grid, nowhere, label_names, view)
+    # Free space in plain white: on this picture no cell is expected to have a label.
+    plain = (IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
+    canvas = replace(canvas, colours=tuple(plain))
+    colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end
+
+    def draw(panel: Drawing, scale: int) -> None:
+        pixels = scale * view.pixels_at_m(grid, positions)
+        if other is not None:
+            dashed = scale * view.pixels_at_m(grid, other)
+            panel.line(dashed, colour=_OTHER_COLOUR, width=_OTHER, dashes=(8, 4))
+        panel.line(pixels, colour="white", width=_CASING)
+        _pieces(panel, pixels, [colours[place] for place in places])
+        _ends(panel, pixels)
+
+    entries = [*label_swatches(label_names)]
+    if (places < 0).any():
+        entries.append(Swatch("no label", _NO_LABEL))
+    if other is not None:
+        entries.append(Swatch(f"{other_name} (dashed)", _OTHER_COLOUR))
+    entries += [item for item in GROUND_SWATCHES if not item.hatched]
+    return sheet([Panel(canvas, overlay=draw)], title=title, legend=entries).png()
+
+
+def _pieces(panel: Drawing, points: NDArray[np.float64], colours: Sequence[str]) -> None:
+    """One line per run of steps with the same colour, up to where the next run begins."""
+    first = 0
+    for step in range(1, len(points) + 1):
+        if step == len(points) or colours[step] != colours[first]:
+            panel.line(points[first : step + 1], colour=colours[first], width=_PATH)
+            first = step
+
+
+def _ends(panel: Drawing, points: NDArray[np.float64]) -> None:
+    """A ring where the path begins, a disc where it ends."""
+    if not len(points):
+        return
+    for (x, y), face, name in ((points[0], "white", "start"), (points[-1], INK, "end")):
+        panel.disc((x, y), diameter=10, fill=face, edge=INK)
+        width = text_width(name, _TEXT) + 8
+        panel.box(x + 9, y - 20, width, 22, fill="white", edge=MUTED)
+        panel.text(x + 13, y - 9, name, size=_TEXT)

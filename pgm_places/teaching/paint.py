@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import label_raster, plain_names, set_fields
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_text
-from pgm_places.io.geojson import read_regions
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.label_values import listed_names
-from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.maps.regions import load_regions, read_regions
 from pgm_places.io.places.region_features import LOCAL_METRES
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from pgm_places.batch.batch_folder import index_folder
 from pgm_places.batch.found_maps import find_maps
-from pgm_places.batch.index import index_folder
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import InputError, MapError, OutputError

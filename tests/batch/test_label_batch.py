@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch import map_task, own_process
+from pgm_places.batch import local_workers, map_task
 from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
@@ -404,7 +404,7 @@ class Hanging(LocalWorkers):
 def test_the_process_of_a_map_that_hangs_is_killed_and_the_others_are_labelled(
     batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(own_process, "GRACE_S", 1.0)
+    monkeypatch.setattr(local_workers, "GRACE_S", 1.0)
     found = batch(Hanging(1), how={"limit_s": 9.0})
     assert (found.n_labelled, found.n_failed) == (1, 2)
     failed = failures(maps.parent / "out")["floor1/map"]

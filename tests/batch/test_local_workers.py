@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.batch import own_process
+from pgm_places.batch import local_workers
 from pgm_places.batch.local_workers import LocalWorkers
 from pgm_places.batch.workers import OVERDUE
 from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
@@ -66,7 +66,7 @@ def test_what_the_function_raises_is_raised_here_and_ends_the_rest() -> None:
 def test_a_task_that_hangs_outside_python_is_killed_at_its_limit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(own_process, "GRACE_S", 0.5)
+    monkeypatch.setattr(local_workers, "GRACE_S", 0.5)
     started = time.monotonic()
     found = dict(LocalWorkers(2).run(hang, range(4), limit_s=1.0))
     assert found == {0: 0, 1: OVERDUE, 2: 2, 3: OVERDUE}

@@ -11,8 +11,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions
-from pgm_places.live.map_view import MapView
-from pgm_places.live.place_finder import PlaceFinder
+from pgm_places.live.place_finder import MapView, PlaceFinder
 from pgm_places.live.ros_codec import RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.drives import building, drive

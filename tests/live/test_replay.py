@@ -15,8 +15,7 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.live_options import LiveOptions
-from pgm_places.live.map_view import MapFrame, MapView
-from pgm_places.live.place_finder import FoundPlace, PlaceFinder
+from pgm_places.live.place_finder import FoundPlace, MapFrame, MapView, PlaceFinder
 from pgm_places.live.replay import Replay
 from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

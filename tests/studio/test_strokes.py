@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from pgm_places._core import mark_brush
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.studio.door_line import Limits, doorway_ends, parts
 from pgm_places.studio.runs import checked_runs, runs_of_mask
-from pgm_places.studio.strokes import Stroke, stroke_cells
+from pgm_places.studio.strokes import Limits, Stroke, doorway_ends, parts, stroke_cells
 from pgm_places.topology.from_labels import topological_map
 from tests.reference.strokes import band
 from tests.studio.conftest import two_rooms

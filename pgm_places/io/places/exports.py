@@ -12,7 +12,7 @@ from pgm_places.errors import InputError, nearest_name, printable
 from pgm_places.io.atomic import write_bytes, write_json, write_text
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
-from pgm_places.io.places.nav2_route import write_nav2_route
+from pgm_places.io.places.nav2_folder import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -12,9 +12,9 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_json, write_text
 from pgm_places.io.csv_table import csv_text
-from pgm_places.io.geojson import read_regions
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS
+from pgm_places.io.maps.regions import read_regions
 from pgm_places.io.places.number_image import MOST, Raster, write_numbers
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError
-from pgm_places.io import geojson
-from pgm_places.io.geojson import read_regions
-from pgm_places.io.maps.regions import load_regions, rasterize_polygon
+from pgm_places.io.maps import regions
+from pgm_places.io.maps.regions import load_regions, rasterize_polygon, read_regions
 from tests.reference.polygons import distance_to_edges, inside_even_odd
 
 NAMES = ["corridor", "room"]
@@ -230,7 +229,7 @@ def test_missing_and_huge_files_are_refused(
         read_regions(tmp_path / "absent")
     with pytest.raises(LabelError, match="is a folder; expected regions"):
         read_regions(tmp_path)
-    monkeypatch.setattr(geojson, "MAX_BYTES", 10)
+    monkeypatch.setattr(regions, "MAX_BYTES", 10)
     with pytest.raises(LabelError, match="larger than 10 bytes; expected regions"):
         read_regions(write(tmp_path, feature([box(0, 0, 1, 1)])))
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, LabelError, OutputError
-from pgm_places.io.geojson import read_regions
-from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.maps.regions import load_regions, read_regions
 from pgm_places.io.places.region_features import region_features, write_region_features
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
