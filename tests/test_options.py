@@ -22,8 +22,7 @@ from pydantic import Field
 
 from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, wanted
 from pgm_places.cli.app import run
-from pgm_places.cli.declarations import flag_of
-from pgm_places.cli.flags import option_flags
+from pgm_places.cli.declarations import flag_of, option_flags
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config

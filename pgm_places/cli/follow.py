@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 import pgm_places as pp
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
-from pgm_places.cli.track_inputs import TrackInputs, stored_model
-from pgm_places.cli.track_log import write
+from pgm_places.cli.track_log import TrackInputs, stored_model, write
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError, LogError
 from pgm_places.io.input_file import file_kind, open_input

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pgm_places.cli.flags import GivenOptions, grouped, named_as_flags, option_flags
+from pgm_places.cli.declarations import GivenOptions, grouped, named_as_flags, option_flags
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.label_many import BatchOptions, LabelFlags, WorkerOptions, label_many
 from pgm_places.cli.tables import shares_line

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import pgm_places as pp
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
-from pgm_places.cli.declarations import Option
-from pgm_places.cli.flags import grouped, option_flags
+from pgm_places.cli.declarations import Option, grouped, option_flags
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsNetwork

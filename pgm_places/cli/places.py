@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
 from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownValue
-from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.flags import GivenOptions, option_flags
+from pgm_places.cli.declarations import Argument, GivenOptions, Option, option_flags
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import InputError
@@ -50,7 +49,7 @@ def topology(
         List where places could be split at openings narrower than this (m), without splitting them.
     """
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
+    from pgm_places.io.places.topology_files import SETTINGS_FILE, PlaceSettings, load_settings
     from pgm_places.report.outputs import PLACES, SETTINGS
     from pgm_places.report.topology_output import places_summary, write_places
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import pgm_places as pp
 from pgm_places._option_marks import Ge
 from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
-from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.flags import option_flags
+from pgm_places.cli.declarations import Argument, Option, option_flags
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.datasets.map_simulation import MapSimulation

@@ -1,6 +1,6 @@
 """``pgm-places track``: label a whole log, or one that is still being written."""
 
-from pgm_places.cli.flags import grouped
+from pgm_places.cli.declarations import grouped
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
 
@@ -10,7 +10,7 @@ def track(options: TrackOptions) -> None:
     """Label the places along a trajectory. The log may be complete or growing."""
     if options.jsonl and not options.follow:
         raise ConfigError("--jsonl is for --follow; beliefs.csv has a row per scan of a whole log")
-    from pgm_places.cli.track_inputs import stored_model
+    from pgm_places.cli.track_log import stored_model
 
     if options.follow:
         from pgm_places.cli.follow import run_follow

@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.io.output_set import OutputSet
-from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import (
     CHECK_FILE,
     TOPOLOGY_FILE,
+    PlaceSettings,
     load_topology,
     read_own_names,
+    save_settings,
     save_topology,
     write_checks,
 )

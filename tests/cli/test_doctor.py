@@ -8,7 +8,7 @@ from PIL import Image
 
 from pgm_places.batch.forecast import Speed
 from pgm_places.cli.terminal import make_progress
-from pgm_places.cli.track_inputs import map_of
+from pgm_places.cli.track_log import map_of
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.io.maps.map_server import load_map
 from tests.cli.conftest import Run
