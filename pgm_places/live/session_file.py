@@ -1,17 +1,20 @@
 """A session in a file: the places that a robot has seen, so that their ids outlive a restart."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.options import check_option
 
 __all__ = ["read_session", "write_session"]
 
@@ -20,6 +23,9 @@ MAX_BYTES = 256 << 20
 FARTHEST = 1 << 24
 """Rows and columns beyond this are damage: no map is so large."""
 MOST_CELLS = 100_000_000
+
+_count = partial(check_option, "a count", Annotated[int, Ge(0)])
+_text = partial(check_option, "a name", str)
 
 
 def write_session(path: Path | str, memory: PlaceMemory) -> Path:
@@ -123,15 +129,3 @@ def _cells(runs: Any, most: int) -> NDArray[np.int64]:
     start = np.repeat(np.cumsum(length) - length, length)
     column = np.arange(length.sum()) - start + np.repeat(found[:, 1], length)
     return np.column_stack([np.repeat(found[:, 0], length), column])
-
-
-def _count(value: Any) -> int:
-    if type(value) is not int or value < 0:
-        raise ValueError(f"{value!r} where a number from 0 was expected")
-    return value
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} where a text was expected")
-    return value

@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pgm_places.errors import ModelFileError, shown
+from pgm_places.errors import ModelFileError
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.method import unfitted
+from pgm_places.options import Positive, check_option
 from pgm_places.persistence import place_labeler, trajectory_labeler
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays, below, put_below
@@ -40,9 +41,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
             raise ModelFileError(f"{name} has labels {list(part.label_names_)}, not {list(names)}")
     labeler = JointLabeler(names, unfitted(method), **manifest["options"])
     labeler.check_options()
-    weight = manifest["link_weight"]
-    if weight is not None and not (isinstance(weight, float) and weight > 0):
-        raise ModelFileError(f"link_weight must be a number above 0, got {shown(weight)}")
+    weight = check_option("link_weight", Positive | None, manifest["link_weight"])
     return labeler.set_learned(
         places_=parts["places"],
         steps_=parts["steps"],

@@ -2,11 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from pgm_places.errors import ModelFileError, shown
+from pgm_places._option_marks import Ge, Lt
+from pgm_places.errors import ModelFileError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import FEATURES, as_features, n_columns
 from pgm_places.inference.backends import METHODS
@@ -178,11 +179,9 @@ def _load_space(
         )
     doorway, gates = record["doorway"], record["gates"]
     corridor = record.get("corridor")  # absent from models saved by earlier versions
+    known = Annotated[int, Ge(0), Lt(n_labels)] | None
     for name, label in (("doorway", doorway), ("corridor", corridor)):
-        if not (label is None or (type(label) is int and 0 <= label < n_labels)):
-            raise ModelFileError(
-                f"space.{name} must be a label below {n_labels}, got {shown(label)}"
-            )
+        check_option(f"space.{name}", known, label)
     n_classes = n_labels + (corridor is not None)
     return SpaceModel(
         load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_classes),

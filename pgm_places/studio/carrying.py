@@ -1,6 +1,7 @@
 """Carrying: the paint of a map on to the map as it is now, grown, shifted or changed in places."""
 
 import os
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,22 +101,16 @@ def _carry(
             f"{path} belongs to another map: less than {100 * LEAST_SAME:.0f} % of the two is the "
             "same, however they are shifted; choose another folder with --out"
         )
-    journal = Journal(path, subject_of(path) or {})
-    try:
+    with closing(Journal(path, subject_of(path) or {})) as journal:
         old = Painting(before, classes, journal)
         staged = path.with_name(f".{path.name}.new")
         staged.unlink(missing_ok=True)
-        fresh = Journal(staged, {"map": map_sha256})
-        try:
+        with closing(Journal(staged, {"map": map_sha256})) as fresh:
             kept, lost = _repaint(old, Painting(grid, classes, fresh), shift)
-        finally:
-            fresh.close()
         aside = _free_name(path)
         with as_output_errors(path):
             os.link(path, aside)
             staged.replace(path)
-    finally:
-        journal.close()
     return Carried(kept, lost, aside)
 
 

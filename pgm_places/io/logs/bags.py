@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from pgm_places.io.logs.bag_access import open_bag, stamp_s
 from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
 from pgm_places.io.logs.loaded_log import LoadedLog, ScanColumns, code_warnings, order_warnings
 from pgm_places.io.logs.map_messages import ScanMessages
+from pgm_places.options import AtLeastZero, check_option
 from pgm_places.trajectories.trajectory import Trajectory
 
 _SCANS = "sensor_msgs/msg/LaserScan"
@@ -77,10 +77,8 @@ def read_bag(
     InputError
         An option is invalid, or ``rosbags`` is not installed.
     """
-    if lookup not in ("interpolated", "nearest"):
-        raise InputError(f'lookup must be "interpolated" or "nearest", got {lookup!r}')
-    if not (isfinite(max_gap_s) and max_gap_s >= 0):
-        raise InputError(f"max_gap_s must be at least 0 seconds, got {max_gap_s}")
+    check_option("lookup", Lookup, lookup)
+    check_option("max_gap_s", AtLeastZero, max_gap_s)
     if pose_topic is not None and fixed_frame is not None:
         raise InputError("poses come from either pose_topic or fixed_frame; give one of them")
     with open_bag(path) as reader:

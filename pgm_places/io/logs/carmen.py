@@ -38,6 +38,7 @@ from pgm_places.io.logs.loaded_log import (
     order_warnings,
 )
 from pgm_places.io.logs.log_lines import LogLines
+from pgm_places.options import Positive, check_option
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -180,11 +181,8 @@ class CarmenReader:
     )
 
     def __post_init__(self) -> None:
-        if self.laser not in _LASERS:
-            raise InputError(f'laser must be "front" or "rear", got {self.laser!r}')
-        limit = self.range_max_m
-        if limit is not None and not (isfinite(limit) and limit > 0):
-            raise InputError(f"range_max_m must be a positive length in metres, got {limit}")
+        check_option("laser", Laser, self.laser)
+        check_option("range_max_m", Positive | None, self.range_max_m)
 
     def scan(self, line: bytes) -> Scan | None:
         """The scan of a line, or None where the line is something else or cannot be read."""

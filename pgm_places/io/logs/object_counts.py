@@ -13,6 +13,7 @@ from pgm_places.errors import LogError, printable, shown
 from pgm_places.io.csv_table import MAX_VALUES, open_table
 from pgm_places.io.input_file import read_json, user_path
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
+from pgm_places.options import Positive, check_option
 from pgm_places.vision.object_counts import MOST, ObjectCounts
 
 TIME = "t_s"
@@ -136,8 +137,7 @@ def read_detection_bag(
     InputError
         The extra ``bags`` is not installed.
     """
-    if not together_s > 0:
-        raise LogError(f"together_s must be a positive time in seconds, got {together_s}")
+    check_option("together_s", Positive, together_s)
     observations: dict[int, dict[str, Counter[str]]] = {}
     with open_bag(path) as bag:
         chosen = _connections(path, bag, topics)

@@ -29,7 +29,7 @@ from pgm_places.io.maps.map_pixels import (
 from pgm_places.io.maps.raster_image import MAX_PIXELS, encoded, open_image
 from pgm_places.io.strict_yaml import MAX_BYTES, YamlFile, YamlValue, read_yaml
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.options import UnknownGrey
+from pgm_places.options import UnknownGrey, check_option
 
 __all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_free_thresh", "load_map", "save_map"]
 
@@ -145,16 +145,12 @@ def load_map(
     ------
     MapError
         Where the YAML file or the image is missing, damaged, inconsistent or too large.
+    ConfigError
+        An option is invalid.
     """
     yaml_path = user_path(path, MapError)
-    if compat not in get_args(Compat):
-        raise MapError(
-            f"unknown compat {compat!r}. {nearest_name(str(compat), list(get_args(Compat)))}"
-        )
-    if not (unknown_value in (None, "none") or unknown_value in range(256)):
-        raise MapError(
-            f"unknown_value must be a grey value from 0 to 255 or 'none', got {unknown_value!r}"
-        )
+    check_option("compat", Compat, compat)
+    check_option("unknown_value", UnknownGrey | None, unknown_value)
     file = read_yaml(yaml_path, MapError, "map description")
     warnings: list[str] = []
     rules = _rules(file, compat)
@@ -252,8 +248,7 @@ def save_map(
         Where a file cannot be written.
     """
     target = Path(stem)
-    if image_format not in ("png", "pgm"):
-        raise MapError(f"image_format must be 'png' or 'pgm', got {image_format!r}")
+    check_option("image_format", Literal["png", "pgm"], image_format)
     image_path = target.with_name(f"{target.name}.{image_format}")
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.cells == FREE] = FREE_GREY

@@ -68,28 +68,28 @@ class Strip(NamedTuple):
 
 @dataclass
 class RasterImage:
-    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom."""
+    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom.
+
+    Parameters
+    ----------
+    path : Path
+    shape : (int, int)
+    is_indexed : bool
+        Whether pixels are indices into a palette.
+    is_lossy : bool
+        Whether the compression changes values.
+    is_deep : bool
+        Whether grey values have more than 8 bits in the file.
+    """
 
     path: Path
     shape: tuple[int, int]
+    is_indexed: bool
+    is_lossy: bool
+    is_deep: bool
     _error: type[InputError]
-    _picture: "Image | None" = None
+    _picture: "Image | None"
     _png_bits: int = 0
-
-    @property
-    def is_indexed(self) -> bool:
-        """Whether pixels are indices into a palette."""
-        return self._picture is not None and self._picture.mode == "P"
-
-    @property
-    def is_lossy(self) -> bool:
-        """Whether the compression changes values."""
-        return self._picture is not None and self._picture.format == "JPEG"
-
-    @property
-    def is_deep(self) -> bool:
-        """Whether grey values have more than 8 bits in the file."""
-        return self._picture is not None and self._picture.mode.startswith("I")
 
     def palette_rgb(self) -> NDArray[np.uint8]:
         """(n, 3) colours of an indexed image; none for others."""
@@ -204,7 +204,9 @@ def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage
             "RGB or indexed, with at most 16 bits a channel"
         )
     width, height = picture.size
-    image = RasterImage(path, (height, width), error, _picture=picture)
+    mode = picture.mode
+    kinds = mode == "P", picture.format == "JPEG", mode.startswith("I")
+    image = RasterImage(path, (height, width), *kinds, error, picture)
     if picture.format == "PNG":  # bit depth and colour type of the IHDR chunk
         image._png_bits = head[24] * _PNG_CHANNELS.get(head[25], 1)
     return image

@@ -16,6 +16,7 @@ from pgm_places.io.places.nav2_folder import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import check_option
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -59,8 +60,7 @@ def write_geotiff(
     from PIL import Image
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
-    if what not in ("regions", "labels"):
-        raise InputError(f"what must be 'regions' or 'labels', got {what!r}")
+    check_option("what", Literal["regions", "labels"], what)
     highest = max((region.id for region in topology.regions), default=0)
     if highest > 65535:
         raise InputError(f"a GeoTIFF of regions holds ids up to 65535, got {highest}")

@@ -14,6 +14,7 @@ from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.map_server import write_description
 from pgm_places.io.maps.raster_image import raster_png
+from pgm_places.options import check_option
 from pgm_places.topology.topological_map import TopologicalMap
 
 FilterKind: TypeAlias = Literal["keepout", "speed-percent", "speed-m-s", "binary", "zones"]
@@ -179,8 +180,7 @@ def write_filter_mask(
     from PIL import Image
 
     target = Path(stem)
-    if kind not in TYPES:
-        raise InputError(f"kind must be one of {', '.join(TYPES)}, got {kind!r}")
+    check_option("kind", FilterKind, kind)
     if values is None and kind != "zones":
         classes = ", ".join(topology.label_names)
         raise InputError(

@@ -199,8 +199,8 @@ def test_two_odometries_must_be_chosen_from(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"lookup": "guess"}, 'lookup must be "interpolated" or "nearest"'),
-        ({"max_gap_s": -1.0}, "max_gap_s must be at least 0 seconds"),
+        ({"lookup": "guess"}, "lookup must be 'interpolated' or 'nearest'"),
+        ({"max_gap_s": -1.0}, "max_gap_s must be a number of at least 0"),
         ({"pose_topic": "/a", "fixed_frame": "b"}, "give one of them"),
     ],
 )

@@ -53,7 +53,7 @@ def test_the_rear_laser_is_read_when_it_is_asked_for(tmp_path: Path) -> None:
     ranges = read_carmen(path, laser="rear").trajectory.ranges_m
     assert ranges is not None
     assert ranges.tolist() == [[4.0, 5.0]]
-    with pytest.raises(InputError, match='laser must be "front" or "rear"'):
+    with pytest.raises(InputError, match="laser must be 'front' or 'rear'"):
         read_carmen(path, laser="side")  # type: ignore[arg-type]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.errors import LogError
+from pgm_places.errors import InputError, LogError
 from pgm_places.io.logs.object_counts import read_detection_bag, read_object_counts
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.io.files import write_counts
@@ -92,6 +92,6 @@ def test_a_bag_without_such_a_topic(tmp_path: Path) -> None:
     bag = detection_bag(tmp_path / "bag", [("/left", 1.0, [])])
     with pytest.raises(LogError, match=r"lacks the topic /right of type .*: /left"):
         read_detection_bag(bag, topics=["/right"])
-    with pytest.raises(LogError, match="together_s must be a positive time"):
+    with pytest.raises(InputError, match="together_s must be a number above 0"):
         read_detection_bag(bag, together_s=0.0)
     assert len(read_detection_bag(bag)) == 1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pgm_places import OccupancyGrid
-from pgm_places.errors import MapError, OutputError
+from pgm_places.errors import ConfigError, MapError, OutputError
 from pgm_places.io.maps.map_server import load_map, save_map
 from tests.io.files import write_map
 
@@ -174,7 +174,7 @@ def test_a_missing_image_names_both_files(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"compat": "ros2"}, "unknown compat 'ros2'. Did you mean 'ros1'?"),
+        ({"compat": "ros2"}, "compat must be 'nav2' or 'ros1', got 'ros2'"),
         ({"unknown_value": 256}, "a grey value from 0 to 255 or 'none', got 256"),
         ({"unknown_value": "None"}, "a grey value from 0 to 255 or 'none', got 'None'"),
         ({"max_pixels": 5}, "3 x 2 = 6 pixels, more than the limit of 5"),
@@ -237,7 +237,7 @@ def test_saving_leaves_two_files_and_keeps_odd_names(tmp_path: Path) -> None:
 
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.05)
-    with pytest.raises(MapError, match="image_format must be 'png' or 'pgm', got 'jpg'"):
+    with pytest.raises(ConfigError, match="image_format must be 'png' or 'pgm', got 'jpg'"):
         save_map(grid, tmp_path / "map", image_format="jpg")  # type: ignore[arg-type]
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="is a file, not a folder"):
