@@ -61,8 +61,8 @@ def label(
 def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress") -> None:
     from pgm_places.batch.map_files import label_file
     from pgm_places.io.output_set import output_set
+    from pgm_places.report.label_files import places_summary
     from pgm_places.report.outputs import label_names
-    from pgm_places.report.topology_output import places_summary
 
     model = _read(options, progress)
     with progress.stage("map"):

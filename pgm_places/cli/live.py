@@ -173,7 +173,7 @@ def _replay(
 def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
     """A line for each change and each map, and where a folder is given, the files."""
     from pgm_places.live.live_map import LiveLabels
-    from pgm_places.report.topology_output import write_topology
+    from pgm_places.report.label_files import write_topology
 
     last: LiveLabels | None = None
     with ExitStack() as stack:

@@ -50,8 +50,8 @@ def topology(
     """
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.topology_files import SETTINGS_FILE, PlaceSettings, load_settings
+    from pgm_places.report.label_files import places_summary, write_places
     from pgm_places.report.outputs import PLACES, SETTINGS
-    from pgm_places.report.topology_output import places_summary, write_places
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
@@ -341,7 +341,7 @@ def _key(text: str) -> int | str:
 
 def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.topology_output import places_summary, write_topology
+    from pgm_places.report.label_files import places_summary, write_topology
 
     # The command that wrote the folder goes on owning its other files.
     with output_set(folder, by, force=True, shared=True) as files:

@@ -14,10 +14,12 @@ from pgm_places.io.atomic import write_bytes
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.kernels.threads import resolve_threads
 from pgm_places.report.canvas import Canvas
-from pgm_places.report.figure import INK
 
 if TYPE_CHECKING:
     from PIL import ImageDraw, ImageFont
+
+INK, MUTED = "#1a202c", "#5a6472"
+"""Colours of text and lines."""
 
 _FINER = 4
 """Shapes are drawn this many times as large and averaged, which gives them smooth edges."""

@@ -7,8 +7,7 @@ import numpy as np
 
 from pgm_places.palette import Swatch, levels
 from pgm_places.report.canvas import Canvas
-from pgm_places.report.drawing import Drawing, text_width
-from pgm_places.report.figure import INK, MUTED
+from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
 
 _LEAST_WIDTH = 420
 _LARGEST_CELL = 12

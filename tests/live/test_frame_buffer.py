@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.io.logs.bag_poses import FrameTree, PoseTrack, at_times
-from pgm_places.live.frame_buffer import KEEP_S, FrameBuffer
+from pgm_places.io.logs.bag_poses import KEEP_S, FrameBuffer, FrameTree, PoseTrack, at_times
 
 
 def moved(seed: int, n: int = 30) -> list[tuple[float, tuple[float, float, float, bool]]]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places.io.output_set import output_set
-from pgm_places.report.topology_output import write_places
+from pgm_places.report.label_files import write_places
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels
