@@ -18,6 +18,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.solvers import pairwise
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 
 SHOWN = (SideBySide(("table", "solver"), "{labels} labels", "{by distance (s)} / {by table (s)}"),)
@@ -51,11 +52,11 @@ def _solvers(n_labels: int, table: Any) -> dict[str, Callable[[], Any]]:
     chain = LabelGraph.from_lattice((SIDE**2,)).edges
     unary = np.random.default_rng(0).normal(size=(SIDE**2, n_labels))
     return {
-        "trw-s": lambda: trws(unary, grid, pairwise=table, max_iterations=5),
+        "trw-s": lambda: trws(pairwise_model(unary, grid, pairwise=table), max_iterations=5),
         "max-product": lambda: belief_propagation(
-            unary, grid, pairwise=table, kind="max-product", max_iterations=5
+            pairwise_model(unary, grid, pairwise=table), kind="max-product", max_iterations=5
         ),
-        "chain": lambda: forest_maximum(unary, chain, pairwise=table),
+        "chain": lambda: forest_maximum(pairwise_model(unary, chain, pairwise=table)),
     }
 
 

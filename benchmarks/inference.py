@@ -112,7 +112,7 @@ def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     """Every decoder that can take the model."""
     graph = LabelGraph.from_edges(len(model.unary), model.edges)
     potentials = Potentials(model.unary, agreement=model.agreement)
-    bound = trws(*_arrays(model), max_iterations=500, tolerance=1e-9).bound
+    bound = trws(pairwise_model(*_arrays(model)), max_iterations=500, tolerance=1e-9).bound
     n_open = len(reduce_model(pairwise_model(*_arrays(model))).nodes)
     rows = []
     for name in DECODERS:
@@ -136,9 +136,11 @@ def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
 
 def expansion_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     """One full alpha-expansion, ours and the peers'."""
-    ours, found = timed(lambda: alpha_expansion(*_arrays(model)), repeats)
+    ours, found = timed(lambda: alpha_expansion(pairwise_model(*_arrays(model))), repeats)
     graph = ExpansionGraph(len(model.unary), model.edges)
-    again, _ = timed(lambda: graph.expand(model.unary, model.agreement), repeats)
+    again, _ = timed(
+        lambda: graph.expand(pairwise_model(model.unary, graph.around, model.agreement)), repeats
+    )
 
     def row(name: str, seconds: float, score: float, inside: float | None) -> dict[str, Any]:
         return {
@@ -168,7 +170,9 @@ def bound_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     rows = []
     for eliminate in (True, False):
         seconds, found = timed(
-            lambda eliminate=eliminate: trws(*_arrays(model), tolerance=1e-5, eliminate=eliminate),
+            lambda eliminate=eliminate: trws(
+                pairwise_model(*_arrays(model)), tolerance=1e-5, eliminate=eliminate
+            ),
             repeats,
         )
         rows.append(

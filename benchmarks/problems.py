@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from experiments.defaults import digit_chains, scored
 from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.pairwise import pairwise_model
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
@@ -201,7 +202,9 @@ def marginal_rows(quick: bool) -> Iterator[dict[str, Any]]:
     unary, tables = rng.normal(size=(n, k)), rng.normal(size=(n - 1, k, k))
     edges = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
     methods: dict[str, Work] = {
-        "ours, exact": lambda: forest_marginals(unary, edges, pairwise=tables).beliefs
+        "ours, exact": lambda: (
+            forest_marginals(pairwise_model(unary, edges, pairwise=tables)).beliefs
+        )
     }
     if find_spec("pgmpy"):
         methods["pgmpy, junction tree"] = partial(pgmpy_marginals, unary, tables)

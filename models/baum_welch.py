@@ -26,6 +26,7 @@ from pgm_places.models.chain_statistics import normalised
 from pgm_places.models.evidence_weight import Observation, log_likelihood, possible
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.relaxation import starting_beliefs
 
 MAX_ROUNDS = 100
@@ -189,7 +190,7 @@ def _expected(
         chain = adjacency(len(labels), np.stack([steps[:-1], steps[1:]], axis=1))
         pairwise = log_move if moved.all() else np.where(moved[:, None, None], log_move, log_stay)
         known = keep_known(scores, labels)
-        chances = forest_marginals(known, chain, pairwise=pairwise, pairs=True)
+        chances = forest_marginals(pairwise_model(known, chain, pairwise=pairwise), pairs=True)
         assert chances.pair_beliefs is not None
         total += weight * chances.log_partition
         first += weight * chances.beliefs[0]

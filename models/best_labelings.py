@@ -153,8 +153,8 @@ def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> "_Se
     pairs = adjacency(graph.n_nodes, graph.edges), potentials.agreement, potentials.pairwise
     if is_forest(pairs[0]):
         return _ByMarginals(
-            lambda unary: forest_maximum(unary, *pairs).labels,
-            lambda unary: max_marginals(unary, *pairs),
+            lambda unary: forest_maximum(pairwise_model(unary, *pairs)).labels,
+            lambda unary: max_marginals(pairwise_model(unary, *pairs)),
         )
     tree = BucketTree.of(pairwise_model(potentials.unary, *pairs), most_entries=MOST_ENTRIES)
     if tree is None:

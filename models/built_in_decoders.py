@@ -11,7 +11,6 @@ from pgm_places.inference.labeling import Status
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder, converged
 
 if TYPE_CHECKING:
-    from pgm_places.solvers.adjacency import Adjacency
     from pgm_places.solvers.grid_mean_field import GridMeanField
     from pgm_places.solvers.mean_field import MeanField
 
@@ -19,22 +18,21 @@ if TYPE_CHECKING:
 def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.expansion import alpha_expansion
 
-    cut = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
+    cut = alpha_expansion(problem.model, **problem.limited("max_sweeps"))
     bound = cut.score if cut.exact else None
     status = Status.EXACT if cut.exact else converged(cut.converged)
     info: dict[str, Any] = {"moves": cut.n_moves}
     if problem.inside and cut.exact:
         from pgm_places.solvers.duals import cut_duals
-        from pgm_places.solvers.pairwise import pairwise_model
 
-        info["duals"] = cut_duals(pairwise_model(*problem.arrays))
+        info["duals"] = cut_duals(problem.model)
     return DecodingAnswer(cut.labels, status, bound, info=info)
 
 
 def _lp(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.marginal_lp import solve_marginal_lp
 
-    ideal = solve_marginal_lp(*problem.arrays)
+    ideal = solve_marginal_lp(problem.model)
     # an integral solution is the best only as far as the solver is exact: its bound proves it
     status = Status.CONVERGED if ideal.integral else Status.RELAXED
     info = {"integral": ideal.integral, "node_marginals": ideal.node_marginals}
@@ -46,7 +44,7 @@ def _lp(problem: DecodingTask) -> DecodingAnswer:
 def _trws(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.trws import trws
 
-    dual = trws(*problem.arrays, **problem.limited(), duals=problem.inside)
+    dual = trws(problem.model, **problem.limited(), duals=problem.inside)
     info: dict[str, Any] = {"score_history": tuple(dual.history[:, 0].tolist())}
     if problem.inside:
         info["duals"] = dual.duals
@@ -56,7 +54,7 @@ def _trws(problem: DecodingTask) -> DecodingAnswer:
 def _icm(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.local_search import iterated_conditional_modes
 
-    search = iterated_conditional_modes(*problem.arrays, **problem.limited())
+    search = iterated_conditional_modes(problem.model, **problem.limited())
     return DecodingAnswer(search.labels, converged(search.converged))
 
 
@@ -65,7 +63,7 @@ def _mean_field(problem: DecodingTask) -> DecodingAnswer:
 
     field: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
     if field is None:
-        field = mean_field(*problem.arrays, **problem.limited())
+        field = mean_field(problem.model, **problem.limited())
     info: dict[str, Any] = {}
     if problem.inside:
         first, second = problem.graph.edges.T
@@ -94,7 +92,7 @@ def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
 def _max_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
-    spread = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
+    spread = belief_propagation(problem.model, kind="max-product", **problem.limited())
     info = {"messages": spread.messages} if problem.inside else {}
     if spread.exact:
         return DecodingAnswer(spread.labels, Status.EXACT, spread.score, info=info)
@@ -104,35 +102,33 @@ def _max_product(problem: DecodingTask) -> DecodingAnswer:
 def _sum_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation, pair_beliefs
 
-    spread = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
+    spread = belief_propagation(problem.model, kind="sum-product", **problem.limited())
     info: dict[str, Any] = {}
     if problem.inside:
-        of_pairs = pair_beliefs(*problem.arrays, messages=spread.messages)
+        of_pairs = pair_beliefs(problem.model, spread.messages)
         info = {"pair_beliefs": of_pairs, "messages": spread.messages}
     return DecodingAnswer(spread.labels, converged(spread.converged), None, spread.beliefs, info)
 
 
 def _exact(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.adjacency import adjacency, is_forest
+    from pgm_places.solvers.adjacency import is_forest
     from pgm_places.solvers.forest import forest_marginals, forest_maximum
 
-    around = adjacency(problem.graph.n_nodes, problem.graph.edges)
-    if not is_forest(around):
-        return _exact_on_cycles(problem, around)
-    arrays = (problem.potentials.unary, around, *problem.arrays[2:])
-    best, whole = forest_maximum(*arrays), forest_marginals(*arrays, pairs=problem.inside)
+    model = problem.model
+    if not is_forest(model.around):
+        return _exact_on_cycles(problem)
+    best, whole = forest_maximum(model), forest_marginals(model, pairs=problem.inside)
     info: dict[str, Any] = {"log_partition": whole.log_partition}
     if problem.inside:
         info["pair_beliefs"] = whole.pair_beliefs
     return DecodingAnswer(best.labels, Status.EXACT, best.score, whole.beliefs, info)
 
 
-def _exact_on_cycles(problem: DecodingTask, around: "Adjacency") -> DecodingAnswer:
+def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree
-    from pgm_places.solvers.pairwise import pairwise_model
 
-    unary, _, *tables = problem.arrays
-    tree = BucketTree.of(pairwise_model(unary, around, *tables))
+    unary, around = problem.potentials.unary, problem.model.around
+    tree = BucketTree.of(problem.model)
     if tree is None:
         raise InputError(
             f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers: too many nodes part "
@@ -154,7 +150,7 @@ def _toulbar2(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.exact_search import exact_search
 
     limit = {} if problem.limit is None else {"max_backtracks": problem.limit}
-    best = exact_search(*problem.arrays, **limit)
+    best = exact_search(problem.model, **limit)
     status = Status.CONVERGED if best.complete else Status.STOPPED  # EXACT if the bound proves it
     return DecodingAnswer(best.labels, status, best.bound, info={"backtracks": best.backtracks})
 

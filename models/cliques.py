@@ -159,11 +159,12 @@ def _beliefs(
     """The beliefs under the pairwise part of a model and its sets, not under the nodes of these."""
     from pgm_places.solvers.belief_propagation import BeliefPropagation, belief_propagation
     from pgm_places.solvers.mean_field import MeanField, mean_field
+    from pgm_places.solvers.pairwise import pairwise_model
     from pgm_places.solvers.set_beliefs import set_tables
 
     solve: Callable[..., BeliefPropagation | MeanField]
     solve = belief_propagation if method == "sum-product" else mean_field
-    means = solve(*arrays, sets=set_tables(sets, rewards), **task.limited())
+    means = solve(pairwise_model(*arrays), sets=set_tables(sets, rewards), **task.limited())
     labels = sets.lift(means.labels, rewards)
     beliefs = np.eye(sets.n_whole_labels)[labels]  # whose rows of the sets' nodes nobody gets
     beliefs[: sets.n_nodes] = np.pad(

@@ -23,6 +23,7 @@ from pgm_places.solvers.hidden_labels import Solve, concave_convex
 from pgm_places.solvers.likelihood import maximize_likelihood
 from pgm_places.solvers.margin_solution import REACHED, LearnedWeights
 from pgm_places.solvers.max_margin import Oracle
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.table_field import TableField
 
 HIDDEN_LOSS = 0.3
@@ -161,7 +162,8 @@ def smooth_completion(
     unary = _likely(features, truth, n_labels)
     mean_degree = 2 * around.n_edges / max(around.n_nodes, 1)
     weight = NEIGHBOURHOOD / max(mean_degree, 1.0)
-    return alpha_expansion(unary, around.edges, pairwise=weight * np.eye(n_labels)).labels
+    model = pairwise_model(unary, around.edges, pairwise=weight * np.eye(n_labels))
+    return alpha_expansion(model).labels
 
 
 def _likely(

@@ -17,7 +17,7 @@ from pgm_places.models.decoders import named_decoder
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 
 if TYPE_CHECKING:
-    from pgm_places.solvers.pairwise import PairwiseModel
+    pass
 
 # A gap below this share of the score and of the problem's size is rounding: it is closed.
 ROUNDING = 1e-12
@@ -145,12 +145,6 @@ def decode(
     )
 
 
-def _model(task: DecodingTask) -> "PairwiseModel":
-    from pgm_places.solvers.pairwise import pairwise_model
-
-    return pairwise_model(*task.arrays)
-
-
 def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
     """What follows from what the answer shows; refused where it shows nothing."""
     of_pairs = answer.info.get("pair_beliefs")
@@ -185,7 +179,7 @@ def _check_bound(name: str, task: DecodingTask, status: Status, total: float, bo
     known = task.potentials
     terms = (known.unary, known.pairwise, known.agreement)
     sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms if term is not None]
-    slack = FALSE * (abs(total) + max(sizes) + _model(task).size)
+    slack = FALSE * (abs(total) + max(sizes) + task.model.size)
     if bound < total - slack:
         raise SolverError(
             f"decoder {name!r} says that no labelling scores more than {bound:.12g}, but its own "
@@ -202,7 +196,7 @@ def _repaired(task: DecodingTask, answer: DecodingAnswer) -> DecodingAnswer:
     """The answer with labels that break no rule, where the search finds such."""
     from pgm_places.solvers.local_search import allowed_labels
 
-    labels = allowed_labels(_model(task), answer.labels)
+    labels = allowed_labels(task.model, answer.labels)
     if labels is None:
         return replace(answer, status=Status.INFEASIBLE)
     return replace(answer, labels=labels, status=Status.REPAIRED)
@@ -217,7 +211,7 @@ def _certificate(
     started = time.perf_counter()
     start = None if total == -np.inf else labels
     bounded = trws(
-        *task.arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
+        task.model, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
     )
     return bounded.bound, {
         "best_score": bounded.score,
@@ -231,6 +225,6 @@ def _final_status(task: DecodingTask, status: Status, total: float, bound: float
     if bound is None or total == -np.inf or status is Status.EXACT:
         return status
     gap = bound - total
-    if gap > 0 and gap > ROUNDING * (abs(total) + _model(task).size):
+    if gap > 0 and gap > ROUNDING * (abs(total) + task.model.size):
         return status
     return Status.EXACT

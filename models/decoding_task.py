@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials
+
+if TYPE_CHECKING:
+    from pgm_places.solvers.pairwise import PairwiseModel
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,16 @@ class DecodingTask:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """Unary, edges, agreement and pairwise, as every solver takes them."""
+        """Unary, edges, agreement and pairwise."""
         known = self.potentials
         return known.unary, self.graph.edges, known.agreement, known.pairwise
+
+    @cached_property
+    def model(self) -> "PairwiseModel":
+        """The same checked and put in order, as every solver takes it."""
+        from pgm_places.solvers.pairwise import pairwise_model
+
+        return pairwise_model(*self.arrays)
 
     def limited(self, name: str = "max_iterations") -> dict[str, Any]:
         """The limit under the solver's name for it, where there is one, and the reporter."""

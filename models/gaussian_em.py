@@ -343,15 +343,15 @@ def _expected(
 def _beliefs(graph: LabelGraph, potentials: Potentials) -> tuple[Array, Array | None, float, bool]:
     """Beliefs, on forests pair beliefs, log Z or a lower bound, and whether these are exact."""
     around = adjacency(graph.n_nodes, graph.edges)
-    arrays = potentials.unary, around, potentials.agreement, potentials.pairwise
+    model = pairwise_model(potentials.unary, around, potentials.agreement, potentials.pairwise)
     if is_forest(around):
-        marginals = forest_marginals(*arrays, pairs=True)
+        marginals = forest_marginals(model, pairs=True)
         return marginals.beliefs, marginals.pair_beliefs, marginals.log_partition, True
-    tree = BucketTree.of(pairwise_model(*arrays))
+    tree = BucketTree.of(model)
     if tree is not None:
         whole = tree.marginals(potentials.unary)
         return np.array(whole.beliefs), None, whole.log_partition, True
-    guess = mean_field(potentials.unary, graph.edges, None, potentials.pairwise)
+    guess = mean_field(model)
     q = np.asarray(guess.beliefs, np.float64)
     first, second = graph.edges.T
     expected = np.where(q > 0, q * np.where(q > 0, potentials.unary, 0.0), 0.0).sum()

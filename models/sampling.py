@@ -86,12 +86,12 @@ def sample(
     if n_samples < 1:
         raise InputError(f"n_samples must be at least 1, got {n_samples}")
     around = adjacency(graph.n_nodes, graph.edges)
-    arrays = potentials.unary, around, potentials.agreement, potentials.pairwise
+    model = pairwise_model(potentials.unary, around, potentials.agreement, potentials.pairwise)
     if is_forest(around):
-        labels = forest_samples(*arrays, n_samples=n_samples, seed=seed)
+        labels = forest_samples(model, n_samples=n_samples, seed=seed)
         return Samples(frozen(labels), exact=True)
     rng = np.random.default_rng(seed)
-    tree = BucketTree.of(pairwise_model(*arrays))
+    tree = BucketTree.of(model)
     if tree is not None:
         return Samples(frozen(tree.samples(potentials.unary, n_samples, rng)), exact=True)
     rows = []

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places import _core
 from pgm_places._checks import frozen
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.adjacency import is_forest, rooted_forest
 from pgm_places.solvers.mean_field import normalised
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, total_score
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
 
@@ -76,10 +76,7 @@ class BeliefPropagation:
 
 
 def belief_propagation(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     kind: Literal["sum-product", "max-product"] = "sum-product",
     sets: SetTables | None = None,
@@ -95,16 +92,10 @@ def belief_propagation(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label. O(K) a message.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message, O(K) for
-        ``"max-product"`` where it falls with the distance of labels, linearly or by its square,
-        down to some value.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. Rewards of
+        agreement cost O(K) a message; tables O(K^2), and O(K) for ``"max-product"`` where they fall
+        with the distance of labels, linearly or by its square, down to some value.
     kind : {"sum-product", "max-product"}
         Marginals, or the labelling.
     sets : SetTables, optional
@@ -124,12 +115,13 @@ def belief_propagation(
     Raises
     ------
     InputError
-        A shape or value does not fit, or the messages prove that no labelling is allowed.
+        The messages prove that no labelling is allowed.
 
     Examples
     --------
-    >>> unary, edges, agreement = [[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]
-    >>> found = belief_propagation(unary, edges, agreement, kind="max-product")
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> found = belief_propagation(model, kind="max-product")
     >>> found.labels.tolist(), found.converged
     ([0, 0], True)
     """
@@ -138,7 +130,6 @@ def belief_propagation(
     if sets is not None and kind == "max-product":
         raise InputError("sets are for kind 'sum-product'; decode_with_cliques takes either")
     check_schedule(max_iterations, tolerance, damping)
-    model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     rule = Rule(kind == "max-product", float(damping))
     unit = set_unit(model, sets)
@@ -246,20 +237,12 @@ def beliefs_from_messages(
     return normalised(log_beliefs)
 
 
-def pair_beliefs(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None,
-    pairwise: ArrayLike | None,
-    *,
-    messages: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def pair_beliefs(model: PairwiseModel, messages: NDArray[np.float64]) -> NDArray[np.float64]:
     """(E, K, K) what sum messages (2 E, K) say of the labels at both ends of each edge.
 
     Each is the edge's potential plus what both ends have heard from others than each other; exact
     without cycles.
     """
-    model = pairwise_model(unary, edges, agreement, pairwise)
     heard = heard_from_all(model, messages)
     first, second = model.around.edges.T
     with np.errstate(invalid="ignore"):  # what is impossible stays so

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places._extras import needed
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.bucket_tree import Factor
-from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.trws import trws
 
 __all__ = ["ExactSearch", "exact_search", "search_factors"]
@@ -61,10 +60,7 @@ class ExactSearch:
 
 
 def exact_search(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     max_backtracks: int = MAX_BACKTRACKS,
 ) -> ExactSearch:
@@ -72,21 +68,15 @@ def exact_search(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int or Adjacency
-        The graph.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
     max_backtracks : int
         The search ends after so many.
 
     Raises
     ------
     InputError
-        toulbar2 is not installed, or a shape or value does not fit.
+        toulbar2 is not installed.
     InfeasibleError
         It is proved that no labelling is allowed.
 
@@ -97,8 +87,7 @@ def exact_search(
     better one, so that large negative numbers in tables do not make the costs coarser.
     """
     toulbar2()
-    model = pairwise_model(unary, edges, agreement, pairwise)
-    first = trws(unary, model.around, agreement, pairwise, max_iterations=FIRST_PASSES)
+    first = trws(model, max_iterations=FIRST_PASSES)
     if first.bound <= first.score:
         return ExactSearch(first.labels, first.bound, complete=True, backtracks=0)
     initial = first.labels if first.score > -np.inf else None

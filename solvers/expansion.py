@@ -12,7 +12,7 @@ from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, Arcs, adjacency
 from pgm_places.solvers.max_flow import SINK, cut_space
-from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 
 _ROUNDING = 1e-9
 """Tables may miss regularity by this share of their largest entry: that much is rounding."""
@@ -58,9 +58,11 @@ class ExpansionGraph:
 
     Examples
     --------
+    >>> from pgm_places.solvers.pairwise import pairwise_model
     >>> graph = ExpansionGraph(3, [(0, 1), (1, 2)])
     >>> unary = [[2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [1.0, 0.0, 0.0]]
-    >>> graph.expand(unary, [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]).labels.tolist()
+    >>> model = pairwise_model(unary, graph.around, [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    >>> graph.expand(model).labels.tolist()
     [0, 0, 0]
     """
 
@@ -70,18 +72,15 @@ class ExpansionGraph:
 
     def expand(
         self,
-        unary: ArrayLike,
-        agreement: ArrayLike | None = None,
+        model: PairwiseModel,
         initial: ArrayLike | None = None,
         *,
-        pairwise: ArrayLike | None = None,
         max_sweeps: int = 100,
         on_iteration: Callable[[int, float], None] | None = None,
     ) -> Expansion:
-        """A labelling of these potentials; see :func:`alpha_expansion`."""
+        """A labelling of potentials on ``around``; see :func:`alpha_expansion`."""
         if max_sweeps < 1:
             raise InputError(f"max_sweeps must be at least 1, got {max_sweeps}")
-        model = pairwise_model(unary, self.around, agreement, pairwise)
         _require_regular(model)
         labels = checked_labels(model, initial)
         moves = _Moves(model, labels, self._space)
@@ -91,10 +90,7 @@ class ExpansionGraph:
 
 
 def alpha_expansion(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     initial: ArrayLike | None = None,
     max_sweeps: int = 100,
@@ -110,14 +106,8 @@ def alpha_expansion(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label, 0 where they differ.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
     initial : (N,) int, optional
         Labelling to start from; the best unaries by default. Not used with two labels.
     max_sweeps : int
@@ -128,8 +118,7 @@ def alpha_expansion(
     Raises
     ------
     InputError
-        A shape or value does not fit, or the potentials are not regular; the message names the
-        first offending edge and labels.
+        The potentials are not regular; the message names the first offending edge and labels.
 
     Notes
     -----
@@ -139,19 +128,14 @@ def alpha_expansion(
 
     Examples
     --------
-    >>> found = alpha_expansion([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> found = alpha_expansion(model)
     >>> found.labels.tolist(), found.score, found.exact
     ([0, 0], 1.5, True)
     """
-    graph = ExpansionGraph(len(np.asarray(unary)), edges)
-    return graph.expand(
-        unary,
-        agreement,
-        initial,
-        pairwise=pairwise,
-        max_sweeps=max_sweeps,
-        on_iteration=on_iteration,
-    )
+    graph = ExpansionGraph(model.n_nodes, model.around)
+    return graph.expand(model, initial, max_sweeps=max_sweeps, on_iteration=on_iteration)
 
 
 class _Move(NamedTuple):

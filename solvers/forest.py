@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import frozen, sealed
 from pgm_places._core import decode_forest, pass_back, pass_forest, sample_forest
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.adjacency import Adjacency, rooted_forest
+from pgm_places.solvers.adjacency import rooted_forest
 from pgm_places.solvers.belief_propagation import heard_from_all
 from pgm_places.solvers.forest_sums import forest_sums, sums_to_roots
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, total_score
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,36 +51,30 @@ class ForestMarginals:
 
 
 def forest_maximum(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
 ) -> ForestDecoding:
     """The best labelling of a graph without cycles, exactly; Viterbi's algorithm on a chain.
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int or Adjacency
-        Node pairs without a cycle.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a node, O(K) where it
-        falls with the distance of labels, linearly or by its square, down to some value.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`, on a graph without
+        a cycle. Tables cost O(K^2) a node, O(K) where they fall with the distance of labels,
+        linearly or by its square, down to some value.
 
     Raises
     ------
     InputError
-        The graph has a cycle, a shape or value does not fit, or no labelling is allowed.
+        The graph has a cycle, or no labelling is allowed.
 
     Examples
     --------
-    >>> forest_maximum([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]).labels.tolist()
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> forest_maximum(model).labels.tolist()
     [0, 0]
     """
-    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
+    order, parent = rooted_forest(model.around)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     shares = np.empty(model.n_nodes)
     pass_forest(True, model.max_terms, model.around.arcs, order, parent, message, shares)
@@ -93,10 +87,7 @@ def forest_maximum(
 
 
 def forest_marginals(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     pairs: bool = False,
 ) -> ForestMarginals:
@@ -107,11 +98,12 @@ def forest_marginals(
 
     Examples
     --------
-    >>> found = forest_marginals([[0.0, 0.0], [0.0, 0.0]], [(0, 1)], [[0.5, 0.5]])
-    >>> found.beliefs.tolist()
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[0.0, 0.0], [0.0, 0.0]], [(0, 1)], [[0.5, 0.5]])
+    >>> forest_marginals(model).beliefs.tolist()
     [[0.5, 0.5], [0.5, 0.5]]
     """
-    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
+    order, parent = rooted_forest(model.around)
     sums = forest_sums(model, order, parent)
     joint = sealed(sums.pair_beliefs()) if pairs else None
     log_partition = float(sums.log_partition.sum()) + model.offset
@@ -119,10 +111,7 @@ def forest_marginals(
 
 
 def forest_samples(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     n_samples: int,
     seed: int = 0,
@@ -133,11 +122,13 @@ def forest_samples(
 
     Examples
     --------
-    >>> drawn = forest_samples([[0.0, 0.0]] * 2, [(0, 1)], [[50.0, 50.0]], n_samples=4)
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[0.0, 0.0]] * 2, [(0, 1)], [[50.0, 50.0]])
+    >>> drawn = forest_samples(model, n_samples=4)
     >>> bool((drawn[:, 0] == drawn[:, 1]).all())
     True
     """
-    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
+    order, parent = rooted_forest(model.around)
     message, _ = sums_to_roots(model, order, parent)
     rng = np.random.default_rng(seed)
     labels = np.empty((n_samples, model.n_nodes), np.int32)
@@ -148,10 +139,7 @@ def forest_samples(
 
 
 def max_marginals(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
 ) -> NDArray[np.float64]:
     """(N, K) the largest score of a labelling in which the node has the label; -inf for none.
 
@@ -159,25 +147,15 @@ def max_marginals(
 
     Examples
     --------
-    >>> max_marginals([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]).tolist()
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> max_marginals(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])).tolist()
     [[1.5, 0.9], [1.5, 1.4]]
     """
-    best = forest_maximum(unary, edges, agreement, pairwise)
-    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
+    best = forest_maximum(model)
+    order, parent = rooted_forest(model.around)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     shares = np.empty(model.n_nodes)
     pass_forest(True, model.terms, model.around.arcs, order, parent, message, shares)
     pass_back(True, model.terms, model.around.arcs, order, parent, message)
     heard = heard_from_all(model, message)
     return frozen(best.score + heard - heard.max(axis=1, keepdims=True))
-
-
-def ordered_forest(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None,
-    pairwise: ArrayLike | None,
-) -> tuple[PairwiseModel, NDArray[np.uint32], NDArray[np.uint32]]:
-    """The model, every node after its parent, and the arc to that parent."""
-    model = pairwise_model(unary, edges, agreement, pairwise)
-    return model, *rooted_forest(model.around)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places._core import find_allowed, modes_pass
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
 # How a search ends; 0 where it gave up.
@@ -43,10 +43,7 @@ class LocalSearch:
 
 
 def iterated_conditional_modes(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     initial: ArrayLike | None = None,
     max_iterations: int = 100,
@@ -58,14 +55,8 @@ def iterated_conditional_modes(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
     initial : (N,) int, optional
         Labelling to start from; the best unaries by default.
     max_iterations : int
@@ -73,22 +64,18 @@ def iterated_conditional_modes(
     on_iteration : callable, optional
         Called after each pass with its number and how many nodes changed.
 
-    Raises
-    ------
-    InputError
-        A shape or value does not fit.
-
     Notes
     -----
     J. Besag, "On the statistical analysis of dirty pictures" (JRSS B 1986).
 
     Examples
     --------
-    >>> iterated_conditional_modes([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]).labels.tolist()
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> iterated_conditional_modes(model).labels.tolist()
     [0, 0]
     """
     check_schedule(max_iterations)
-    model = pairwise_model(unary, edges, agreement, pairwise)
     labels = checked_labels(model, initial)
     history = improved_modes(model, labels, max_iterations, on_iteration)
     return LocalSearch(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places._core import decode_beliefs
@@ -13,7 +13,7 @@ from pgm_places.errors import InfeasibleError, SolverError
 from pgm_places.solvers.duals import dual_value
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.local_search import improved_modes
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, total_score
 
 __all__ = ["LPDecoding", "solve_marginal_lp"]
 
@@ -51,10 +51,7 @@ class LPDecoding:
 
 
 def solve_marginal_lp(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     eliminate: bool = True,
 ) -> LPDecoding:
@@ -66,21 +63,15 @@ def solve_marginal_lp(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`.
     eliminate : bool
         Rule out labels that cannot be best first, which keeps the bound valid and may tighten it.
 
     Raises
     ------
     InputError
-        A shape or value does not fit, or no labelling is allowed.
+        No labelling is allowed.
     SolverError
         HiGHS ended without an optimum.
 
@@ -91,11 +82,12 @@ def solve_marginal_lp(
 
     Examples
     --------
-    >>> found = solve_marginal_lp([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> model = pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> found = solve_marginal_lp(model)
     >>> found.labels.tolist(), round(found.bound, 6), found.integral
     ([0, 0], 1.5, True)
     """
-    model = pairwise_model(unary, edges, agreement, pairwise)
     left, nodes = model, np.arange(model.n_nodes)
     marginals = np.zeros(model.unary.shape)
     if eliminate:

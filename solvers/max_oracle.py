@@ -1,7 +1,6 @@
 """Maximisers of score plus loss for max-margin learning: a fast one, and a certified one."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from pgm_places.solvers.max_margin import (
     hinge,
     objective,
 )
-from pgm_places.solvers.pairwise import pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.trws import trws
 
 # Passes of TRW-S after which a certificate is as good as it gets.
@@ -46,7 +45,7 @@ def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool 
 
     def best(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
         nonlocal last
-        labels = graph.expand(unary, agreement, last).labels
+        labels = graph.expand(pairwise_model(unary, graph.around, agreement), last).labels
         if from_last:
             last = labels
         return labels
@@ -92,38 +91,35 @@ def certify_weights(
     """
     unary, agreement = problem.augmented_potentials(weights)
     graph = ExpansionGraph(problem.n_whole, problem.whole_edges)
-    quick = graph.expand(unary, agreement)
+    model = pairwise_model(unary, graph.around, agreement)
+    quick = graph.expand(model)
     certificate = certify(
         problem,
         weights,
-        (unary, graph.around, agreement),
+        model,
         quick.labels,
         accuracy=accuracy,
         max_iterations=max_iterations,
     )
     # moves from there reach further than from the best unaries, where the quick oracle starts
-    labels = graph.expand(unary, agreement, certificate.labels).labels
+    labels = graph.expand(model, certificate.labels).labels
     return replace(certificate, labels=labels[: problem.n_nodes])
 
 
 def certify(
     problem: MarginProblem,
     weights: NDArray[np.float64],
-    augmented: tuple[Any, ...],
+    model: PairwiseModel,
     quick: NDArray[np.integer],
     *,
     accuracy: float = 1e-3,
     max_iterations: int = MAX_PASSES,
 ) -> Certificate:
-    """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle.
-
-    The potentials are given as :func:`~pgm_places.solvers.trws.trws` takes them.
-    """
-    model = pairwise_model(*augmented)
+    """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle."""
     known = objective(problem, weights, hinge(problem, weights, total_score(model, quick)))
     slack = accuracy * known * problem.n_nodes / problem.penalty
     found = trws(
-        *augmented,
+        model,
         initial=quick,
         max_iterations=max_iterations,
         tolerance=slack / model.size if model.size > 0 else 0.0,

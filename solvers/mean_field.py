@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places._core import mean_field_pass, set_mean_field_pass
-from pgm_places.solvers.pairwise import pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, total_score
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 from pgm_places.solvers.set_beliefs import SetTables, set_slots, set_unit
 
@@ -41,10 +41,7 @@ class MeanField:
 
 
 def mean_field(
-    unary: ArrayLike,
-    edges: ArrayLike,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     sets: SetTables | None = None,
     damping: float = 0.0,
@@ -59,15 +56,9 @@ def mean_field(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead. A node whose neighbours together forbid every
-        label (-inf) keeps its beliefs.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. A node whose
+        neighbours together forbid every label (-inf) keeps its beliefs.
     sets : SetTables, optional
         Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`).
     damping : float
@@ -81,19 +72,14 @@ def mean_field(
     on_iteration : callable, optional
         Called after each pass with its number and the largest change.
 
-    Raises
-    ------
-    InputError
-        A shape or value does not fit.
-
     Examples
     --------
-    >>> found = mean_field([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> found = mean_field(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
     >>> found.labels.tolist(), found.beliefs.sum(axis=1).tolist()
     ([0, 1], [1.0, 1.0])
     """
     check_schedule(max_iterations, tolerance, damping)
-    model = pairwise_model(unary, edges, agreement, pairwise)
     beliefs = normalised(model.unary)
     still = tolerance * min(set_unit(model, sets), 1.0)
     kernel = mean_field_pass if sets is None else set_mean_field_pass

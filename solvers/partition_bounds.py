@@ -8,17 +8,17 @@ Information Theory 51 (2005)). The shares are chosen to make it as small as poss
 the forests' marginals agree; every step of the search is a bound.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from pgm_places._checks import frozen
 from pgm_places.solvers.adjacency import Adjacency, adjacency
-from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.forest import ForestMarginals, forest_marginals
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
@@ -41,10 +41,7 @@ class PartitionBounds:
 
 
 def bound_log_partition(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     max_iterations: int = 50,
 ) -> PartitionBounds:
@@ -52,31 +49,24 @@ def bound_log_partition(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int or Adjacency
-        Node pairs.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead. The lower bound may be -inf where some are.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. The lower bound
+        may be -inf where some pairs of labels are forbidden.
     max_iterations : int
         Steps of the search for the smallest upper bound, each two passes over every forest.
 
     Examples
     --------
     >>> square = [(0, 1), (1, 2), (2, 3), (0, 3)]
-    >>> found = bound_log_partition(np.zeros((4, 2)), square, np.ones((4, 2)))
+    >>> found = bound_log_partition(pairwise_model(np.zeros((4, 2)), square, np.ones((4, 2))))
     >>> truth = np.log(2 * np.e**4 + 12 * np.e**2 + 2)
     >>> bool(found.lower <= truth <= found.upper), float(round(found.upper - truth, 2))
     (True, 0.34)
     """
-    model = pairwise_model(unary, edges, agreement, pairwise)
     parts = edge_forests(model.around)
     if len(parts) <= 1:
-        whole = forest_marginals(*_arrays(model, np.arange(model.around.n_edges), 1.0))
-        total = whole.log_partition + model.offset
-        return PartitionBounds(total, total, whole.beliefs)
+        whole = forest_marginals(model)
+        return PartitionBounds(whole.log_partition, whole.log_partition, whole.beliefs)
     upper, beliefs = _smallest(model, parts, max_iterations)
     return PartitionBounds(_below(model), upper + model.offset, frozen(beliefs))
 
@@ -102,15 +92,18 @@ def _smallest(
     from scipy.optimize import minimize
 
     n_forests, shape = len(parts), model.unary.shape
-    arrays = [_arrays(model, part, float(n_forests)) for part in parts]
+    forests = [_part(model, part, float(n_forests)) for part in parts]
 
-    def bound(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def marginals_at(flat: NDArray[np.float64]) -> list[ForestMarginals]:
         shares = flat.reshape(n_forests, *shape)
         shares = shares - shares.mean(axis=0)  # the unaries' mean stays the model's
-        marginals = [
-            forest_marginals(model.unary + share, *others[1:])
-            for share, others in zip(shares, arrays, strict=True)
+        return [
+            forest_marginals(replace(forest, unary=model.unary + share))
+            for share, forest in zip(shares, forests, strict=True)
         ]
+
+    def bound(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        marginals = marginals_at(flat)
         beliefs = np.stack([each.beliefs for each in marginals])
         gradient = (beliefs - beliefs.mean(axis=0)) / n_forests
         value = float(np.mean([each.log_partition for each in marginals]))
@@ -119,19 +112,13 @@ def _smallest(
     lbfgs: Any = minimize
     start = np.zeros(n_forests * model.unary.size)
     best = lbfgs(bound, start, jac=True, method="L-BFGS-B", options={"maxiter": max_iterations})
-    shares = best.x.reshape(n_forests, *shape)
-    shares = shares - shares.mean(axis=0)
-    beliefs = [
-        forest_marginals(model.unary + share, *others[1:]).beliefs
-        for share, others in zip(shares, arrays, strict=True)
-    ]
+    beliefs = [each.beliefs for each in marginals_at(best.x)]
     return float(best.fun), np.mean(beliefs, axis=0)
 
 
 def _below(model: PairwiseModel) -> float:
     """Expected score plus entropy of mean field's independent beliefs: no more than log Z."""
-    arrays = _arrays(model, np.arange(model.around.n_edges), 1.0)
-    beliefs = mean_field(*arrays).beliefs
+    beliefs = mean_field(model).beliefs
     with np.errstate(divide="ignore", invalid="ignore"):
         entropy = -float(np.where(beliefs > 0, beliefs * np.log(beliefs), 0.0).sum())
     expected = _expected(beliefs, model.unary)
@@ -149,10 +136,10 @@ def _expected(weights: NDArray[np.float64], values: NDArray[np.float64]) -> floa
     return float(np.sum(np.where(weights > 0, weights * np.where(weights > 0, values, 0.0), 0.0)))
 
 
-def _arrays(model: PairwiseModel, part: NDArray[np.int64], scale: float) -> tuple[Any, ...]:
-    """Unary, some of the edges, and their potentials multiplied, as solvers take them."""
+def _part(model: PairwiseModel, part: NDArray[np.int64], scale: float) -> PairwiseModel:
+    """The model with some of the edges, whose potentials are multiplied."""
     around = adjacency(model.n_nodes, model.around.edges[part])
     if model.agreement is not None:
-        return model.unary, around, scale * model.agreement[part], None
+        return pairwise_model(model.unary, around, scale * model.agreement[part])
     tables = np.broadcast_to(model.tables, (model.around.n_edges, *model.tables.shape[1:]))
-    return model.unary, around, None, scale * tables[part]
+    return pairwise_model(model.unary, around, pairwise=scale * tables[part])

@@ -85,9 +85,10 @@ def best_labels(
     It is one of the field's whole graph, whose potentials are given.
     """
     if field.is_forest:
-        return forest_maximum(unary, field.around, pairwise=tables).labels
+        return forest_maximum(pairwise_model(unary, field.around, pairwise=tables)).labels
     if field.sets is None:
-        return trws(unary, field.around, pairwise=tables, max_iterations=max_passes).labels
+        model = pairwise_model(unary, field.around, pairwise=tables)
+        return trws(model, max_iterations=max_passes).labels
     return _best_with_sets(field.whole, field.n_nodes, unary, tables, max_passes)
 
 
@@ -105,7 +106,8 @@ def _best_with_sets(
     """
     n_after = whole.n_nodes - n_nodes
     edges = (whole.edges + n_after) % whole.n_nodes
-    first = trws(np.roll(unary, n_after, axis=0), edges, pairwise=tables, max_iterations=max_passes)
+    turned = pairwise_model(np.roll(unary, n_after, axis=0), edges, pairwise=tables)
+    first = trws(turned, max_iterations=max_passes)
     starts = [np.roll(first.labels, -n_after).astype(np.int32)]
     allowed = np.flatnonzero(np.isfinite(unary).all(axis=0))
     starts += [np.full(whole.n_nodes, k, np.int32) for k in allowed]
@@ -132,6 +134,6 @@ def certify_tables(problem: TableMarginProblem, weights: NDArray[np.float64]) ->
     field = problem.field
     unary, tables = problem.augmented_potentials(weights)
     quick = best_labels(field, unary, tables, ORACLE_PASSES)
-    augmented = (unary, field.whole, None, tables)
-    proof = certify(problem, weights, augmented, quick)
+    model = pairwise_model(unary, field.whole, pairwise=tables)
+    proof = certify(problem, weights, model, quick)
     return replace(proof, labels=proof.labels[: field.n_nodes])

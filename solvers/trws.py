@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places._core import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
-from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 from pgm_places.solvers.schedule import check_schedule
 
 _DECODE_EVERY = 5
@@ -49,10 +48,7 @@ class DualDecoding:
 
 
 def trws(
-    unary: ArrayLike,
-    edges: ArrayLike | Adjacency,
-    agreement: ArrayLike | None = None,
-    pairwise: ArrayLike | None = None,
+    model: PairwiseModel,
     *,
     initial: ArrayLike | None = None,
     max_iterations: int = 200,
@@ -70,15 +66,11 @@ def trws(
 
     Parameters
     ----------
-    unary : (N, K) float
-        Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
-        Node pairs. Nodes are visited in index order, for a grid row by row.
-    agreement : (E, K) float, optional
-        Log-potential of an edge whose ends agree on each label; of any sign. O(K) a message.
-    pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message, O(K) where
-        it falls with the distance of labels, linearly or by its square, down to some value.
+    model : PairwiseModel
+        The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. Nodes are visited
+        in index order, for a grid row by row. Rewards of agreement may have any sign and cost O(K)
+        a message; tables O(K^2), and O(K) where they fall with the distance of labels, linearly or
+        by its square, down to some value.
     initial : (N,) int, optional
         A labelling to beat, for instance of a graph cut: where none better is found it is returned,
         and its score counts for the gap.
@@ -99,7 +91,7 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     Raises
     ------
     InputError
-        A shape or value does not fit, or no labelling is allowed.
+        No labelling is allowed.
 
     Notes
     -----
@@ -107,12 +99,12 @@ reduce_model`), which changes neither the best score nor the bound's validity.
 
     Examples
     --------
-    >>> found = trws([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> from pgm_places.solvers.pairwise import pairwise_model
+    >>> found = trws(pairwise_model([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]))
     >>> found.labels.tolist(), found.score, found.bound
     ([0, 0], 1.5, 1.5)
     """
     check_schedule(max_iterations, tolerance)
-    model = pairwise_model(unary, edges, agreement, pairwise)
     best = None if initial is None else checked_labels(model, initial)
     floor = -np.inf if best is None else total_score(model, best)
     reduced = reduce_model(model) if eliminate else None

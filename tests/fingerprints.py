@@ -25,6 +25,7 @@ from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.forward import filtered_beliefs, viterbi
 from pgm_places.solvers.grid_relaxation import relax_grid
 from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 
 
@@ -67,12 +68,15 @@ def solvers() -> Iterator[tuple[str, str]]:
     edges = rng.integers(0, 200, (500, 2))
     edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]]), axis=0)
     unary, agreement = rng.normal(size=(200, 3)), rng.uniform(0, 1, (len(edges), 3))
-    bounded = trws(unary, edges, agreement)
+    bounded = trws(pairwise_model(unary, edges, agreement))
     yield "trws", fingerprint(bounded.labels, bounded.history)
-    moved = alpha_expansion(unary, edges, agreement)
+    moved = alpha_expansion(pairwise_model(unary, edges, agreement))
     yield "alpha_expansion", fingerprint(moved.labels, np.array(moved.score))
-    yield "belief_propagation", fingerprint(belief_propagation(unary, edges, agreement).beliefs)
-    yield "mean_field", fingerprint(mean_field(unary, edges, agreement).beliefs)
+    yield (
+        "belief_propagation",
+        fingerprint(belief_propagation(pairwise_model(unary, edges, agreement)).beliefs),
+    )
+    yield "mean_field", fingerprint(mean_field(pairwise_model(unary, edges, agreement)).beliefs)
 
     start, seen = np.full(4, 0.25), rng.normal(size=(500, 4))
     turn = np.full((4, 4), 0.05) + 0.8 * np.eye(4)

@@ -10,6 +10,7 @@ from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.best_labelings import best_labelings
 from pgm_places.solvers.forest import max_marginals
 from pgm_places.solvers.local_search import allowed_labels
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, labelings
 from tests.reference.energy import score as score_by_hand
 from tests.strategies import ruled_models
@@ -138,4 +139,4 @@ def test_max_marginals_are_those_of_all_labellings() -> None:
     for labels in labelings(model):
         for node, label in enumerate(labels):
             wanted[node, label] = max(wanted[node, label], score_by_hand(model, labels))
-    np.testing.assert_allclose(max_marginals(unary, edges, pairwise=tables), wanted)
+    np.testing.assert_allclose(max_marginals(pairwise_model(unary, edges, pairwise=tables)), wanted)

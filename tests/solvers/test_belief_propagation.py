@@ -20,7 +20,7 @@ KINDS: tuple[Literal["sum-product", "max-product"], ...] = ("sum-product", "max-
 
 @given(models(forest=True))
 def test_sums_are_exact_on_forests(model: Model) -> None:
-    found = belief_propagation(*model.arrays, tolerance=1e-10)
+    found = belief_propagation(pairwise_model(*model.arrays), tolerance=1e-10)
     assert found.converged
     np.testing.assert_allclose(found.beliefs, distribution(model)[0], rtol=0, atol=1e-8)
 
@@ -29,7 +29,11 @@ def test_sums_are_exact_on_forests(model: Model) -> None:
 def test_maxima_are_exact_on_forests_with_ties(model: Model, damping: float) -> None:
     """Potentials are quarters, so that many labellings are equally good."""
     found = belief_propagation(
-        *model.arrays, kind="max-product", damping=damping, tolerance=1e-9, max_iterations=500
+        pairwise_model(*model.arrays),
+        kind="max-product",
+        damping=damping,
+        tolerance=1e-9,
+        max_iterations=500,
     )
     assert found.converged
     assert found.score == pytest.approx(best_score(model), rel=0, abs=1e-6)
@@ -45,14 +49,14 @@ def test_two_passes_do_on_forests_however_they_are_numbered(
     unary, edges = rng.normal(size=(n, 3)), np.stack([place[:-1], place[1:]], axis=1)
     pairwise = 3.0 * rng.normal(size=(3, 3))
     found = belief_propagation(
-        unary, edges, pairwise=pairwise, kind=kind, damping=0.5, max_iterations=1
+        pairwise_model(unary, edges, pairwise=pairwise), kind=kind, damping=0.5, max_iterations=1
     )
     assert (len(found.history), found.converged, found.exact) == (2, True, True)
     if kind == "sum-product":
-        wanted = forest_marginals(unary, edges, pairwise=pairwise).beliefs
+        wanted = forest_marginals(pairwise_model(unary, edges, pairwise=pairwise)).beliefs
         np.testing.assert_allclose(found.beliefs, wanted, rtol=0, atol=1e-12)
     else:
-        best = forest_maximum(unary, edges, pairwise=pairwise)
+        best = forest_maximum(pairwise_model(unary, edges, pairwise=pairwise))
         np.testing.assert_array_equal(found.labels, best.labels)
 
 
@@ -70,7 +74,7 @@ def test_nodes_that_are_alike_get_labels_that_fit_together(
 ) -> None:
     """Every marginal is a tie; the labels are those of a best labelling all the same."""
     model = Model(np.zeros((6, 2)), edges, np.full((len(edges), 2), reward))
-    found = belief_propagation(*model.arrays)
+    found = belief_propagation(pairwise_model(*model.arrays))
     np.testing.assert_allclose(found.beliefs, 0.5, rtol=0, atol=1e-9)
     assert found.score == best_score(model)
 
@@ -114,7 +118,7 @@ def test_the_fast_sweep_passes_the_messages_of_the_general_one(
 def test_beliefs_are_probabilities_and_the_score_is_the_labels(
     model: Model, kind: Literal["sum-product", "max-product"]
 ) -> None:
-    found = belief_propagation(*model.arrays, kind=kind, damping=0.3)
+    found = belief_propagation(pairwise_model(*model.arrays), kind=kind, damping=0.3)
     np.testing.assert_allclose(found.beliefs.sum(axis=1), 1.0, rtol=0, atol=1e-9)
     assert not found.beliefs[model.unary == -np.inf].any()
     np.testing.assert_allclose(
@@ -127,7 +131,7 @@ def test_sums_hold_far_apart_labels(gap: float) -> None:
     """One label far ahead, rewards as large: nothing may vanish in an exponential."""
     unary = np.array([[gap, 0.0, -gap], [0.0, 0.5, 0.0]])
     model = Model(unary, np.array([(0, 1)]), np.array([[-gap, gap - 1, 2 * gap]]))
-    found = belief_propagation(*model.arrays)
+    found = belief_propagation(pairwise_model(*model.arrays))
     np.testing.assert_allclose(found.beliefs, distribution(model)[0], rtol=0, atol=1e-9)
 
 
@@ -135,7 +139,8 @@ def test_messages_that_circle_are_reported() -> None:
     triangle = [(0, 1), (0, 2), (1, 2)]
     differ = np.array([[-40.0, 0.0], [0.0, -40.0]])
     found = belief_propagation(
-        [[0.0, 0.1], [0.0, 0.2], [0.1, 0.0]], triangle, pairwise=differ, max_iterations=7
+        pairwise_model([[0.0, 0.1], [0.0, 0.2], [0.1, 0.0]], triangle, pairwise=differ),
+        max_iterations=7,
     )
     assert not found.converged
     assert len(found.history) == 7
@@ -143,7 +148,9 @@ def test_messages_that_circle_are_reported() -> None:
 
 def test_messages_that_prove_it_impossible_are_refused() -> None:
     with pytest.raises(InputError, match="together forbid every label at node"):
-        belief_propagation(np.zeros((2, 2)), [(0, 1)], pairwise=np.full((2, 2), -np.inf))
+        belief_propagation(
+            pairwise_model(np.zeros((2, 2)), [(0, 1)], pairwise=np.full((2, 2), -np.inf))
+        )
 
 
 @pytest.mark.parametrize(
@@ -157,4 +164,4 @@ def test_messages_that_prove_it_impossible_are_refused() -> None:
 )
 def test_bad_options_are_refused(changed: dict[str, object], text: str) -> None:
     with pytest.raises(InputError, match=text):
-        belief_propagation(np.zeros((2, 2)), [(0, 1)], **changed)  # type: ignore[arg-type]
+        belief_propagation(pairwise_model(np.zeros((2, 2)), [(0, 1)]), **changed)  # type: ignore[arg-type]

@@ -122,7 +122,7 @@ def test_a_long_ladder_is_solved_and_its_bound_is_met() -> None:
     tree = BucketTree.of(pairwise_model(unary, graph.edges, agreement))
     assert tree is not None
     labels, marginals = tree.solved(unary)
-    found = trws(unary, graph.edges, agreement, max_iterations=1000)
+    found = trws(pairwise_model(unary, graph.edges, agreement), max_iterations=1000)
     total = score(Model(unary, graph.edges.astype(np.int64), agreement), tuple(labels.tolist()))
     assert found.score - 1e-9 <= total <= found.bound + 1e-9
     np.testing.assert_allclose(np.max(marginals, axis=1), total, rtol=0, atol=1e-9)

@@ -94,12 +94,12 @@ def grid(seed: int, side: int, n_labels: int, power: int, *, per_edge: bool) -> 
 
 
 SOLVERS: dict[str, Any] = {
-    "trws": lambda model: trws(*model.arrays, max_iterations=30),
+    "trws": lambda model: trws(pairwise_model(*model.arrays), max_iterations=30),
     "max-product": lambda model: belief_propagation(
-        *model.arrays, kind="max-product", damping=0.3, max_iterations=15
+        pairwise_model(*model.arrays), kind="max-product", damping=0.3, max_iterations=15
     ),
     "forest": lambda model: forest_maximum(
-        model.unary, model.edges[: len(model.edges) // 2], None, _half(model)
+        pairwise_model(model.unary, model.edges[: len(model.edges) // 2], None, _half(model))
     ),
 }
 
@@ -141,8 +141,8 @@ def test_the_best_labelling_of_a_small_chain_is_found(
         chain = Model(rng.normal(size=(n_nodes, n_labels)), edges, pairwise=values)
         assert pairwise_model(*chain.arrays).max_terms.pairwise.ndim == 1
         best = best_score(chain)
-        assert forest_maximum(*chain.arrays).score == pytest.approx(best, abs=1e-9)
-        found = trws(*chain.arrays)
+        assert forest_maximum(pairwise_model(*chain.arrays)).score == pytest.approx(best, abs=1e-9)
+        found = trws(pairwise_model(*chain.arrays))
         assert found.bound >= best - 1e-9
         assert found.score == pytest.approx(best, abs=1e-6)
 
@@ -172,15 +172,19 @@ def test_small_graphs_with_cycles_are_bounded_and_solved_as_by_the_table(
         monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 3, 2.0: 3})
         assert pairwise_model(*model.arrays).max_terms.pairwise.ndim == 1
         best, slack = best_score(model), 1e-9 * scale
-        found = trws(*model.arrays, duals=True)
-        said = belief_propagation(*model.arrays, kind="max-product", max_iterations=6)
+        found = trws(pairwise_model(*model.arrays), duals=True)
+        said = belief_propagation(
+            pairwise_model(*model.arrays), kind="max-product", max_iterations=6
+        )
         assert found.score - slack <= best <= found.bound + slack
         assert found.duals is not None
         assert dual_bound(*model.arrays, duals=found.duals) == pytest.approx(found.bound, abs=slack)
         monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 10**6, 2.0: 10**6})
-        by_table = trws(*model.arrays)
+        by_table = trws(pairwise_model(*model.arrays))
         assert found.bound == pytest.approx(by_table.bound, abs=slack)
         assert found.score == pytest.approx(by_table.score, abs=slack)
-        plain = belief_propagation(*model.arrays, kind="max-product", max_iterations=6)
+        plain = belief_propagation(
+            pairwise_model(*model.arrays), kind="max-product", max_iterations=6
+        )
         np.testing.assert_allclose(said.messages, plain.messages, rtol=1e-12, atol=1e-12 * scale)
         assert said.score == pytest.approx(plain.score, abs=slack)

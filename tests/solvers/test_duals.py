@@ -23,13 +23,13 @@ GRID = np.array([(0, 1), (1, 2), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5)])
 
 
 def by_trws(model: Model, *, eliminate: bool) -> tuple[float, Array]:
-    found = trws(*model.arrays, eliminate=eliminate, duals=True, max_iterations=30)
+    found = trws(pairwise_model(*model.arrays), eliminate=eliminate, duals=True, max_iterations=30)
     assert found.duals is not None
     return found.bound, found.duals
 
 
 def by_lp(model: Model, *, eliminate: bool) -> tuple[float, Array]:
-    found = solve_marginal_lp(*model.arrays, eliminate=eliminate)
+    found = solve_marginal_lp(pairwise_model(*model.arrays), eliminate=eliminate)
     return found.bound, found.duals
 
 
@@ -72,7 +72,7 @@ def test_duals_respect_forbidden_pairs(name: str, model: Model) -> None:
 
 @given(model=models(("associative",), n_labels=st.integers(1, 2), max_nodes=6))
 def test_the_flow_proves_a_cut_of_two_labels(model: Model) -> None:
-    found = alpha_expansion(*model.arrays)
+    found = alpha_expansion(pairwise_model(*model.arrays))
     assert found.exact
     check(model, found.score, cut_duals(pairwise_model(*model.arrays)))
 
@@ -86,7 +86,7 @@ def test_the_flow_proves_tables_that_tell_the_ends_apart() -> None:
         unary = rng.normal(size=(6, 2))
         unary[rng.integers(6), rng.integers(2)] = -np.inf
         model = Model(unary, GRID, pairwise=tables)
-        found = alpha_expansion(*model.arrays)
+        found = alpha_expansion(pairwise_model(*model.arrays))
         check(model, found.score, cut_duals(pairwise_model(*model.arrays)))
 
 

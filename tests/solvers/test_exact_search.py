@@ -16,7 +16,7 @@ from pgm_places.solvers.pairwise import pairwise_model
 def test_without_toulbar2_a_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pytoulbar2", None)
     with pytest.raises(InputError, match=r"the decoder 'toulbar2' needs .*exact-search"):
-        exact_search(np.zeros((2, 2)), [(0, 1)])
+        exact_search(pairwise_model(np.zeros((2, 2)), [(0, 1)]))
 
 
 class TestSearch:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.expansion import Expansion, ExpansionGraph, alpha_expansion
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_move, best_score, score
 from tests.strategies import Kind, models
 
@@ -33,7 +34,7 @@ def labels_of(found: Expansion) -> tuple[int, ...]:
 
 @given(models(REGULAR))
 def test_no_move_improves_the_labelling(model: Model) -> None:
-    found = alpha_expansion(*model.arrays)
+    found = alpha_expansion(pairwise_model(*model.arrays))
     assert found.converged
     np.testing.assert_allclose(found.score, score(model, labels_of(found)), rtol=0, atol=1e-9)
     for target in range(model.unary.shape[1]):
@@ -43,7 +44,7 @@ def test_no_move_improves_the_labelling(model: Model) -> None:
 @given(models(("associative", "agreement", "metric", "tables"), n_labels=st.just(2)))
 def test_two_labels_are_solved_exactly_or_refused(model: Model) -> None:
     try:
-        found = alpha_expansion(*model.arrays)
+        found = alpha_expansion(pairwise_model(*model.arrays))
     except InputError as error:
         assert "no expansion on label" in str(error)
         return
@@ -59,21 +60,21 @@ def test_numbering_direction_and_constants_do_not_matter(model: Model, seed: int
     raised = model.unary[order] + np.arange(n_nodes)[:, None]
     pairwise = None if model.pairwise is None else model.pairwise.swapaxes(-1, -2)
     edges = place[model.edges][:, ::-1] if len(model.edges) else model.edges
-    moved = alpha_expansion(raised, edges, model.agreement, pairwise)
-    found = alpha_expansion(*model.arrays)
+    moved = alpha_expansion(pairwise_model(raised, edges, model.agreement, pairwise))
+    found = alpha_expansion(pairwise_model(*model.arrays))
     np.testing.assert_array_equal(moved.labels, found.labels[order])
     assert moved.score == found.score + sum(range(n_nodes))
 
 
 @given(models(REGULAR))
 def test_forbidden_labels_are_never_given(model: Model) -> None:
-    found = alpha_expansion(*model.arrays)
+    found = alpha_expansion(pairwise_model(*model.arrays))
     assert np.isfinite(model.unary[np.arange(len(model.unary)), found.labels]).all()
 
 
 @given(models(REGULAR, max_nodes=6))
 def test_without_edges_each_node_takes_its_best_label(model: Model) -> None:
-    found = alpha_expansion(model.unary, np.zeros((0, 2), np.int64))
+    found = alpha_expansion(pairwise_model(model.unary, np.zeros((0, 2), np.int64)))
     assert found.exact
     best = model.unary.max(axis=1, initial=-np.inf)
     np.testing.assert_array_equal(model.unary[np.arange(len(best)), found.labels], best)
@@ -84,8 +85,8 @@ def test_the_same_graph_serves_many_problems(seed: int) -> None:
     first, second = grid_model(seed, 3), grid_model(seed + 100, 3)
     graph = ExpansionGraph(len(first.unary), first.edges)
     for model in (first, second, first):
-        again = graph.expand(model.unary, model.agreement)
-        fresh = alpha_expansion(*model.arrays)
+        again = graph.expand(pairwise_model(model.unary, graph.around, model.agreement))
+        fresh = alpha_expansion(pairwise_model(*model.arrays))
         np.testing.assert_array_equal(again.labels, fresh.labels)
         assert again.score == fresh.score
 
@@ -103,8 +104,8 @@ def test_tables_and_agreement_give_the_same_moves(seed: int) -> None:
     np.subtract.at(unary, model.edges[:, 0], shift)
     start = model.unary.argmax(axis=1)
     np.testing.assert_array_equal(
-        alpha_expansion(unary, model.edges, pairwise=tables, initial=start).labels,
-        alpha_expansion(*model.arrays, initial=start).labels,
+        alpha_expansion(pairwise_model(unary, model.edges, pairwise=tables), initial=start).labels,
+        alpha_expansion(pairwise_model(*model.arrays), initial=start).labels,
     )
 
 
@@ -112,7 +113,9 @@ def test_tables_and_agreement_give_the_same_moves(seed: int) -> None:
 def test_scores_rise_from_sweep_to_sweep_and_end_at_the_score(n_labels: int) -> None:
     model = grid_model(7, n_labels)
     seen: list[float] = []
-    found = alpha_expansion(*model.arrays, on_iteration=lambda _, value: seen.append(value))
+    found = alpha_expansion(
+        pairwise_model(*model.arrays), on_iteration=lambda _, value: seen.append(value)
+    )
     assert len(seen) == found.n_sweeps
     assert seen == sorted(seen)
     np.testing.assert_allclose(seen[-1], found.score, rtol=1e-12)
@@ -121,7 +124,9 @@ def test_scores_rise_from_sweep_to_sweep_and_end_at_the_score(n_labels: int) -> 
 def test_limit_on_sweeps_is_reported() -> None:
     model, seen = grid_model(7, 3), []
     found = alpha_expansion(
-        *model.arrays, max_sweeps=1, on_iteration=lambda sweep, _: seen.append(sweep)
+        pairwise_model(*model.arrays),
+        max_sweeps=1,
+        on_iteration=lambda sweep, _: seen.append(sweep),
     )
     assert not found.converged
     assert seen == [1] and found.n_sweeps == 1
@@ -129,8 +134,8 @@ def test_limit_on_sweeps_is_reported() -> None:
 
 def test_a_start_at_the_answer_stays_there() -> None:
     model = grid_model(7, 3)
-    found = alpha_expansion(*model.arrays)
-    again = alpha_expansion(*model.arrays, initial=found.labels)
+    found = alpha_expansion(pairwise_model(*model.arrays))
+    again = alpha_expansion(pairwise_model(*model.arrays), initial=found.labels)
     np.testing.assert_array_equal(again.labels, found.labels)
     assert again.n_moves == 3
 
@@ -139,7 +144,7 @@ def test_inputs_stay_as_they_are() -> None:
     model = grid_model(3, 3, 10, 10)
     start: NDArray[np.int64] = np.zeros(100, np.int64)
     unary, edges = model.unary.copy(), model.edges.copy()
-    alpha_expansion(*model.arrays, initial=start)
+    alpha_expansion(pairwise_model(*model.arrays), initial=start)
     np.testing.assert_array_equal(model.unary, unary)
     np.testing.assert_array_equal(model.edges, edges)
     assert not start.any()
@@ -170,7 +175,7 @@ def test_irregular_potentials_are_refused_with_edge_and_labels(
     agreement: list[list[float]] | None, pairwise: list[list[float]] | None, text: str
 ) -> None:
     with pytest.raises(InputError, match=text):
-        alpha_expansion(np.zeros((3, 3)), [(0, 1), (1, 2)], agreement, pairwise)
+        alpha_expansion(pairwise_model(np.zeros((3, 3)), [(0, 1), (1, 2)], agreement, pairwise))
 
 
 @pytest.mark.parametrize(
@@ -186,15 +191,20 @@ def test_irregular_potentials_are_refused_with_edge_and_labels(
     ],
 )
 def test_bad_problems_are_refused(changed: dict[str, object], text: str) -> None:
+    changed = dict(changed)
     problem: dict[str, object] = {
         "unary": [[0.0, 1.0], [1.0, 0.0]],
         "edges": [(0, 1)],
         "agreement": [[1.0, 1.0]],
     }
+    potentials = {name: changed.pop(name) for name in [*changed] if name in (*problem, "pairwise")}
     with pytest.raises(InputError, match=text):
-        alpha_expansion(**(problem | changed))  # type: ignore[arg-type]
+        model = pairwise_model(**(problem | potentials))  # type: ignore[arg-type]
+        alpha_expansion(model, **changed)  # type: ignore[arg-type]
 
 
 def test_a_forbidden_start_is_refused() -> None:
     with pytest.raises(InputError, match="initial gives node 1 the label 0, which unary forbids"):
-        alpha_expansion([[0.0, 1.0], [-np.inf, 0.0]], [(0, 1)], [[1.0, 1.0]], initial=[0, 0])
+        alpha_expansion(
+            pairwise_model([[0.0, 1.0], [-np.inf, 0.0]], [(0, 1)], [[1.0, 1.0]]), initial=[0, 0]
+        )

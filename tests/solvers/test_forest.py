@@ -5,13 +5,14 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, distribution, pair_marginals, score
 from tests.strategies import models
 
 
 @given(models(forest=True))
 def test_maximum_is_the_best_of_all_labellings(model: Model) -> None:
-    found = forest_maximum(*model.arrays)
+    found = forest_maximum(pairwise_model(*model.arrays))
     np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-9)
     np.testing.assert_allclose(
         found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
@@ -20,7 +21,7 @@ def test_maximum_is_the_best_of_all_labellings(model: Model) -> None:
 
 @given(models(forest=True))
 def test_marginals_are_sums_over_all_labellings(model: Model) -> None:
-    found = forest_marginals(*model.arrays)
+    found = forest_marginals(pairwise_model(*model.arrays))
     marginals, log_partition = distribution(model)
     np.testing.assert_allclose(found.beliefs, marginals, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.log_partition, log_partition, rtol=0, atol=1e-9)
@@ -28,7 +29,7 @@ def test_marginals_are_sums_over_all_labellings(model: Model) -> None:
 
 @given(models(forest=True))
 def test_marginals_of_edges_are_sums_over_all_labellings(model: Model) -> None:
-    found = forest_marginals(*model.arrays, pairs=True).pair_beliefs
+    found = forest_marginals(pairwise_model(*model.arrays), pairs=True).pair_beliefs
     assert found is not None
     np.testing.assert_allclose(found, pair_marginals(model), rtol=0, atol=1e-9)
 
@@ -41,10 +42,10 @@ def test_forbidden_pairs_are_never_taken(model: Model, data: st.DataObject) -> N
     tables = np.where(np.tri(n_labels, k=-1, dtype=bool), -np.inf, model.pairwise)
     unary = np.where(np.isfinite(model.unary), model.unary, 0.0)
     barred = Model(unary, model.edges, pairwise=tables)
-    found = forest_maximum(*barred.arrays)
+    found = forest_maximum(pairwise_model(*barred.arrays))
     np.testing.assert_allclose(found.score, best_score(barred), rtol=0, atol=1e-9)
     marginals, _ = distribution(barred)
-    exact = forest_marginals(*barred.arrays, pairs=True)
+    exact = forest_marginals(pairwise_model(*barred.arrays), pairs=True)
     np.testing.assert_allclose(exact.beliefs, marginals, rtol=0, atol=1e-9)
     assert exact.pair_beliefs is not None
     np.testing.assert_allclose(exact.pair_beliefs, pair_marginals(barred), rtol=0, atol=1e-9)
@@ -55,10 +56,10 @@ def test_long_chains_neither_overflow_nor_underflow() -> None:
     rng = np.random.default_rng(0)
     unary = rng.normal(0, 50, (n_steps, 4))
     edges = np.stack([np.arange(n_steps - 1), np.arange(1, n_steps)], axis=1)
-    found = forest_marginals(unary, edges, pairwise=rng.normal(0, 50, (4, 4)))
+    found = forest_marginals(pairwise_model(unary, edges, pairwise=rng.normal(0, 50, (4, 4))))
     assert np.isfinite(found.log_partition)
     np.testing.assert_allclose(found.beliefs.sum(axis=1), 1.0, rtol=0, atol=1e-9)
-    best = forest_maximum(unary, edges, pairwise=rng.normal(0, 50, (4, 4)))
+    best = forest_maximum(pairwise_model(unary, edges, pairwise=rng.normal(0, 50, (4, 4))))
     assert np.isfinite(best.score)
 
 
@@ -67,25 +68,25 @@ def test_stars_are_solved_whatever_number_the_centre_has() -> None:
     unary = np.random.default_rng(1).integers(-8, 8, (9, 3)) / 4
     agreement = np.random.default_rng(2).integers(-8, 8, (8, 3)) / 4
     model = Model(unary, np.array(edges), agreement)
-    assert forest_maximum(*model.arrays).score == best_score(model)
+    assert forest_maximum(pairwise_model(*model.arrays)).score == best_score(model)
 
 
 @pytest.mark.parametrize("solve", [forest_maximum, forest_marginals])
 def test_cycles_are_refused_with_an_edge(solve: object) -> None:
     assert callable(solve)
     with pytest.raises(InputError, match=r"without cycles, but edge 2 \(1, 2\) closes one"):
-        solve(np.zeros((3, 2)), [(0, 1), (0, 2), (1, 2)])
+        solve(pairwise_model(np.zeros((3, 2)), [(0, 1), (0, 2), (1, 2)]))
 
 
 @pytest.mark.parametrize("solve", [forest_maximum, forest_marginals])
 def test_parallel_edges_are_a_cycle(solve: object) -> None:
     assert callable(solve)
     with pytest.raises(InputError, match="without cycles"):
-        solve(np.zeros((2, 2)), [(0, 1), (0, 1)])
+        solve(pairwise_model(np.zeros((2, 2)), [(0, 1), (0, 1)]))
 
 
 @pytest.mark.parametrize("solve", [forest_maximum, forest_marginals])
 def test_models_without_a_labelling_are_refused(solve: object) -> None:
     assert callable(solve)
     with pytest.raises(InputError, match="pairwise forbids every labelling"):
-        solve(np.zeros((2, 2)), [(0, 1)], pairwise=np.full((2, 2), -np.inf))
+        solve(pairwise_model(np.zeros((2, 2)), [(0, 1)], pairwise=np.full((2, 2), -np.inf)))

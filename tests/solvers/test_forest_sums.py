@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.solvers import forest_sums as forest_sums_module
-from pgm_places.solvers.forest import forest_marginals, ordered_forest
+from pgm_places.solvers.adjacency import rooted_forest
+from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.forest_sums import ForestSums, forest_sums, sums_by_logarithms
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 from tests.reference.energy import Model, distribution, pair_marginals
 from tests.strategies import models
 
@@ -21,6 +23,11 @@ Array = NDArray[np.float64]
 def turned(model: Model, turn: NDArray[np.bool_]) -> Model:
     """The same graph with some edges (E,) the other way round."""
     return replace(model, edges=np.where(turn[:, None], model.edges[:, ::-1], model.edges))
+
+
+def ordered_forest(*arrays: Any) -> tuple[PairwiseModel, Any, Any]:
+    model = pairwise_model(*arrays)
+    return model, *rooted_forest(model.around)
 
 
 def by_logarithms(model: Model) -> ForestSums:
@@ -95,7 +102,7 @@ def test_each_tree_has_its_own_share_of_the_partition_function() -> None:
         for part in np.split(np.arange(60), [17, 34, 51]):
             inside = np.isin(model.edges[:, 0], part)
             alone = Model(model.unary[part], model.edges[inside] - part[0], pairwise=model.pairwise)
-            wanted = forest_marginals(*alone.arrays).log_partition
+            wanted = forest_marginals(pairwise_model(*alone.arrays)).log_partition
             assert found.log_partition[part].sum() == pytest.approx(wanted, abs=1e-9)
 
 

@@ -13,6 +13,7 @@ from pgm_places.models.decoding import decode
 from pgm_places.solvers import grid_mean_field as module
 from pgm_places.solvers.grid_mean_field import grid_mean_field
 from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.mean_field import mean_field_in_order
 
 
@@ -59,7 +60,9 @@ def test_it_comes_to_rest_where_listed_edges_do() -> None:
     unary = np.log(rng.dirichlet([2.0, 1.0, 1.0], graph.n_nodes))
     assert isinstance(graph.layout, GridLayout)
     found = grid_mean_field(unary, graph.layout.cells_rc, 0.25 * np.eye(3), tolerance=1e-6)
-    listed = mean_field(unary, graph.edges, pairwise=0.25 * np.eye(3), tolerance=1e-6)
+    listed = mean_field(
+        pairwise_model(unary, graph.edges, pairwise=0.25 * np.eye(3)), tolerance=1e-6
+    )
     assert found.converged
     np.testing.assert_allclose(found.beliefs, listed.beliefs, rtol=0, atol=1e-4)
 

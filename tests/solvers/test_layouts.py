@@ -15,6 +15,7 @@ from pgm_places.solvers.grid_relaxation import relax_grid
 from pgm_places.solvers.local_search import iterated_conditional_modes
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from pgm_places.solvers.semi_markov import SemiMarkovChain
 from pgm_places.solvers.trws import trws
@@ -37,26 +38,35 @@ STRETCHES = (
     np.full(N - 1, 0.5),
     UNARY,
 )
+
+
+def on_model(solve: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *arrays: solve(pairwise_model(*arrays))
+
+
 FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
     "cut": (
         lambda source, sink, ahead, back, edges: minimum_cut(source, sink, edges, ahead, back),
         (*CAPACITIES, EDGES),
     ),
-    "expansion": (alpha_expansion, (UNARY, EDGES, AGREEMENT)),
-    "modes": (iterated_conditional_modes, (UNARY, EDGES, AGREEMENT)),
+    "expansion": (on_model(alpha_expansion), (UNARY, EDGES, AGREEMENT)),
+    "modes": (on_model(iterated_conditional_modes), (UNARY, EDGES, AGREEMENT)),
     "modes by tables": (
-        lambda u, e, t: iterated_conditional_modes(u, e, pairwise=t),
+        lambda u, e, t: iterated_conditional_modes(pairwise_model(u, e, pairwise=t)),
         (UNARY, EDGES, TABLES),
     ),
-    "mean field": (mean_field, (UNARY, EDGES, AGREEMENT)),
-    "messages": (belief_propagation, (UNARY, EDGES, AGREEMENT)),
+    "mean field": (on_model(mean_field), (UNARY, EDGES, AGREEMENT)),
+    "messages": (on_model(belief_propagation), (UNARY, EDGES, AGREEMENT)),
     "messages by tables": (
-        lambda u, e, t: belief_propagation(u, e, pairwise=t),
+        lambda u, e, t: belief_propagation(pairwise_model(u, e, pairwise=t)),
         (UNARY, EDGES, TABLES),
     ),
-    "trws": (trws, (UNARY, EDGES, AGREEMENT)),
-    "forest": (forest_maximum, (UNARY, EDGES, AGREEMENT)),
-    "marginals": (lambda u, e, t: forest_marginals(u, e, pairwise=t), (UNARY, EDGES, TABLES)),
+    "trws": (on_model(trws), (UNARY, EDGES, AGREEMENT)),
+    "forest": (on_model(forest_maximum), (UNARY, EDGES, AGREEMENT)),
+    "marginals": (
+        lambda u, e, t: forest_marginals(pairwise_model(u, e, pairwise=t)),
+        (UNARY, EDGES, TABLES),
+    ),
     "grid mean field": (grid_mean_field, (UNARY, CELLS, np.eye(K))),
     "grid relaxation": (
         lambda u, c, r: relax_grid(u, c, (2, 3), r, max_iterations=3),

@@ -4,13 +4,14 @@ from hypothesis import given
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.local_search import iterated_conditional_modes
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, score
 from tests.strategies import models
 
 
 @given(models())
 def test_no_change_of_one_node_improves_the_labelling(model: Model) -> None:
-    found = iterated_conditional_modes(*model.arrays)
+    found = iterated_conditional_modes(pairwise_model(*model.arrays))
     labels = found.labels.tolist()
     assert found.converged
     np.testing.assert_allclose(found.score, score(model, tuple(labels)), rtol=0, atol=1e-9)
@@ -23,7 +24,7 @@ def test_no_change_of_one_node_improves_the_labelling(model: Model) -> None:
 @given(models())
 def test_the_score_never_falls_below_the_start(model: Model) -> None:
     start = model.unary.argmax(axis=1)
-    found = iterated_conditional_modes(*model.arrays, initial=start)
+    found = iterated_conditional_modes(pairwise_model(*model.arrays), initial=start)
     assert found.score >= score(model, tuple(start.tolist())) - 1e-9
 
 
@@ -32,7 +33,7 @@ def test_passes_and_changes_are_reported() -> None:
     unary = [[1.0, 0.0], [0.0, 0.4], [0.0, 0.4], [1.0, 0.0]]
     edges = [(0, 1), (1, 2), (2, 3)]
     found = iterated_conditional_modes(
-        unary, edges, [[1.0, 0.0]] * 3, on_iteration=lambda *step: seen.append(step)
+        pairwise_model(unary, edges, [[1.0, 0.0]] * 3), on_iteration=lambda *step: seen.append(step)
     )
     assert found.labels.tolist() == [0, 0, 0, 0]
     assert seen == [(1, 2.0), (2, 0.0)]
@@ -41,4 +42,4 @@ def test_passes_and_changes_are_reported() -> None:
 
 def test_bad_limits_are_refused() -> None:
     with pytest.raises(InputError, match="max_iterations must be at least 1, got 0"):
-        iterated_conditional_modes(np.zeros((2, 2)), [(0, 1)], max_iterations=0)
+        iterated_conditional_modes(pairwise_model(np.zeros((2, 2)), [(0, 1)]), max_iterations=0)

@@ -26,7 +26,7 @@ FRUSTRATED = Model(
 
 @given(models(), st.booleans())
 def test_bound_is_above_every_labelling(model: Model, eliminate: bool) -> None:
-    found = solve_marginal_lp(*model.arrays, eliminate=eliminate)
+    found = solve_marginal_lp(pairwise_model(*model.arrays), eliminate=eliminate)
     assert found.bound >= best_score(model) - 1e-9
     np.testing.assert_allclose(
         found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
@@ -48,15 +48,15 @@ def test_the_bound_holds_for_whatever_duals_the_solver_left(model: Model, seed: 
 
 @given(models(forest=True))
 def test_on_forests_it_is_viterbi(model: Model) -> None:
-    found = solve_marginal_lp(*model.arrays)
-    best = forest_maximum(*model.arrays).score
+    found = solve_marginal_lp(pairwise_model(*model.arrays))
+    best = forest_maximum(pairwise_model(*model.arrays)).score
     np.testing.assert_allclose(found.bound, best, rtol=0, atol=1e-6)
     np.testing.assert_allclose(found.score, best, rtol=0, atol=1e-6)
 
 
 @given(models(("associative",), n_labels=st.just(2)))
 def test_two_associative_labels_are_solved(model: Model) -> None:
-    found = solve_marginal_lp(*model.arrays)
+    found = solve_marginal_lp(pairwise_model(*model.arrays))
     np.testing.assert_allclose(found.bound, best_score(model), rtol=0, atol=1e-6)
 
 
@@ -68,8 +68,8 @@ def test_both_forms_have_the_same_value(model: Model) -> None:
     lifted = tables - np.ones(tables.shape[1:]) * np.arange(tables.shape[1])[:, None]
     unary = model.unary.copy()
     np.add.at(unary, model.edges[:, 0], np.arange(tables.shape[1]))
-    compact = solve_marginal_lp(*model.arrays, eliminate=False)
-    full = solve_marginal_lp(unary, model.edges, pairwise=lifted, eliminate=False)
+    compact = solve_marginal_lp(pairwise_model(*model.arrays), eliminate=False)
+    full = solve_marginal_lp(pairwise_model(unary, model.edges, pairwise=lifted), eliminate=False)
     np.testing.assert_allclose(full.bound, compact.bound, rtol=0, atol=1e-6)
 
 
@@ -82,13 +82,15 @@ def test_numbering_of_nodes_and_labels_does_not_matter(model: Model, random: Any
     agreement = None if model.agreement is None else model.agreement[:, names]
     pairwise = None if model.pairwise is None else model.pairwise[..., names, :][..., names]
     edges = place[model.edges] if len(model.edges) else model.edges
-    moved = solve_marginal_lp(model.unary[order][:, names], edges, agreement, pairwise)
-    found = solve_marginal_lp(*model.arrays)
+    moved = solve_marginal_lp(
+        pairwise_model(model.unary[order][:, names], edges, agreement, pairwise)
+    )
+    found = solve_marginal_lp(pairwise_model(*model.arrays))
     np.testing.assert_allclose(moved.bound, found.bound, rtol=0, atol=1e-6)
 
 
 def test_a_fractional_solution_is_reported() -> None:
-    found = solve_marginal_lp(*FRUSTRATED.arrays)
+    found = solve_marginal_lp(pairwise_model(*FRUSTRATED.arrays))
     assert not found.integral
     assert found.bound == pytest.approx(0.0, abs=1e-9)
     assert found.score == -1.0  # two of three nodes agree, whatever one does
@@ -105,12 +107,12 @@ def test_fractional_solutions_are_rounded_to_labellings_that_no_single_node_impr
         model = Model(unary, edges, 2.0 * rng.normal(size=(len(edges), 3)))
     else:
         model = Model(unary, edges, pairwise=2.0 * rng.normal(size=(len(edges), 3, 3)))
-    found = solve_marginal_lp(*model.arrays)
+    found = solve_marginal_lp(pairwise_model(*model.arrays))
     assert not found.integral
     plain = found.node_marginals.argmax(axis=1)
-    again = iterated_conditional_modes(*model.arrays, initial=plain)
+    again = iterated_conditional_modes(pairwise_model(*model.arrays), initial=plain)
     assert score(model, tuple(plain.tolist())) < again.score <= found.score + 1e-9
-    more = iterated_conditional_modes(*model.arrays, initial=found.labels)
+    more = iterated_conditional_modes(pairwise_model(*model.arrays), initial=found.labels)
     assert more.score == pytest.approx(found.score)
     tree = BucketTree.of(pairwise_model(*model.arrays))
     assert tree is not None
@@ -124,14 +126,14 @@ def test_fractional_solutions_are_rounded_to_labellings_that_no_single_node_impr
 def test_rounding_is_never_worse_than_the_largest_marginals(model: Model) -> None:
     if best_score(model) == -np.inf:
         return
-    found = solve_marginal_lp(*model.arrays)
+    found = solve_marginal_lp(pairwise_model(*model.arrays))
     assert found.score >= score(model, tuple(found.node_marginals.argmax(axis=1).tolist())) - 1e-9
 
 
 def test_scale_of_the_potentials_does_not_matter() -> None:
     unary, edges = np.array([[0.0, 3e9], [2e9, 0.0]]), [(0, 1)]
-    large = solve_marginal_lp(unary, edges, [[3e9, 3e9]], eliminate=False)
-    small = solve_marginal_lp(unary * 1e-18, edges, [[3e-9, 3e-9]], eliminate=False)
+    large = solve_marginal_lp(pairwise_model(unary, edges, [[3e9, 3e9]]), eliminate=False)
+    small = solve_marginal_lp(pairwise_model(unary * 1e-18, edges, [[3e-9, 3e-9]]), eliminate=False)
     assert large.labels.tolist() == small.labels.tolist() == [1, 1]
     np.testing.assert_allclose(large.bound, 6e9, rtol=1e-9)
     np.testing.assert_allclose(small.bound, 6e-9, rtol=1e-9)
@@ -140,11 +142,11 @@ def test_scale_of_the_potentials_does_not_matter() -> None:
 def test_problems_without_a_labelling_are_refused() -> None:
     never = np.full((2, 2), -np.inf)
     with pytest.raises(InputError, match="pairwise forbids every labelling"):
-        solve_marginal_lp(np.zeros((2, 2)), [(0, 1)], pairwise=never)
+        solve_marginal_lp(pairwise_model(np.zeros((2, 2)), [(0, 1)], pairwise=never))
 
 
 def test_anything_but_an_optimum_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     stopped = SimpleNamespace(status=1, message="iteration limit reached")
     monkeypatch.setattr(scipy.optimize, "linprog", lambda *_, **__: stopped)
     with pytest.raises(SolverError, match=r"status 1 \(iteration limit reached\); try 'trw-s'"):
-        solve_marginal_lp(*FRUSTRATED.arrays)
+        solve_marginal_lp(pairwise_model(*FRUSTRATED.arrays))

@@ -6,6 +6,7 @@ import pytest
 from scipy.special import logsumexp
 
 from pgm_places.solvers.adjacency import adjacency, is_forest
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.partition_bounds import bound_log_partition, edge_forests
 from tests.reference.energy import Model, labelings, score
 
@@ -37,7 +38,7 @@ def test_the_bounds_hold_on_small_graphs(number: int, form: str) -> None:
     unary = rng.normal(size=(n, k))
     model = Model(unary, edges, **given)
     total, beliefs = by_hand(model)
-    found = bound_log_partition(unary, edges, **given)
+    found = bound_log_partition(pairwise_model(unary, edges, **given))
     assert found.lower <= total + 1e-9
     assert found.upper >= total - 1e-9
     np.testing.assert_allclose(found.beliefs.sum(axis=1), 1.0, rtol=1e-9)
@@ -46,7 +47,7 @@ def test_the_bounds_hold_on_small_graphs(number: int, form: str) -> None:
         assert found.upper == pytest.approx(total)
         np.testing.assert_allclose(found.beliefs, beliefs, atol=1e-9)
     else:
-        loose = bound_log_partition(unary, edges, **given, max_iterations=1)
+        loose = bound_log_partition(pairwise_model(unary, edges, **given), max_iterations=1)
         assert found.upper <= loose.upper + 1e-9
 
 
@@ -55,7 +56,7 @@ def test_forbidden_labels_and_pairs_stay_out() -> None:
     unary = np.array([[0.0, -np.inf, 0.3], [0.2, 0.1, 0.0], [0.0, 0.5, 0.1]])
     table = np.array([[0.0, 1.0, -np.inf], [1.0, 0.0, 0.5], [-np.inf, 0.5, 0.2]])
     total, _ = by_hand(Model(unary, edges, pairwise=table))
-    found = bound_log_partition(unary, edges, pairwise=table)
+    found = bound_log_partition(pairwise_model(unary, edges, pairwise=table))
     assert found.lower <= total <= found.upper + 1e-9
     assert found.beliefs[0, 1] == 0.0
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.solvers.expansion import alpha_expansion
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.set_terms import SetNodes
 from tests.reference.cliques import set_score
 
@@ -84,9 +85,11 @@ def test_one_cut_is_the_best_of_all_labellings_of_two_labels(part: int) -> None:
         total = partial(total_score, unary, edges, agreement, members, rows, dissent)
         best = max(total(labels) for labels in itertools.product(range(2), repeat=n))
         found = alpha_expansion(
-            sets.unary(unary, rewards),
-            np.concatenate([edges, sets.links]),
-            sets.agreement(agreement, rewards),
+            pairwise_model(
+                sets.unary(unary, rewards),
+                np.concatenate([edges, sets.links]),
+                sets.agreement(agreement, rewards),
+            )
         )
         assert found.exact
         assert found.score == pytest.approx(best)

@@ -7,7 +7,7 @@ from pgm_places._core import pass_over_nodes, share_of_nodes
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.marginal_lp import solve_marginal_lp
-from pgm_places.solvers.pairwise import Terms
+from pgm_places.solvers.pairwise import Terms, pairwise_model
 from pgm_places.solvers.trws import trws
 from tests.reference.energy import Model, best_score, score
 from tests.solvers.test_expansion import grid_model
@@ -18,7 +18,7 @@ from tests.strategies import models
 def test_bound_is_above_every_labelling_and_score_is_the_labels(
     model: Model, eliminate: bool
 ) -> None:
-    found = trws(*model.arrays, eliminate=eliminate)
+    found = trws(pairwise_model(*model.arrays), eliminate=eliminate)
     best = best_score(model)
     assert found.bound >= best - 1e-9
     assert found.bound >= found.score
@@ -29,7 +29,7 @@ def test_bound_is_above_every_labelling_and_score_is_the_labels(
 
 @given(models(forest=True), st.booleans())
 def test_forests_are_solved(model: Model, eliminate: bool) -> None:
-    found = trws(*model.arrays, eliminate=eliminate)
+    found = trws(pairwise_model(*model.arrays), eliminate=eliminate)
     np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-5)
     np.testing.assert_allclose(found.bound, found.score, rtol=0, atol=1e-5)
 
@@ -38,26 +38,26 @@ def test_a_chain_in_index_order_is_solved_by_one_iteration() -> None:
     rng = np.random.default_rng(0)
     edges = np.stack([np.arange(99), np.arange(1, 100)], axis=1)
     chain = Model(rng.normal(size=(100, 3)), edges, rng.normal(size=(99, 3)))
-    found = trws(*chain.arrays, eliminate=False, max_iterations=1)
+    found = trws(pairwise_model(*chain.arrays), eliminate=False, max_iterations=1)
     np.testing.assert_allclose(found.score, found.bound, rtol=0, atol=1e-9)
 
 
 @given(models(("associative",), n_labels=st.just(2)))
 def test_bound_is_tight_for_two_associative_labels(model: Model) -> None:
-    found = trws(*model.arrays, max_iterations=2000, tolerance=1e-8)
+    found = trws(pairwise_model(*model.arrays), max_iterations=2000, tolerance=1e-8)
     np.testing.assert_allclose(found.bound, best_score(model), rtol=0, atol=1e-3)
 
 
 @given(models())
 def test_bound_is_that_of_the_linear_relaxation_or_above(model: Model) -> None:
-    found = trws(*model.arrays, eliminate=False)
-    relaxed = solve_marginal_lp(*model.arrays, eliminate=False)
+    found = trws(pairwise_model(*model.arrays), eliminate=False)
+    relaxed = solve_marginal_lp(pairwise_model(*model.arrays), eliminate=False)
     assert found.bound >= relaxed.bound - 1e-6
 
 
 @given(models(), st.booleans())
 def test_bound_never_rises_and_score_never_falls(model: Model, eliminate: bool) -> None:
-    history = trws(*model.arrays, eliminate=eliminate).history
+    history = trws(pairwise_model(*model.arrays), eliminate=eliminate).history
     assert (np.diff(history[:, 0]) >= 0).all()
     assert (np.diff(history[:, 1]) <= 0).all()
 
@@ -67,9 +67,12 @@ def test_direction_of_edges_and_constants_do_not_matter(model: Model, seed: int)
     shift = np.random.default_rng(seed).integers(-8, 8, len(model.unary)) / 4
     pairwise = None if model.pairwise is None else model.pairwise.swapaxes(-1, -2)
     turned = trws(
-        model.unary + shift[:, None], model.edges[:, ::-1], model.agreement, pairwise, tolerance=0
+        pairwise_model(
+            model.unary + shift[:, None], model.edges[:, ::-1], model.agreement, pairwise
+        ),
+        tolerance=0,
     )
-    found = trws(*model.arrays, tolerance=0)
+    found = trws(pairwise_model(*model.arrays), tolerance=0)
     np.testing.assert_allclose(turned.bound, found.bound + shift.sum(), rtol=0, atol=1e-6)
     np.testing.assert_allclose(turned.score, found.score + shift.sum(), rtol=0, atol=1e-6)
 
@@ -94,8 +97,8 @@ def test_agreement_and_tables_pass_the_same_messages(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_elimination_keeps_the_best_score_between_score_and_bound(seed: int) -> None:
     model = grid_model(seed, 3)
-    whole = trws(*model.arrays, eliminate=False)
-    smaller = trws(*model.arrays, eliminate=True)
+    whole = trws(pairwise_model(*model.arrays), eliminate=False)
+    smaller = trws(pairwise_model(*model.arrays), eliminate=True)
     assert smaller.bound >= whole.score
     assert whole.bound >= smaller.score
     assert smaller.bound <= whole.bound * (1 + 1e-5)
@@ -103,28 +106,30 @@ def test_elimination_keeps_the_best_score_between_score_and_bound(seed: int) -> 
 
 def test_a_labelling_to_beat_is_returned_where_none_is_better() -> None:
     model = grid_model(1, 3)
-    good = trws(*model.arrays)
-    again = trws(*model.arrays, initial=good.labels, max_iterations=1)
+    good = trws(pairwise_model(*model.arrays))
+    again = trws(pairwise_model(*model.arrays), initial=good.labels, max_iterations=1)
     assert again.score >= good.score
     np.testing.assert_array_equal(again.labels, good.labels)
 
 
 def test_each_iteration_is_reported_with_the_bound() -> None:
     seen: list[tuple[int, float]] = []
-    found = trws(*grid_model(1, 3).arrays, on_iteration=lambda *step: seen.append(step))
+    found = trws(
+        pairwise_model(*grid_model(1, 3).arrays), on_iteration=lambda *step: seen.append(step)
+    )
     assert [step for step, _ in seen] == list(range(1, len(found.history) + 1))
     assert [bound for _, bound in seen] == found.history[:, 1].tolist()
 
 
 def test_the_limit_is_reported() -> None:
-    found = trws(*grid_model(1, 3).arrays, max_iterations=2)
+    found = trws(pairwise_model(*grid_model(1, 3).arrays), max_iterations=2)
     assert (len(found.history), found.converged) == (2, False)
 
 
 def test_graphs_without_a_labelling_are_refused() -> None:
     never = np.full((2, 2), -np.inf)
     with pytest.raises(InputError, match="pairwise forbids every labelling"):
-        trws(np.zeros((3, 2)), [(0, 1), (1, 2)], pairwise=never)
+        trws(pairwise_model(np.zeros((3, 2)), [(0, 1), (1, 2)], pairwise=never))
 
 
 @pytest.mark.parametrize(
@@ -138,6 +143,7 @@ def test_graphs_without_a_labelling_are_refused() -> None:
     ],
 )
 def test_bad_problems_are_refused(changed: dict[str, object], text: str) -> None:
-    problem: dict[str, object] = {"unary": [[0.0, 1.0]] * 2, "edges": [(0, 1)]}
+    changed = dict(changed)
+    unary, edges = changed.pop("unary", [[0.0, 1.0]] * 2), changed.pop("edges", [(0, 1)])
     with pytest.raises(InputError, match=text):
-        trws(**(problem | changed))  # type: ignore[arg-type]
+        trws(pairwise_model(unary, edges), **changed)  # type: ignore[arg-type]
