@@ -8,7 +8,7 @@ over all k, or nothing where that is negative: the more nodes differ the less, u
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +22,12 @@ from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoders import Decoder, named_decoder
 from pgm_places.models.decoding import decode
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged, model_of
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_terms import SetNodes, SetTerms
+
+if TYPE_CHECKING:
+    from pgm_places.solvers.pairwise import PairwiseModel
 
 
 def clique_score(
@@ -126,8 +129,8 @@ def decode_with_cliques(
     whole, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
     if method in ("sum-product", "mean-field"):
         sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
-        arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
-        decoder = partial(_beliefs, method, sets, _rewards(sets, weight), arrays)
+        rewards, model = _rewards(sets, weight), model_of(graph, potentials)
+        decoder = partial(_beliefs, method, sets, rewards, model)
     how: dict[str, Any] = {"certify": certify, "max_iterations": max_iterations}
     first = decode(whole, extended, method, decoder=decoder, **how)
     labels = first.labels[: graph.n_nodes]
@@ -153,18 +156,17 @@ def _beliefs(
     method: str,
     sets: SetNodes,
     rewards: NDArray[np.float64],
-    arrays: tuple[Any, ...],
+    model: "PairwiseModel",
     task: DecodingTask,
 ) -> DecodingAnswer:
     """The beliefs under the pairwise part of a model and its sets, not under the nodes of these."""
     from pgm_places.solvers.belief_propagation import BeliefPropagation, belief_propagation
     from pgm_places.solvers.mean_field import MeanField, mean_field
-    from pgm_places.solvers.pairwise import pairwise_model
     from pgm_places.solvers.set_beliefs import set_tables
 
     solve: Callable[..., BeliefPropagation | MeanField]
     solve = belief_propagation if method == "sum-product" else mean_field
-    means = solve(pairwise_model(*arrays), sets=set_tables(sets, rewards), **task.limited())
+    means = solve(model, sets=set_tables(sets, rewards), **task.limited())
     labels = sets.lift(means.labels, rewards)
     beliefs = np.eye(sets.n_whole_labels)[labels]  # whose rows of the sets' nodes nobody gets
     beliefs[: sets.n_nodes] = np.pad(

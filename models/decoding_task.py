@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from pgm_places.solvers.pairwise import PairwiseModel
 
 
+def model_of(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
+    """Potentials on a graph as every solver takes them."""
+    from pgm_places.solvers.pairwise import pairwise_model
+
+    return pairwise_model(potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
+
+
 @dataclass(frozen=True)
 class DecodingTask:
     """What a decoder gets.
@@ -38,18 +45,10 @@ class DecodingTask:
     limit: int | None = None
     inside: bool = False
 
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """Unary, edges, agreement and pairwise."""
-        known = self.potentials
-        return known.unary, self.graph.edges, known.agreement, known.pairwise
-
     @cached_property
     def model(self) -> "PairwiseModel":
-        """The same checked and put in order, as every solver takes it."""
-        from pgm_places.solvers.pairwise import pairwise_model
-
-        return pairwise_model(*self.arrays)
+        """The problem as every solver takes it."""
+        return model_of(self.graph, self.potentials)
 
     def limited(self, name: str = "max_iterations") -> dict[str, Any]:
         """The limit under the solver's name for it, where there is one, and the reporter."""

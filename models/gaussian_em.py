@@ -17,11 +17,11 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.chain_statistics import normalised
-from pgm_places.solvers.adjacency import adjacency, is_forest
+from pgm_places.models.decoding_task import model_of
+from pgm_places.solvers.adjacency import is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.mean_field import mean_field
-from pgm_places.solvers.pairwise import pairwise_model
 
 Array = NDArray[np.float64]
 
@@ -342,9 +342,8 @@ def _expected(
 
 def _beliefs(graph: LabelGraph, potentials: Potentials) -> tuple[Array, Array | None, float, bool]:
     """Beliefs, on forests pair beliefs, log Z or a lower bound, and whether these are exact."""
-    around = adjacency(graph.n_nodes, graph.edges)
-    model = pairwise_model(potentials.unary, around, potentials.agreement, potentials.pairwise)
-    if is_forest(around):
+    model = model_of(graph, potentials)
+    if is_forest(model.around):
         marginals = forest_marginals(model, pairs=True)
         return marginals.beliefs, marginals.pair_beliefs, marginals.log_partition, True
     tree = BucketTree.of(model)

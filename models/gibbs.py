@@ -11,8 +11,9 @@ from pgm_places._core import gibbs_sweep
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials, checked_potentials
+from pgm_places.models.decoding_task import model_of
 from pgm_places.solvers.local_search import allowed_labels
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, total_score
 
 # Chains whose R-hat is above this have not seen the same distribution yet.
 MIXED = 1.05
@@ -107,8 +108,7 @@ def gibbs_samples(
     for name, value in given.items():
         if value < least[name]:
             raise InputError(f"{name} must be at least {least[name]}, got {value}")
-    arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
-    model = pairwise_model(*arrays)
+    model = model_of(graph, potentials)
     labels = np.empty((n_chains, n_samples, graph.n_nodes), np.int64)
     scores = np.empty((n_chains, n_samples))
     for chain, stream in enumerate(np.random.SeedSequence(seed).spawn(n_chains)):

@@ -11,10 +11,10 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.decoding import decode
-from pgm_places.solvers.adjacency import adjacency, is_forest
+from pgm_places.models.decoding_task import model_of
+from pgm_places.solvers.adjacency import is_forest
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_samples
-from pgm_places.solvers.pairwise import pairwise_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +85,8 @@ def sample(
     potentials = checked_potentials(graph, potentials, known)
     if n_samples < 1:
         raise InputError(f"n_samples must be at least 1, got {n_samples}")
-    around = adjacency(graph.n_nodes, graph.edges)
-    model = pairwise_model(potentials.unary, around, potentials.agreement, potentials.pairwise)
-    if is_forest(around):
+    model = model_of(graph, potentials)
+    if is_forest(model.around):
         labels = forest_samples(model, n_samples=n_samples, seed=seed)
         return Samples(frozen(labels), exact=True)
     rng = np.random.default_rng(seed)
