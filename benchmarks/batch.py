@@ -37,8 +37,7 @@ from pgm_places.batch.dask_workers import DaskWorkers
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import label_batch
 from pgm_places.batch.local_workers import LocalWorkers
-from pgm_places.batch.manifest import LabelledRow
-from pgm_places.batch.map_task import MapTask, label_one
+from pgm_places.batch.map_task import LabelledRow, MapTask, label_one
 from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.batch.workers import Workers
 from pgm_places.datasets import generate_building

@@ -13,7 +13,7 @@ from pgm_places._extras import needed
 from pgm_places.batch.far_maps import results_of
 from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.manifest import MANIFEST_FILE, Failure, LabelledRow, labelled_row
+from pgm_places.batch.map_task import MANIFEST_FILE, Failure, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file, write_json

@@ -7,8 +7,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-from pgm_places.batch.manifest import MANIFEST_FILE, Elsewhere, LabelledRow, Outcome
-from pgm_places.batch.map_task import MapTask, label_one
+from pgm_places.batch.map_task import (
+    MANIFEST_FILE,
+    Elsewhere,
+    LabelledRow,
+    MapTask,
+    Outcome,
+    label_one,
+)
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder
 from pgm_places.io.input_file import is_address

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from pgm_places.batch.manifest import Failure
-from pgm_places.batch.map_task import MapTask, label_one
+from pgm_places.batch.map_task import Failure, MapTask, label_one
 from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.datasets.building import generate_building
 from pgm_places.errors import InputError

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.batch.growing_table import GrowingTable, Row, sort_key
-from pgm_places.batch.manifest import MANIFEST_FILE, Failure, LabelledRow
+from pgm_places.batch.map_task import MANIFEST_FILE, Failure, LabelledRow
 from pgm_places.batch.overview import PAGE_MARK, Overview, overview_page
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_text

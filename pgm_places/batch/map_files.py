@@ -15,8 +15,7 @@ from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
 from pgm_places.report.drawing import Packing
-from pgm_places.report.label_files import write_labels, write_places
-from pgm_places.report.outputs import Outputs
+from pgm_places.report.label_files import Outputs, write_labels, write_places
 from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap

@@ -7,8 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from pgm_places.batch.growing_table import Row
-from pgm_places.batch.manifest import warnings_of
-from pgm_places.batch.map_task import THUMBNAIL_FILE
+from pgm_places.batch.map_task import THUMBNAIL_FILE, warnings_of
 from pgm_places.palette import label_swatches
 from pgm_places.report.page import render
 

@@ -10,7 +10,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.options import UnknownGrey, from_mapping, option_values
 from pgm_places.persistence.model_folder import MANIFEST
 from pgm_places.persistence.stored import read
-from pgm_places.report.outputs import Outputs
+from pgm_places.report.label_files import Outputs
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder

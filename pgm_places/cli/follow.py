@@ -24,7 +24,7 @@ from pgm_places.io.output_set import output_set
 from pgm_places.labelers.online import OnlineLabeler
 from pgm_places.labelers.tracking import Track
 from pgm_places.live.place_finder import FoundPlace, PlaceOfMap
-from pgm_places.report.outputs import TRACK
+from pgm_places.report.label_files import TRACK
 
 POLL_S = 0.2
 

@@ -39,7 +39,7 @@ def label(
     from pgm_places.batch.found_maps import names_many
     from pgm_places.batch.ready_model import LabelOptions
     from pgm_places.io.input_file import is_address
-    from pgm_places.report.outputs import Outputs
+    from pgm_places.report.label_files import Outputs
 
     options = LabelOptions(
         **{name: getattr(asked, name) for name in _OF_MODEL},
@@ -61,8 +61,7 @@ def label(
 def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress") -> None:
     from pgm_places.batch.map_files import label_file
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.label_files import places_summary
-    from pgm_places.report.outputs import label_names
+    from pgm_places.report.label_files import label_names, places_summary
 
     model = _read(options, progress)
     with progress.stage("map"):

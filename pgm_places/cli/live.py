@@ -91,7 +91,7 @@ def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOption
     from pgm_places.io.output_set import output_set
     from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.session_file import read_session, write_session
-    from pgm_places.report.outputs import LIVE
+    from pgm_places.report.label_files import LIVE
 
     memory = PlaceMemory() if asked.session is None else read_session(asked.session)
     run = _replay(asked, log, map_topic, options, memory)

@@ -50,8 +50,7 @@ def topology(
     """
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.topology_files import SETTINGS_FILE, PlaceSettings, load_settings
-    from pgm_places.report.label_files import places_summary, write_places
-    from pgm_places.report.outputs import PLACES, SETTINGS
+    from pgm_places.report.label_files import PLACES, SETTINGS, places_summary, write_places
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
@@ -92,7 +91,7 @@ def _probabilities(
     """The probabilities beside labels, and their cells; of labels changed since, none are known."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
-    from pgm_places.io.places.number_image import load_probabilities
+    from pgm_places.io.places.topology_files import load_probabilities
 
     if not is_as_written(labels_png):
         return {}

@@ -30,8 +30,7 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.persistence.map_prior import LabelledMapFolder, read_labelled_map
 from pgm_places.persistence.stored import Stored, read
 from pgm_places.progress import Progress
-from pgm_places.report.label_files import places_summary
-from pgm_places.report.outputs import TRACK, label_names
+from pgm_places.report.label_files import TRACK, label_names, places_summary
 from pgm_places.report.track_page import write_track
 from pgm_places.trained import DEFAULT, TRACKING, model_folder
 from pgm_places.vision.object_counts import ObjectCounts

@@ -8,8 +8,7 @@ import numpy as np
 
 from pgm_places.errors import LabelError
 from pgm_places.io.input_file import user_path
-from pgm_places.io.places.number_image import probability_file, read_shares
-from pgm_places.io.places.topology_files import load_topology
+from pgm_places.io.places.topology_files import load_topology, probability_file, read_shares
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.topology.topological_map import TopologicalMap
 

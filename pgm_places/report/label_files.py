@@ -1,26 +1,28 @@
-"""A labelled map and its places as files: label image, probabilities, pictures, summaries."""
+"""A labelled map and its places as files, known beforehand, some of which may be left out."""
 
 import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE
-from pgm_places.errors import InputError, OutputError
+from pgm_places.errors import InputError, OutputError, nearest_name
 from pgm_places.io.atomic import write_bytes, write_json
 from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.output_set import OutputSet
-from pgm_places.io.places.number_image import probability_file
 from pgm_places.io.places.topology_files import (
     CHECK_FILE,
     TOPOLOGY_FILE,
     PlaceSettings,
     load_topology,
+    probability_file,
     read_own_names,
     save_settings,
     save_topology,
@@ -29,7 +31,6 @@ from pgm_places.io.places.topology_files import (
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.drawing import Packing
-from pgm_places.report.outputs import Outputs
 from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.cuts import line_width_m
@@ -37,6 +38,73 @@ from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
+
+_NONE = "none"
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files that may be left out.
+
+    Parameters
+    ----------
+    pictures : bool
+        ``overview.png``, ``topology.png`` and, in a batch, ``thumbnail.png``: for people.
+    probabilities : bool
+        ``probability_<label>.png``.
+    """
+
+    pictures: bool = True
+    probabilities: bool = True
+
+    @classmethod
+    def named(cls, text: str) -> Self:
+        """Those that a list with commas names; ``none`` names none.
+
+        Raises
+        ------
+        InputError
+            There is no such kind of file.
+
+        Examples
+        --------
+        >>> Outputs.named("pictures"), Outputs.named("none").probabilities
+        (Outputs(pictures=True, probabilities=False), False)
+        """
+        names = [name.strip() for name in text.split(",")]
+        known = [*cls.__dataclass_fields__, _NONE]
+        for name in names:
+            if name not in known or (name == _NONE and len(names) > 1):
+                raise InputError(
+                    f"--outputs takes pictures, probabilities, both with a comma between, or none; "
+                    f"got {text!r}. {nearest_name(name, known)}"
+                )
+        return cls(**{name: name in names for name in cls.__dataclass_fields__})
+
+
+COMPARISON = ("results.json", "report.html")
+
+DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
+
+PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
+
+TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
+
+LIVE = ("places.jsonl", "check.csv", *PLACES)
+
+_PICTURES = ("overview.png", "topology.png")
+
+SETTINGS = ("places.json", "gate_places.png")
+
+
+def label_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
+    """The files of a labelled map with these labels, its places included."""
+    outputs = outputs or Outputs()
+    probabilities = map(probability_file, labels) if outputs.probabilities else ()
+    files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
+    names = (*files, *probabilities, *PLACES, *SETTINGS)
+    return names if outputs.pictures else tuple(name for name in names if name not in _PICTURES)
+
 
 SUMMARY_FILE = "summary.json"
 MAX_BYTES = 64 << 20

@@ -10,8 +10,7 @@ import pytest
 
 from pgm_places.batch import forecast
 from pgm_places.batch.forecast import Forecast, Speed
-from pgm_places.batch.manifest import Failure
-from pgm_places.batch.map_task import MapTask
+from pgm_places.batch.map_task import Failure, MapTask
 from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError

@@ -21,16 +21,15 @@ from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.local_workers import LocalWorkers
-from pgm_places.batch.manifest import LabelledRow
 from pgm_places.batch.map_files import LabelledFile, label_file
-from pgm_places.batch.map_task import NoSpaceError
+from pgm_places.batch.map_task import LabelledRow, NoSpaceError
 from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Silent
-from pgm_places.report.outputs import Outputs
+from pgm_places.report.label_files import Outputs
 from tests.batch.tasks import hang_on
 
 

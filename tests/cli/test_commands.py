@@ -14,7 +14,7 @@ from PIL import Image
 from pgm_places.datasets import building as building_module
 from pgm_places.inference.labeling import Status
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.report import outputs
+from pgm_places.report import label_files
 from tests.cli.conftest import Run
 
 
@@ -47,7 +47,7 @@ def test_compare_writes_results_and_report(building: Path, run: Run) -> None:
     assert {"numpy", "scipy", "pgm-places"} <= set(results["versions"])
     html = (out / "report.html").read_text()
     assert html.lstrip().lower().startswith("<!doctype html>")
-    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *outputs.COMPARISON}
+    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *label_files.COMPARISON}
 
 
 def test_train_then_label(building: Path, run: Run) -> None:
@@ -68,7 +68,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert summary["status_meaning"] == status.meaning
     assert f"({status}: {status.meaning})" in text
     labels = ("corridor", "room", "doorway")
-    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *outputs.label_names(labels)}
+    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *label_files.label_names(labels)}
 
     rows = (out / "check.csv").read_text().splitlines()
     regions = json.loads((out / "topology.json").read_text())["regions"]

@@ -21,7 +21,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import load, save
-from pgm_places.report.outputs import TRACK
+from pgm_places.report.label_files import TRACK
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run

@@ -16,7 +16,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.coarsening import refine
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
-from pgm_places.report.outputs import TRACK, label_names
+from pgm_places.report.label_files import TRACK, label_names
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from tests.cli.conftest import Run

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pgm_places.batch.manifest import MANIFEST_FILE, done_figures, labelled_row
+from pgm_places.batch.map_task import MANIFEST_FILE, done_figures, labelled_row
 from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from pgm_places.batch.manifest import MANIFEST_FILE, LabelledRow, manifest_text
+from pgm_places.batch.map_task import MANIFEST_FILE, LabelledRow, manifest_text
 from pgm_places.datasets import generate_building
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
@@ -28,7 +28,7 @@ from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
-from pgm_places.report.outputs import Outputs
+from pgm_places.report.label_files import Outputs
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask

@@ -8,7 +8,7 @@ from PIL import Image
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.io.places.number_image import load_probabilities, probability_file
+from pgm_places.io.places.topology_files import load_probabilities, probability_file
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 LAYOUT = GridLayout.of_map(OccupancyGrid(np.array([[0, 100, 0], [-1, 0, 0]], np.int8), 0.1))
