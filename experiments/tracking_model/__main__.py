@@ -3,7 +3,8 @@
 ``PGM_PLACES_DATA=DATA python -m experiments.tracking_model --kept FOLDER`` simulates a drive in
 every labelled map, keeps what it shows in the folder, writes the model to
 pgm_places/trained/tracking and the tables in docs/results.md; with ``--model`` only the model,
-or only the tables that are named.
+or only the tables that are named. ``--networks FOLDER``, that of ``python -m
+experiments.floor_network``, gives the networks that have not seen a town for its own table.
 """
 
 import argparse
@@ -15,12 +16,21 @@ from functools import cache
 from pathlib import Path
 
 from experiments.buildings.maps import known_maps
+from experiments.floor_network.floors import all_floors, fold_of
+from experiments.floor_network.held_out import networks
 from experiments.kept import KeptArrays
 from experiments.page_tables import write_table
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned
 from experiments.tracking_model.options import options_table
-from experiments.tracking_model.unseen import floor_answers, floors_table, lasers_table, real_table
+from experiments.tracking_model.unseen import (
+    SHARE,
+    TOWNS,
+    floor_answers,
+    floors_table,
+    lasers_table,
+    real_table,
+)
 from pgm_places.experiment.runs import versions
 from pgm_places.io.input_file import sha256_of
 from pgm_places.options import plain_values
@@ -30,10 +40,8 @@ from pgm_places.unary.floor_model import FloorModel
 
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
-PARTS = ("floors", "lasers", "real", "options")
+PARTS = ("floors", "lasers", "real", "real_networks", "options")
 TABLES = tuple(f"tracking_{part}" for part in PARTS)
-SHARE = 0.7
-"""Weight of the networks beside the list of scans, chosen by ``networks.py``."""
 
 
 def write_model(table: Table, data: Path) -> None:
@@ -78,13 +86,25 @@ def floor_of_drives() -> FloorModel:
     return replace(trained_floor(), views_per_network=1, share=SHARE, doorway_share=SHARE)
 
 
-def tables(table: Table, data: Path, kept: KeptArrays) -> Mapping[str, Callable[[], str]]:
+def networks_of_towns(data: Path, folder: Path) -> dict[str, FloorModel]:
+    """For each of the campaign's buildings, the network that was trained without it."""
+    fold, items = fold_of(list(all_floors(data))), networks(folder)
+    one = FloorModel((), views_per_network=1)
+    return {name: replace(one, networks=(items[fold[name]],)) for name in TOWNS.values()}
+
+
+def tables(
+    table: Table, data: Path, kept: KeptArrays, folder: Path | None
+) -> Mapping[str, Callable[[], str]]:
     """The tables by their names; every figure is from buildings left out."""
     found = cache(lambda: list(floor_answers(table)))
     return {
         "floors": lambda: floors_table(found()),
         "lasers": lambda: lasers_table(found()),
         "real": lambda: real_table(table, data, kept),
+        "real_networks": lambda: real_table(
+            table, data, kept, networks=networks_of_towns(data, folder or Path())
+        ),
         "options": lambda: options_table(table),
     }
 
@@ -93,6 +113,7 @@ def parser() -> argparse.ArgumentParser:
     """What the command takes."""
     found = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
     found.add_argument("--kept", type=Path, help="folder that keeps what drives show")
+    found.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
     found.add_argument("--model", action="store_true", help="only the model")
     found.add_argument(
         "parts", nargs="*", choices=[*PARTS, []], metavar="table", help=", ".join(PARTS)
@@ -112,8 +133,9 @@ def main() -> None:
     table = Table.of(simulated_drives(known_maps(Path(data), kept), kept))
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
-    written = tables(table, Path(data), kept)
-    for name in chosen.parts or (() if chosen.model else PARTS):
+    written = tables(table, Path(data), kept, chosen.networks)
+    names = chosen.parts or (() if chosen.model else PARTS)
+    for name in names if chosen.networks else [n for n in names if n != "real_networks"]:
         text = written[name]()
         print(text, write_table(f"tracking_{name}", text), sep="\n", flush=True)
 

@@ -16,6 +16,7 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.scan_model import BeamOptions, observed_along
 
 EVERY_M = 0.25
@@ -85,6 +86,8 @@ class Observed:
     labels : (n,) int64
     circles_m : (n, 360) float32
     spaces : (n, F) float32
+    floor : (n, K) float64 or None
+        What networks that see the whole floor say, where they were asked.
     """
 
     name: str
@@ -96,6 +99,7 @@ class Observed:
     labels: NDArray[np.int64]
     circles_m: NDArray[np.float32]
     spaces: NDArray[np.float32]
+    floor: NDArray[np.float64] | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -140,27 +144,34 @@ def observed(
     stem: str,
     generated: bool = False,
     all_steps: bool = False,
+    floor: FloorModel | None = None,
 ) -> Observed:
-    """What a drive shows at its labelled steps a quarter of a metre apart, or at all steps."""
+    """What a drive shows at its labelled steps a quarter of a metre apart, or at all steps.
+
+    ``floor`` are networks that look at what the robot has mapped so far.
+    """
 
     def make() -> dict[str, NDArray[np.generic]]:
         path = drive()
         assert path.labels is not None
-        seen = observed_along(path, SENSOR, BEAMS)
+        seen = observed_along(path, SENSOR, BEAMS, floor=floor)
         steps = np.arange(len(path)) if all_steps else Segments(path.poses, EVERY_M).first
         if not all_steps:
             steps = steps[path.labels[steps] >= 0]
-        return {
+        shown = {
             "poses": path.poses[steps],
             "labels": path.labels[steps],
             "circles": seen.circles_m[steps],
             "spaces": seen.spaces[steps],
         }
+        return shown if seen.floor is None else {**shown, "floor": seen.floor[steps]}
 
-    key = fingerprint(__version__, stem, BEAMS, SENSOR, all_steps)
+    networks = () if floor is None else (floor.networks[0].packed(), floor.shares)
+    key = fingerprint(__version__, stem, BEAMS, SENSOR, all_steps, *networks)
     found = kept.arrays(f"{key}-drive", make)
-    parts = (found[name] for name in ("poses", "labels", "circles", "spaces"))
-    return Observed(item.name, str(item.building or item.name), group, laser, generated, *parts)
+    parts = [found[name] for name in ("poses", "labels", "circles", "spaces")]
+    building = str(item.building or item.name)
+    return Observed(item.name, building, group, laser, generated, *parts, floor=found.get("floor"))
 
 
 def simulated_drives(maps: Iterator[KnownMap], kept: KeptArrays) -> list[Observed]:

@@ -16,6 +16,7 @@ from experiments.tracking_model.drives import Laser, Observed, observed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.simulated_robot import scans_along
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.floor_model import FloorModel
 
 FRONT = Laser(180.0, 180, 30.0)
 """The half circle ahead, as the campaign's robots had it."""
@@ -31,8 +32,8 @@ def in_lobby(drive: Observed) -> NDArray[np.bool_]:
     return (drive.labels == PLACES.index("corridor")) & (drive.poses[:, 1] > beyond)
 
 
-def log_of_79(data: Path, kept: KeptArrays) -> Observed:
-    """What the real front laser of building 79's log shows at every step."""
+def log_of_79(data: Path, kept: KeptArrays, floor: FloorModel | None = None) -> Observed:
+    """What the real front laser of building 79's log shows at every step, to networks, too."""
     found = load_building79(data)
     geometry = found.path.geometry
     assert geometry is not None
@@ -40,21 +41,24 @@ def log_of_79(data: Path, kept: KeptArrays) -> Observed:
     item = replace(found.map, name="log of building 79", building="Freiburg 79")
     path = found.path.with_labels(found.place, PLACES)
     stem = fingerprint("log of building 79", path.poses, path.labels)
-    return observed(item, "building 79, real log", laser, lambda: path, kept, stem, all_steps=True)
+    group, ways = "building 79, real log", {"all_steps": True, "floor": floor}
+    return observed(item, group, laser, lambda: path, kept, stem, **ways)
 
 
-def cold_drives(data: Path, kept: KeptArrays) -> Iterator[Observed]:
-    """What every run shows at its recorded positions, and between them every tenth of a metre.
+def cold_drives(
+    data: Path, town: str, kept: KeptArrays, floor: FloorModel | None = None
+) -> Iterator[Observed]:
+    """What every run in a town shows at its recorded positions, and every tenth of a metre between.
 
     A step between recorded positions has label -1.
     """
-    for folder in sorted(data.glob("cold_*")):
-        town = folder.name.split("_")[1]
+    for folder in sorted(data.glob(f"cold_{town}*")):
         known, runs = load_cold_folder(folder, place_classes(), PLACES, CELLS_M)
         for number, run in enumerate(runs):
             stem = fingerprint(number, FRONT, run.poses, known.grid.cells)
             drive = partial(_with_scans, known.grid, run, number)
-            yield observed(known, town, FRONT, drive, kept, stem, all_steps=True)
+            ways = {"all_steps": True, "floor": floor}
+            yield observed(known, town, FRONT, drive, kept, stem, **ways)
 
 
 def _with_scans(grid: OccupancyGrid, run: Trajectory, number: int) -> Trajectory:

@@ -23,6 +23,7 @@ from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.unary.floor_model import FloorModel, with_local_floor
 
 WAYS = {
     "filter": (HMM, "filter"),
@@ -33,6 +34,9 @@ WAYS = {
 """Methods and their modes, beside single scans."""
 
 ALONE = "single scans"
+SHARE = 0.7
+"""Weight of the networks beside the list of scans, chosen by ``networks.py``."""
+
 TOWNS = {"freiburg": "Freiburg 79", "saarbrucken": "Saarbrücken"}
 
 
@@ -51,6 +55,9 @@ def answers(found: Learned, drives: Sequence[Observed], ways: Sequence[str]) -> 
     }
     for drive in drives:
         scores = found.model.log_proba(drive.circles_m, spaces=drive.spaces)
+        if drive.floor is not None:
+            both = FloorModel((), share=SHARE, doorway_share=SHARE)
+            scores = with_local_floor(scores, drive.floor, both)
         labels = {ALONE: scores.argmax(axis=1)}
         for way, labeler in labelers.items():
             labels[way] = labeler.infer(drive.trajectory, scores).labels
@@ -154,24 +161,29 @@ def _by_laser(some: Sequence[Answer], way: str) -> Iterator[str]:
 
 
 def real_table(
-    table: Table, data: Path, kept: KeptArrays, unfitted: DecisionListClassifier | None = None
+    table: Table,
+    data: Path,
+    kept: KeptArrays,
+    unfitted: DecisionListClassifier | None = None,
+    networks: Mapping[str, FloorModel] | None = None,
 ) -> str:
     """Drives of real robots: the COLD campaign with one town left out, and the log of building 79.
 
     Nothing of Freiburg's building 79, the campaign's building there, is learned from for either
-    of the two; nothing of the campaign's other building for the rows of Saarbruecken.
+    of the two; nothing of the campaign's other building for the rows of Saarbruecken. ``networks``
+    are, for each building, those that have not seen it.
     """
     lines = [f"| drives | {HEAD}", RULE]
-    real = list(cold_drives(data, kept))
     for town, building in TOWNS.items():
+        floor = None if networks is None else networks[building]
         found = learned(table.only([item.building != building for item in table.drives]), unfitted)
         ways = tuple(WAYS)
-        some = list(answers(found, [item for item in real if item.group == town], ways))
+        some = list(answers(found, list(cold_drives(data, town, kept, floor)), ways))
         lines.append(_row(f"COLD {building.split()[0]}, simulated front laser", some))
         if town == "saarbrucken":
             lines.append(_row("the same without the lobby", some, in_lobby))
             lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
         else:
-            log = list(answers(found, [log_of_79(data, kept)], ways))
+            log = list(answers(found, [log_of_79(data, kept, floor)], ways))
             lines.append(_row("log of building 79, real front laser", log))
     return "\n".join(lines)
