@@ -31,7 +31,7 @@ def cell_lengths(
     side_m = topology.grid.resolution_m
     squared = squared_clearance(topology.region == 0)
     fits = np.pad((topology.region > 0) & (squared >= (radius_m / side_m + 0.5) ** 2 - 1e-9), 1)
-    number = np.cumsum(fits.ravel()).reshape(fits.shape) - 1
+    number = (np.cumsum(fits.ravel(), dtype=np.int32) - 1).reshape(fits.shape)
     first, second, lengths = [], [], []
     for down, right, length in STEPS:
         other = np.roll(fits, (-down, -right), (0, 1))

@@ -22,7 +22,9 @@ def test_a_cell_holds_the_share_of_its_cells_that_is_free(resolution_m: float) -
         for c in range(raster.shape[1]):
             mine = grid.cells[np.ix_(rows == r, columns == c)]
             if mine.size:
-                assert raster.free[r, c] == np.rint(255 * np.float32((mine == FREE).mean()))
+                assert raster.free[r, c] == np.rint(
+                    np.float32(255) * np.float32((mine == FREE).mean())
+                )
                 assert raster.occupied[r, c] == (mine == OCCUPIED).any()
 
 

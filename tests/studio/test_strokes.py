@@ -25,7 +25,7 @@ POINTS = st.tuples(st.floats(-2, 19), st.floats(-2, 14))
 def distance(point: Any, start: Any, end: Any) -> float:
     p, a, b = (np.array(value, float) for value in (point, start, end))
     along = b - a
-    share = 0.0 if not along.any() else np.clip((p - a) @ along / (along @ along), 0, 1)
+    share = 0.0 if along @ along == 0 else np.clip((p - a) @ along / (along @ along), 0, 1)
     return float(np.hypot(*(p - a - share * along)))
 
 
