@@ -153,10 +153,7 @@ def alone_completion(
 
 
 def smooth_completion(
-    features: NDArray[np.float64],
-    around: Adjacency,
-    truth: NDArray[np.int64],
-    n_labels: int,
+    features: NDArray[np.float64], around: Adjacency, truth: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.int64]:
     """The same labels smoothed by a Potts field that no graph collapses under."""
     unary = _likely(features, truth, n_labels)

@@ -320,10 +320,7 @@ def _chained(unary: Array, transition: Array, initial: Array) -> Potentials:
 
 
 def _expected(
-    task: _Task,
-    gaussians: tuple[Array, Array],
-    links: tuple[Array, Array] | None,
-    weight: float,
+    task: _Task, gaussians: tuple[Array, Array], links: tuple[Array, Array] | None, weight: float
 ) -> _Expected:
     """Beliefs of all nodes, and the log-likelihood; weights of agreement add a constant to it."""
     all_beliefs, evidence, exact = [], 0.0, True

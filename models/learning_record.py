@@ -73,11 +73,7 @@ class LearningRecord:
         status = LEARNING_STATUSES[int(values[0])]
         if status == "optimal":
             status = reached(rigorous, named["lower_bound"], 0.0)
-        return cls(
-            status=status,
-            certified_objective=rigorous,
-            **named,
-        )
+        return cls(status=status, certified_objective=rigorous, **named)
 
     @property
     def certified_gap(self) -> float | None:

@@ -119,10 +119,7 @@ class StrongClassifier(Voters):
         """The split of stump t."""
         return [
             Split(
-                int(self.feature[t]),
-                float(self.threshold[t]),
-                self.cut[t],
-                int(self.polarity[t]),
+                int(self.feature[t]), float(self.threshold[t]), self.cut[t], int(self.polarity[t])
             )
         ]
 

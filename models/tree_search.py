@@ -135,10 +135,7 @@ class TreeSearch:
         ]
 
     def grow(
-        self,
-        masses: NDArray[np.int64],
-        least: int,
-        drawn: NDArray[np.bool_] | None = None,
+        self, masses: NDArray[np.int64], least: int, drawn: NDArray[np.bool_] | None = None
     ) -> GrownTree:
         """The tree for these pairs of masses; no split leaves a side with less than ``least``.
 

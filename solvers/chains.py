@@ -120,11 +120,7 @@ def exceeds_floats(
 
 
 def beliefs_in_logs(
-    chain: Chain,
-    beliefs: NDArray[np.float64],
-    impossible: NDArray[np.bool_],
-    *,
-    smooth: bool,
+    chain: Chain, beliefs: NDArray[np.float64], impossible: NDArray[np.bool_], *, smooth: bool
 ) -> float:
     """Write filtered or smoothed beliefs (T, K) and which steps are impossible; the log-evidence.
 

@@ -59,11 +59,7 @@ class ExactSearch:
     backtracks: int
 
 
-def exact_search(
-    model: PairwiseModel,
-    *,
-    max_backtracks: int = MAX_BACKTRACKS,
-) -> ExactSearch:
+def exact_search(model: PairwiseModel, *, max_backtracks: int = MAX_BACKTRACKS) -> ExactSearch:
     """The best labelling of a pairwise model, searched to the end or to a limit.
 
     Parameters

@@ -50,9 +50,7 @@ class ForestMarginals:
     pair_beliefs: NDArray[np.float64] | None = None
 
 
-def forest_maximum(
-    model: PairwiseModel,
-) -> ForestDecoding:
+def forest_maximum(model: PairwiseModel) -> ForestDecoding:
     """The best labelling of a graph without cycles, exactly; Viterbi's algorithm on a chain.
 
     Parameters
@@ -86,11 +84,7 @@ def forest_maximum(
     return ForestDecoding(frozen(labels.astype(np.int64)), score)
 
 
-def forest_marginals(
-    model: PairwiseModel,
-    *,
-    pairs: bool = False,
-) -> ForestMarginals:
+def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarginals:
     """The exact marginals and partition function; forward-backward on a chain.
 
     Parameters and errors are those of :func:`forest_maximum`; ``pairs`` asks for the marginals of
@@ -110,12 +104,7 @@ def forest_marginals(
     return ForestMarginals(sealed(sums.beliefs), log_partition, joint)
 
 
-def forest_samples(
-    model: PairwiseModel,
-    *,
-    n_samples: int,
-    seed: int = 0,
-) -> NDArray[np.int64]:
+def forest_samples(model: PairwiseModel, *, n_samples: int, seed: int = 0) -> NDArray[np.int64]:
     """(S, N) labellings drawn from ``p ~ exp(score)``; forward filtering, backward sampling.
 
     Parameters and errors are those of :func:`forest_maximum`.
@@ -138,9 +127,7 @@ def forest_samples(
     return labels.astype(np.int64)
 
 
-def max_marginals(
-    model: PairwiseModel,
-) -> NDArray[np.float64]:
+def max_marginals(model: PairwiseModel) -> NDArray[np.float64]:
     """(N, K) the largest score of a labelling in which the node has the label; -inf for none.
 
     Parameters and errors are those of :func:`pgm_places.solvers.forest.forest_maximum`.

@@ -50,11 +50,7 @@ class LPDecoding:
     duals: NDArray[np.float64]
 
 
-def solve_marginal_lp(
-    model: PairwiseModel,
-    *,
-    eliminate: bool = True,
-) -> LPDecoding:
+def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDecoding:
     """The linear relaxation solved by HiGHS, and its rounding, improved by local search.
 
     For ``agreement >= 0`` one variable per edge and label, ``y_ij^k <= y_i^k`` and

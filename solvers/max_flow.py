@@ -94,11 +94,7 @@ def minimum_cut(
     back = _capacities("backward", backward, around.n_edges)
     space = cut_space(len(source))
     minimum_cut_kernel(
-        len(source),
-        around.arcs,
-        source - sink,
-        np.stack([ahead, back], axis=1).ravel(),
-        space,
+        len(source), around.arcs, source - sink, np.stack([ahead, back], axis=1).ravel(), space
     )
     inside = space.side == SOURCE
     value = source[~inside].sum() + sink[inside].sum()

@@ -6,13 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.solvers.expansion import ExpansionGraph
-from pgm_places.solvers.max_margin import (
-    MarginProblem,
-    MaxMarginProblem,
-    Oracle,
-    hinge,
-    objective,
-)
+from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, Oracle, hinge, objective
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.trws import trws
 
@@ -94,12 +88,7 @@ def certify_weights(
     model = pairwise_model(unary, graph.around, agreement)
     quick = graph.expand(model)
     certificate = certify(
-        problem,
-        weights,
-        model,
-        quick.labels,
-        accuracy=accuracy,
-        max_iterations=max_iterations,
+        problem, weights, model, quick.labels, accuracy=accuracy, max_iterations=max_iterations
     )
     # moves from there reach further than from the best unaries, where the quick oracle starts
     labels = graph.expand(model, certificate.labels).labels

@@ -40,11 +40,7 @@ class PartitionBounds:
     beliefs: NDArray[np.float64]
 
 
-def bound_log_partition(
-    model: PairwiseModel,
-    *,
-    max_iterations: int = 50,
-) -> PartitionBounds:
+def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> PartitionBounds:
     """Bounds of ``log sum_y exp(score(y))``, and approximate marginals.
 
     Parameters

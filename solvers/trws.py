@@ -145,10 +145,7 @@ class _Passing:
         self.converged = False
 
     def run(
-        self,
-        max_iterations: int,
-        closed: float,
-        on_iteration: Callable[[int, float], None] | None,
+        self, max_iterations: int, closed: float, on_iteration: Callable[[int, float], None] | None
     ) -> None:
         """Pass up and down until the gap is ``closed``, the bound rests or the limit is reached."""
         for iteration in range(1, max_iterations + 1):

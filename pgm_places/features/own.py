@@ -148,10 +148,7 @@ def feature_values(
     """
     wanted = np.arange(n_columns(own)) if columns is None else columns
     laser = extract(
-        ranges_m,
-        max_range_m=max_range_m,
-        columns=wanted[wanted < N_LASER],
-        n_threads=n_threads,
+        ranges_m, max_range_m=max_range_m, columns=wanted[wanted < N_LASER], n_threads=n_threads
     )
     if laser.shape[1] == len(wanted):
         return laser

@@ -132,11 +132,7 @@ class ObjectCounts:
         return f"ObjectCounts({len(self)} observations of {', '.join(self.object_names)})"
 
     def at(
-        self,
-        times_s: ArrayLike,
-        *,
-        within_s: float,
-        object_names: Sequence[str] | None = None,
+        self, times_s: ArrayLike, *, within_s: float, object_names: Sequence[str] | None = None
     ) -> NDArray[np.float32]:
         """(S, D) feature columns at the times of S steps: the counts of the nearest observation.
 
