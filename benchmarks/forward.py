@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
 
 N_LABELS = 6
@@ -82,12 +83,12 @@ def run(quick: bool) -> list[dict[str, Any]]:
     few = n_steps // 20
 
     def path() -> None:
-        viterbi(*arguments)
+        viterbi(markov_chain(*arguments))
 
     methods: list[Method] = [
-        ("filter", "ours", n_steps, lambda: filtered_beliefs(*arguments).beliefs),
+        ("filter", "ours", n_steps, lambda: filtered_beliefs(markov_chain(*arguments)).beliefs),
         ("filter", "NumPy loop", few, lambda: numpy_filter(initial, transition, observed[:few])),
-        ("smoother", "ours", n_steps, lambda: smoothed_beliefs(*arguments).beliefs),
+        ("smoother", "ours", n_steps, lambda: smoothed_beliefs(markov_chain(*arguments)).beliefs),
         ("Viterbi", "ours", n_steps, path),
         *peers(*arguments),
     ]

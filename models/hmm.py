@@ -34,6 +34,7 @@ from pgm_places.models.evidence_weight import (
 )
 from pgm_places.models.step_filter import StepFilter
 from pgm_places.options import AtLeastZero, Options
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import (
     ChainBeliefs,
     ChainPath,
@@ -318,7 +319,7 @@ class HiddenMarkovModel(StepFilter, Options):
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
         methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
         actions = np.where(self._moved(graph), MOVE, STAY)
-        return methods[self.mode](self._start(), self._transitions, observed, actions=actions)
+        return methods[self.mode](markov_chain(self._start(), self._transitions, observed, actions))
 
     def _next(
         self, observed: NDArray[np.float64], state: Any, moved_m: float | None

@@ -5,7 +5,7 @@ label leads to every other one: what is left of it then drowns in what comes to 
 transition is impossible it may be all there is when later observations rule out the rest.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,9 +42,29 @@ class Chain(NamedTuple):
     """(T,) the table that led to each step; the first one's is not used."""
 
 
-def check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actions: Any) -> Chain:
-    """What :func:`pgm_places.solvers.forward.filtered_beliefs` takes, in the form of kernels."""
-    rows = np.asarray(observed, np.float64)
+def markov_chain(
+    initial: ArrayLike,
+    transition: ArrayLike,
+    log_likelihood: ArrayLike,
+    actions: ArrayLike | None = None,
+) -> Chain:
+    """A hidden Markov chain and what was observed along it.
+
+    Likelihoods may differ by any factor, and add up to any over many steps.
+
+    Parameters
+    ----------
+    initial : (K,) float
+        Probabilities of the labels at the first step, before its observation.
+    transition : (K, K) or (A, K, K) float
+        ``transition[..., m, l]`` is the probability of ``l`` after ``m``; one table, or one for
+        each of A actions. Rows sum to 1.
+    log_likelihood : (T, K) float
+        ``log P(z_t | l)`` up to a constant per step; ``-inf`` is probability 0.
+    actions : (T - 1,) int, optional
+        Number of the action between each step and the next; needed where A > 1.
+    """
+    rows = np.asarray(log_likelihood, np.float64)
     if rows.ndim != 2:
         finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
     n_steps, n_labels = rows.shape

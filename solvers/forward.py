@@ -18,7 +18,6 @@ from pgm_places.solvers.chains import (
     SUM_TOLERANCE,
     Chain,
     beliefs_in_logs,
-    check_chain,
     check_tables,
     exceeds_floats,
 )
@@ -82,78 +81,55 @@ class ChainPath:
     impossible: NDArray[np.int64]
 
 
-def filtered_beliefs(
-    initial: ArrayLike,
-    transition: ArrayLike,
-    log_likelihood: ArrayLike,
-    *,
-    actions: ArrayLike | None = None,
-) -> ChainBeliefs:
+def filtered_beliefs(chain: Chain) -> ChainBeliefs:
     """Beliefs from the observations up to each step (paper eq. 3).
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m, u_{t-1}) Bel(m_{t-1})``
 
-    Likelihoods may differ by any factor, and add up to any over many steps.
-
     Parameters
     ----------
-    initial : (K,) float
-        Probabilities of the labels at the first step, before its observation.
-    transition : (K, K) or (A, K, K) float
-        ``transition[..., m, l]`` is the probability of ``l`` after ``m``; one table, or one for
-        each of A actions. Rows sum to 1.
-    log_likelihood : (T, K) float
-        ``log P(z_t | l)`` up to a constant per step; ``-inf`` is probability 0.
-    actions : (T - 1,) int, optional
-        Number of the action between each step and the next; needed where A > 1.
+    chain : Chain
+        From :func:`~pgm_places.solvers.chains.markov_chain`.
 
     Examples
     --------
+    >>> from pgm_places.solvers.chains import markov_chain
     >>> stay = [[0.9, 0.1], [0.1, 0.9]]
-    >>> found = filtered_beliefs([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.5, 0.5]]))
-    >>> found.beliefs.round(3).tolist()
+    >>> chain = markov_chain([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.5, 0.5]]))
+    >>> filtered_beliefs(chain).beliefs.round(3).tolist()
     [[0.8, 0.2], [0.74, 0.26]]
     """
-    return _explained(check_chain(initial, transition, log_likelihood, actions), smooth=False)
+    return _explained(chain, smooth=False)
 
 
-def smoothed_beliefs(
-    initial: ArrayLike,
-    transition: ArrayLike,
-    log_likelihood: ArrayLike,
-    *,
-    actions: ArrayLike | None = None,
-) -> ChainBeliefs:
-    """Beliefs from all observations, before and after; arguments as :func:`filtered_beliefs`.
+def smoothed_beliefs(chain: Chain) -> ChainBeliefs:
+    """Beliefs from all observations, before and after.
 
     Examples
     --------
+    >>> from pgm_places.solvers.chains import markov_chain
     >>> stay = [[0.9, 0.1], [0.1, 0.9]]
-    >>> found = smoothed_beliefs([0.5, 0.5], stay, np.log([[0.5, 0.5], [0.8, 0.2]]))
-    >>> found.beliefs.round(3).tolist()
+    >>> chain = markov_chain([0.5, 0.5], stay, np.log([[0.5, 0.5], [0.8, 0.2]]))
+    >>> smoothed_beliefs(chain).beliefs.round(3).tolist()
     [[0.74, 0.26], [0.8, 0.2]]
     """
-    return _explained(check_chain(initial, transition, log_likelihood, actions), smooth=True)
+    return _explained(chain, smooth=True)
 
 
-def viterbi(
-    initial: ArrayLike,
-    transition: ArrayLike,
-    log_likelihood: ArrayLike,
-    *,
-    actions: ArrayLike | None = None,
-) -> ChainPath:
-    """The labels with the largest joint probability; arguments as :func:`filtered_beliefs`.
+def viterbi(chain: Chain) -> ChainPath:
+    """The labels with the largest joint probability.
 
     Ties go to the smaller label.
 
     Examples
     --------
+    >>> from pgm_places.solvers.chains import markov_chain
     >>> stay = [[0.9, 0.1], [0.1, 0.9]]
-    >>> viterbi([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
+    >>> chain = markov_chain([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]]))
+    >>> viterbi(chain).labels.tolist()
     [0, 0, 0]
     """
-    start, arrival, observed, led = check_chain(initial, transition, log_likelihood, actions)
+    start, arrival, observed, led = chain
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
@@ -179,7 +155,7 @@ class ForwardFilter:
     Parameters
     ----------
     initial, transition
-        As in :func:`filtered_beliefs`.
+        As in :func:`~pgm_places.solvers.chains.markov_chain`.
     """
 
     def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:

@@ -21,6 +21,7 @@ from pgm_places.features.extraction import extract
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.forward import filtered_beliefs, viterbi
 from pgm_places.solvers.grid_relaxation import relax_grid
@@ -80,8 +81,8 @@ def solvers() -> Iterator[tuple[str, str]]:
 
     start, seen = np.full(4, 0.25), rng.normal(size=(500, 4))
     turn = np.full((4, 4), 0.05) + 0.8 * np.eye(4)
-    yield "viterbi", fingerprint(viterbi(start, turn, seen).labels)
-    yield "filtered_beliefs", fingerprint(filtered_beliefs(start, turn, seen).beliefs)
+    yield "viterbi", fingerprint(viterbi(markov_chain(start, turn, seen)).labels)
+    yield "filtered_beliefs", fingerprint(filtered_beliefs(markov_chain(start, turn, seen)).beliefs)
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.solvers import forward
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import (
     ForwardFilter,
     filtered_beliefs,
@@ -59,9 +60,9 @@ def test_everything_is_the_full_enumeration(
     table = joint(initial, transition, likelihood, actions)
     observed = logs(likelihood)
     arguments = (initial, transition, observed)
-    filtered = filtered_beliefs(*arguments, actions=actions)
-    smoothed = smoothed_beliefs(*arguments, actions=actions)
-    path = viterbi(*arguments, actions=actions)
+    filtered = filtered_beliefs(markov_chain(*arguments, actions=actions))
+    smoothed = smoothed_beliefs(markov_chain(*arguments, actions=actions))
+    path = viterbi(markov_chain(*arguments, actions=actions))
     if table.sum() == 0:
         assert len(filtered.impossible)
         assert filtered.log_evidence == -np.inf
@@ -100,8 +101,8 @@ def test_likelihoods_may_differ_by_any_factor(
     table = log_joint(initial, transition, observed, actions)
     if table.max() == -np.inf:
         return
-    filtered = filtered_beliefs(initial, transition, observed, actions=actions)
-    smoothed = smoothed_beliefs(initial, transition, observed, actions=actions)
+    filtered = filtered_beliefs(markov_chain(initial, transition, observed, actions=actions))
+    smoothed = smoothed_beliefs(markov_chain(initial, transition, observed, actions=actions))
     assert not len(filtered.impossible)
     evidence = table.max() + np.log(np.exp(table - table.max()).sum())
     np.testing.assert_allclose(filtered.log_evidence, evidence, rtol=1e-12, atol=1e-9)
@@ -114,7 +115,7 @@ def test_likelihoods_may_differ_by_any_factor(
 def test_rare_transitions_count_where_likelihoods_rule_out_the_rest() -> None:
     rare = np.array([[1e-181, 1.0], [1.0, 1e-130]])
     observed = np.array([[945.0, -1312.0], [771.0, 36.0], [137.0, -207.0]])
-    found = smoothed_beliefs([1e-101, 1.0], rare, observed)
+    found = smoothed_beliefs(markov_chain([1e-101, 1.0], rare, observed))
     table = log_joint(np.array([1e-101, 1.0]), rare[None], observed, [0, 0])
     assert found.log_evidence == pytest.approx(np.logaddexp.reduce(table, axis=None), rel=1e-12)
     wanted = marginals(np.exp(table - table.max()))
@@ -125,17 +126,19 @@ def test_a_label_that_fell_far_behind_while_standing_still_may_be_the_right_one(
     """A robot that stands keeps its label: 300 scans for one, and then 301 for the other."""
     tables, actions = np.stack([STAY, np.eye(2)]), np.ones(600, np.int64)
     observed = np.concatenate([np.tile([0.0, -5.0], (300, 1)), np.tile([-5.0, 0.0], (301, 1))])
-    found = smoothed_beliefs([0.5, 0.5], tables, observed, actions=actions)
+    found = smoothed_beliefs(markov_chain([0.5, 0.5], tables, observed, actions=actions))
     wanted = 1.0 / (1.0 + np.exp(-5.0))
     np.testing.assert_allclose(found.beliefs[:, 1], wanted, rtol=1e-12)
-    found = smoothed_beliefs([0.5, 0.5, 0.0], np.eye(3), np.pad(observed, ((0, 0), (0, 1))))
+    found = smoothed_beliefs(
+        markov_chain([0.5, 0.5, 0.0], np.eye(3), np.pad(observed, ((0, 0), (0, 1))))
+    )
     np.testing.assert_allclose(found.beliefs[:, 1], wanted, rtol=1e-12)
 
 
 def test_an_impossible_observation_is_left_out_where_logarithms_are_needed() -> None:
     observed = np.array([[0.0, -800.0], [-np.inf, -np.inf], [-900.0, 0.0]])
     for function, first in ((filtered_beliefs, [1.0, 0.0]), (smoothed_beliefs, [0.0, 1.0])):
-        found = function([0.5, 0.5], np.eye(2), observed)
+        found = function(markov_chain([0.5, 0.5], np.eye(2), observed))
         assert found.impossible.tolist() == [1]
         assert found.log_evidence == -np.inf
         np.testing.assert_allclose(found.beliefs[[0, 1]], [first, first], rtol=0, atol=1e-12)
@@ -145,8 +148,8 @@ def test_an_impossible_observation_is_left_out_where_logarithms_are_needed() -> 
 def test_the_last_filtered_belief_is_the_last_smoothed_one() -> None:
     initial, transition, likelihood, actions = a_chain(1, 300, 5, 2, zeros=0.0)
     observed = logs(likelihood)
-    one = filtered_beliefs(initial, transition, observed, actions=actions)
-    two = smoothed_beliefs(initial, transition, observed, actions=actions)
+    one = filtered_beliefs(markov_chain(initial, transition, observed, actions=actions))
+    two = smoothed_beliefs(markov_chain(initial, transition, observed, actions=actions))
     np.testing.assert_array_equal(one.beliefs[-1], two.beliefs[-1])
     assert one.log_evidence == two.log_evidence
 
@@ -157,10 +160,12 @@ def test_long_chains_are_filtered_in_pieces_without_a_seam(
 ) -> None:
     initial, transition, likelihood, actions = a_chain(2, 300, k, 2, zeros=0.1)
     observed = logs(likelihood)
-    whole = filtered_beliefs(initial, transition, observed, actions=actions)
+    whole = filtered_beliefs(markov_chain(initial, transition, observed, actions=actions))
     monkeypatch.setattr(forward, "STEPS_AT_ONCE", 7)
     for n in (1, 2, 8, 9, 16, 17, 127, 128, 129, 137, 300):
-        some = filtered_beliefs(initial, transition, observed[:n], actions=actions[: n - 1])
+        some = filtered_beliefs(
+            markov_chain(initial, transition, observed[:n], actions=actions[: n - 1])
+        )
         np.testing.assert_array_equal(some.beliefs, whole.beliefs[:n])
         np.testing.assert_array_equal(some.impossible, whole.impossible[whole.impossible < n])
 
@@ -168,7 +173,7 @@ def test_long_chains_are_filtered_in_pieces_without_a_seam(
 def test_single_steps_are_the_filter() -> None:
     initial, transition, likelihood, _ = a_chain(3, 40, 4, 1, zeros=0.0)
     observed = logs(likelihood)
-    whole = filtered_beliefs(initial, transition, observed).beliefs
+    whole = filtered_beliefs(markov_chain(initial, transition, observed)).beliefs
     chain, belief = ForwardFilter(initial, transition[0]), whole[0]
     for t in range(1, 40):
         belief, possible = chain.step(observed[t], belief)
@@ -180,13 +185,13 @@ def test_constants_per_step_only_shift_the_evidence() -> None:
     initial, transition, likelihood, _ = a_chain(4, 50, 3, 1, zeros=0.2)
     shift = np.random.default_rng(0).normal(size=(50, 1)) * 300
     for function in (filtered_beliefs, smoothed_beliefs):
-        one = function(initial, transition, logs(likelihood))
-        two = function(initial, transition, logs(likelihood) + shift)
+        one = function(markov_chain(initial, transition, logs(likelihood)))
+        two = function(markov_chain(initial, transition, logs(likelihood) + shift))
         np.testing.assert_allclose(two.beliefs, one.beliefs, rtol=0, atol=1e-9)
         np.testing.assert_array_equal(two.impossible, one.impossible)
-    path = viterbi(initial, transition, logs(likelihood) + shift)
+    path = viterbi(markov_chain(initial, transition, logs(likelihood) + shift))
     np.testing.assert_array_equal(
-        path.labels, viterbi(initial, transition, logs(likelihood)).labels
+        path.labels, viterbi(markov_chain(initial, transition, logs(likelihood))).labels
     )
 
 
@@ -194,11 +199,11 @@ def test_an_impossible_observation_is_reported_and_left_out() -> None:
     fixed = np.eye(2)
     observed = logs(np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [0.9, 0.1]]))
     for function in (filtered_beliefs, smoothed_beliefs):
-        found = function([0.5, 0.5], fixed, observed)
+        found = function(markov_chain([0.5, 0.5], fixed, observed))
         assert found.impossible.tolist() == [2]
         assert found.log_evidence == -np.inf
         np.testing.assert_array_equal(found.beliefs, np.tile([1.0, 0.0], (4, 1)))
-    path = viterbi([0.5, 0.5], fixed, observed)
+    path = viterbi(markov_chain([0.5, 0.5], fixed, observed))
     assert path.impossible.tolist() == [2]
     assert path.labels.tolist() == [0, 0, 0, 0]
     np.testing.assert_allclose(path.log_probability, np.log(0.5 * 0.5 * 0.9), rtol=1e-12)
@@ -208,7 +213,9 @@ def test_an_impossible_observation_is_reported_and_left_out() -> None:
 
 
 def test_an_observation_that_nothing_explains_is_impossible_too() -> None:
-    found = filtered_beliefs([0.5, 0.5], STAY, [[0.0, -1.0], [-np.inf, -np.inf], [0.0, 0.0]])
+    found = filtered_beliefs(
+        markov_chain([0.5, 0.5], STAY, [[0.0, -1.0], [-np.inf, -np.inf], [0.0, 0.0]])
+    )
     assert found.impossible.tolist() == [1]
     assert np.isfinite(found.beliefs).all()
 
@@ -217,7 +224,7 @@ def test_an_observation_that_nothing_explains_is_impossible_too() -> None:
 def test_likelihoods_far_apart_are_not_taken_for_impossible(shift: float) -> None:
     observed = np.array([[-1000.0, 0.0], [-5000.0, 0.0], [-1e6, -np.inf]]) + shift
     for function in (filtered_beliefs, smoothed_beliefs):
-        found = function([1.0, 0.0], np.eye(2), observed)
+        found = function(markov_chain([1.0, 0.0], np.eye(2), observed))
         assert not len(found.impossible)
         np.testing.assert_allclose(found.log_evidence, -1_006_000.0 + 3 * shift, rtol=1e-12)
         np.testing.assert_array_equal(found.beliefs[:, 0], 1)
@@ -230,7 +237,7 @@ def test_rare_arrivals_do_not_overflow_the_smoother(k: int) -> None:
     observed[0, [0, 2]] = -23.0, 0.0
     observed[1:, 1] = 0.0
     initial = np.array([0.5, 0.0, 0.5, *[0.0] * (k - 3)])
-    found = smoothed_beliefs(initial, transition, observed)
+    found = smoothed_beliefs(markov_chain(initial, transition, observed))
     np.testing.assert_allclose(found.beliefs, np.eye(k)[[0, 1, 1, 1, 1]], rtol=0, atol=1e-12)
 
 
@@ -247,16 +254,19 @@ def test_the_smoother_is_that_in_logarithms(k: int, n_steps: int) -> None:
     observed = rng.choice([0.0, -1.0, -250.0, -600.0, 3.0], (n_steps, k))
     observed[: n_steps // 2] = np.log(rng.dirichlet(np.ones(k), n_steps // 2))
     observed[n_steps // 3 :, 0] -= 2000.0
-    found = smoothed_beliefs(initial, transition, observed)
+    found = smoothed_beliefs(markov_chain(initial, transition, observed))
     expected = smoothed_in_logs(initial, transition, observed)
     np.testing.assert_allclose(found.beliefs, expected, rtol=1e-9, atol=1e-15)
 
 
 def test_no_steps_and_a_single_label() -> None:
-    assert filtered_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).beliefs.shape == (0, 2)
-    assert smoothed_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).log_evidence == 0
-    assert len(viterbi([0.5, 0.5], STAY, np.zeros((0, 2))).labels) == 0
-    one = filtered_beliefs([1.0], [[1.0]], [[-3.0], [-4.0]])
+    assert filtered_beliefs(markov_chain([0.5, 0.5], STAY, np.zeros((0, 2)))).beliefs.shape == (
+        0,
+        2,
+    )
+    assert smoothed_beliefs(markov_chain([0.5, 0.5], STAY, np.zeros((0, 2)))).log_evidence == 0
+    assert len(viterbi(markov_chain([0.5, 0.5], STAY, np.zeros((0, 2)))).labels) == 0
+    one = filtered_beliefs(markov_chain([1.0], [[1.0]], [[-3.0], [-4.0]]))
     assert one.beliefs.tolist() == [[1.0], [1.0]]
     assert one.log_evidence == -7
 
@@ -264,8 +274,8 @@ def test_no_steps_and_a_single_label() -> None:
 def test_inputs_are_left_alone() -> None:
     initial, observed = np.array([0.5, 0.5]), np.log([[0.7, 0.3], [0.2, 0.8]])
     before = observed.copy()
-    smoothed_beliefs(initial, STAY, observed)
-    viterbi(initial, STAY, observed)
+    smoothed_beliefs(markov_chain(initial, STAY, observed))
+    viterbi(markov_chain(initial, STAY, observed))
     np.testing.assert_array_equal(observed, before)
     np.testing.assert_array_equal(initial, [0.5, 0.5])
 
@@ -293,7 +303,7 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
     }
     for function in (filtered_beliefs, smoothed_beliefs, viterbi):
         with pytest.raises(InputError, match=message):
-            function(**{**arguments, **change})  # type: ignore[arg-type]
+            function(markov_chain(**{**arguments, **change}))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("k", [3, 5, 7, 8])
@@ -303,7 +313,7 @@ def test_ties_go_to_the_smaller_label(k: int) -> None:
     observed[3, :2] = -np.inf
     wanted = np.zeros(20, np.int64)
     wanted[3] = 2
-    np.testing.assert_array_equal(viterbi(even[0], even, observed).labels, wanted)
+    np.testing.assert_array_equal(viterbi(markov_chain(even[0], even, observed)).labels, wanted)
 
 
 def smoothed_in_logs(initial: Array, transition: Array, observed: Array) -> Array:
@@ -328,7 +338,7 @@ def test_beliefs_of_what_was_all_but_ruled_out_keep_their_digits() -> None:
     initial = np.array([1 - 1e-250, 1e-250, 0.0])
     observed = rng.choice([0.0, -1.0, -250.0, -600.0], (200, 3))
     observed[50:60, 2] = -np.inf
-    found = smoothed_beliefs(initial, transition, observed)
+    found = smoothed_beliefs(markov_chain(initial, transition, observed))
     expected = smoothed_in_logs(initial, transition, observed)
     assert len(found.impossible) == 0
     np.testing.assert_allclose(found.beliefs, expected, rtol=1e-9, atol=1e-15)
@@ -341,7 +351,7 @@ def test_stepping_gives_the_beliefs_of_the_whole_chain() -> None:
     observed[7] = [-np.inf, 0.0, -900.0, -np.inf]
     observed[11] = -np.inf
     actions = rng.integers(0, 2, 29)
-    whole = filtered_beliefs(start, tables, observed, actions=actions)
+    whole = filtered_beliefs(markov_chain(start, tables, observed, actions=actions))
     forward = ForwardFilter(start, tables)
     belief, possible = forward.step(observed[0])
     for t in range(30):
@@ -384,10 +394,10 @@ def test_any_number_of_labels_over_a_long_chain(k: int) -> None:
             through = score[:, None] + np.log(transition)
             came[t], score = through.argmax(axis=0), through.max(axis=0)
         score = score + row
-    found = filtered_beliefs(initial, transition, observed)
+    found = filtered_beliefs(markov_chain(initial, transition, observed))
     np.testing.assert_allclose(found.beliefs, expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.log_evidence, evidence, rtol=1e-12)
-    path = viterbi(initial, transition, observed)
+    path = viterbi(markov_chain(initial, transition, observed))
     np.testing.assert_allclose(path.log_probability, score.max(), rtol=1e-12)
     label = int(score.argmax())
     for t in range(len(observed) - 1, -1, -1):

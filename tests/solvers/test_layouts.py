@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
@@ -77,9 +78,9 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Array, ...]]] = {
         (UNARY, np.array([0, 1, 2, 3, 4, 5, 6]), np.array([1, 2, 3, 4, 5, 0]), np.eye(K)[None]),
     ),
     "start": (starting_beliefs, (UNARY,)),
-    "filter": (filtered_beliefs, CHAIN),
-    "smoother": (smoothed_beliefs, CHAIN),
-    "viterbi": (viterbi, CHAIN),
+    "filter": (lambda *chain: filtered_beliefs(markov_chain(*chain)), CHAIN),
+    "smoother": (lambda *chain: smoothed_beliefs(markov_chain(*chain)), CHAIN),
+    "viterbi": (lambda *chain: viterbi(markov_chain(*chain)), CHAIN),
     "stretches": (lambda *a: SemiMarkovChain(*a[:4]).smoothed(*a[4:]), STRETCHES),
     "best stretches": (lambda *a: SemiMarkovChain(*a[:4]).viterbi(*a[4:]), STRETCHES),
     "a stretch": (lambda *a: SemiMarkovChain(*a[:4]).step(a[5][0])[0], STRETCHES),

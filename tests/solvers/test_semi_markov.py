@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
 from pgm_places.solvers.semi_markov import SemiMarkovChain
 from tests.reference.chains import marginals
@@ -90,12 +91,16 @@ def test_constant_rates_are_a_hidden_markov_chain(n_edges: int) -> None:
     )
     start = ([0.3, 0.7], transition, observed)
     np.testing.assert_allclose(
-        chain.filtered(moved, observed).beliefs, filtered_beliefs(*start).beliefs, rtol=1e-9
+        chain.filtered(moved, observed).beliefs,
+        filtered_beliefs(markov_chain(*start)).beliefs,
+        rtol=1e-9,
     )
     np.testing.assert_allclose(
-        chain.smoothed(moved, observed).beliefs, smoothed_beliefs(*start).beliefs, rtol=1e-9
+        chain.smoothed(moved, observed).beliefs,
+        smoothed_beliefs(markov_chain(*start)).beliefs,
+        rtol=1e-9,
     )
-    assert (chain.viterbi(moved, observed).labels == viterbi(*start).labels).all()
+    assert (chain.viterbi(moved, observed).labels == viterbi(markov_chain(*start)).labels).all()
 
 
 def test_steps_in_between_without_observation_change_nothing() -> None:
