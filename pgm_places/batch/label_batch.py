@@ -6,12 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgm_places.batch.batch_folder import (
-    claim_of,
-    names_in_the_way,
-    tidy_after_the_dead,
-    write_root,
-)
+from pgm_places.batch import batch_folder
 from pgm_places.batch.far_maps import is_done, label_anywhere, lists_of, lists_to_read
 from pgm_places.batch.found_maps import FoundMap, FoundMaps, Shard
 from pgm_places.batch.lists import LISTS, Lists
@@ -122,7 +117,7 @@ def label_batch(
     with _lists(found, out, force=force) as lists:
         maps = maps_to_do(found, lists.out, shard=shard, only_failed=only_failed)
         tally.n_all = len(maps)
-        refused = {failure.name: failure for failure in names_in_the_way(found.maps)}
+        refused = {failure.name: failure for failure in batch_folder.names_in_the_way(found.maps)}
         for failure in (refused[item.name] for item in maps if item.name in refused):
             tally.count(failure)
             lists.add(failure)
@@ -136,7 +131,7 @@ def label_batch(
                 sha256,
                 n_threads,
                 force,
-                None if is_address(out) else claim_of(target, item.name),
+                None if is_address(out) else batch_folder.claim_of(target, item.name),
                 limit_s,
             )
             for item in maps
@@ -165,12 +160,12 @@ def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
             yield lists
         return
     target = claim(out, force=force).absolute()
-    write_root(target, found.root)
-    tidy_after_the_dead(target)
+    batch_folder.write_root(target, found.root)
+    batch_folder.tidy_after_the_dead(target)
     lists = Lists(target, names)
     lists.begin(force=force)
     yield lists
-    tidy_after_the_dead(target)
+    batch_folder.tidy_after_the_dead(target)
 
 
 def _outcomes(
@@ -301,7 +296,7 @@ def plan(
     with lists_to_read(out, LISTS) as lists:
         failed = Lists(lists).failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
-    in_the_way = {failure.name for failure in names_in_the_way(found.maps)}
+    in_the_way = {failure.name for failure in batch_folder.names_in_the_way(found.maps)}
     done, refused, to_label = [], [], []
     for item in maps:
         if item.name in in_the_way:

@@ -9,16 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.errors import OutputError
+from pgm_places.io import staging
 from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
-from pgm_places.io.staging import (
-    as_output_errors,
-    flush,
-    is_staged,
-    locked,
-    make_folders,
-    remove_leftovers,
-    stage,
-)
 
 
 def write_bytes(path: Path | str, data: bytes) -> Path:
@@ -69,20 +61,20 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         that stands where the file should go.
     """
     target = Path(path)
-    with as_output_errors(target), make_folders(target.parent):
+    with staging.as_output_errors(target), staging.make_folders(target.parent):
         if target.is_dir():
             raise OutputError(
                 f"cannot write the file {target}: a folder of that name is in the way; choose "
                 "another path or remove it"
             )
-        with stage(target.parent, target.name) as folder:
+        with staging.stage(target.parent, target.name) as folder:
             temporary = folder / target.name
             yield temporary
-            if not is_staged(target):
-                flush(temporary)
+            if not staging.is_staged(target):
+                staging.flush(temporary)
             temporary.replace(target)
-        if not is_staged(target):
-            flush(target.parent)
+        if not staging.is_staged(target):
+            staging.flush(target.parent)
 
 
 @contextlib.contextmanager
@@ -101,17 +93,17 @@ def atomic_folder(
         Where the folder cannot be written or another one is in the way.
     """
     target = Path(path)
-    with as_output_errors(target):
+    with staging.as_output_errors(target):
         check_folder_target(target, replaces=replaces)
         target = target.resolve()
         inside = target.is_dir() and not can_be_exchanged(target)
         parent = target if inside else target.parent
-        with make_folders(parent):
+        with staging.make_folders(parent):
             old = file_names(target)  # before there is a stage in it
-            with stage(parent, target.name) as folder:
+            with staging.stage(parent, target.name) as folder:
                 (folder / NEW).mkdir()
                 yield folder / NEW
-                with locked(target):
+                with staging.locked(target):
                     finish(target)
                     if not inside:
                         _refuse_others(target, replaces)  # once more: hours may have passed
@@ -133,7 +125,7 @@ def check_folder_target(
         without permission to write.
     """
     target = Path(path)
-    with as_output_errors(target):
+    with staging.as_output_errors(target):
         tidy(target)
         _refuse_others(target, replaces)
 
@@ -157,7 +149,7 @@ def tidy(path: Path | str) -> None:
         Where a file stands in the way, or without permission to write.
     """
     target = Path(path)
-    with as_output_errors(target):
+    with staging.as_output_errors(target):
         if not target.is_dir() and (target.exists() or target.is_symlink()):
             raise OutputError(
                 f"cannot write the folder {target}: a file of that name is in the way; choose "
@@ -173,6 +165,6 @@ def tidy(path: Path | str) -> None:
         if not os.access(writable, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         for parent in (target.parent, target):
-            remove_leftovers(parent, target.name)
-        with locked(target):
+            staging.remove_leftovers(parent, target.name)
+        with staging.locked(target):
             finish(target)

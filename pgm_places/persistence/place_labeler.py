@@ -16,18 +16,9 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import check_option
+from pgm_places.persistence import unary as parts
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
-from pgm_places.persistence.unary import (
-    check_feature_set,
-    dump_features,
-    dump_floor,
-    dump_list,
-    load_features,
-    load_floor,
-    load_list,
-    load_sensor,
-)
 from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
@@ -52,14 +43,16 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
     manifest = {
         "label_names": list(labeler.learned_names),
         "feature_set": feature_set_hash(),
-        "features": dump_features(unary.features),
+        "features": parts.dump_features(unary.features),
         "resolution_m": labeler.resolution_m_,
         "connectivity": labeler.connectivity,
         "options": {name: getattr(labeler, name) for name in OPTIONS},
         "sensor": dataclasses.asdict(unary.sensor),
         "context_m": list(unary.context_m),
-        "classifier": dump_list(arrays, "classifier", unary.classifier),
-        "context_classifier": None if second is None else dump_list(arrays, "context", second),
+        "classifier": parts.dump_list(arrays, "classifier", unary.classifier),
+        "context_classifier": None
+        if second is None
+        else parts.dump_list(arrays, "context", second),
         "methods": [
             {"name": name, "unary": method.unary}
             | dump_backend(arrays, f"method/{name}", method.backend)
@@ -72,7 +65,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
     if unary.space is not None:
         manifest["space"] = _dump_space(arrays, unary.space)
     if unary.floor is not None:
-        manifest["floor"] = dump_floor(arrays, unary.floor)
+        manifest["floor"] = parts.dump_floor(arrays, unary.floor)
     return manifest, arrays
 
 
@@ -82,7 +75,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     The unfitted classifier is not kept, as labelling does without scikit-learn: a labeler that is
     fitted again after loading takes the default one, unless it is given another.
     """
-    check_feature_set(manifest)
+    parts.check_feature_set(manifest)
     resolution_m = check_option("resolution_m", float, manifest["resolution_m"])
     check_resolution(resolution_m)
     unary = _unary_model(manifest, arrays)
@@ -135,33 +128,33 @@ def check_savable(labeler: PlaceLabeler) -> None:
 
 def _unary_model(manifest: Mapping[str, Any], arrays: Arrays) -> UnaryModel:
     context_m = tuple(float(width) for width in manifest["context_m"])
-    features, n_labels = load_features(manifest), len(manifest["label_names"])
+    features, n_labels = parts.load_features(manifest), len(manifest["label_names"])
     n_own = n_columns(features)
     context = None
     if manifest["context_classifier"] is not None:
-        n_all = n_own + len(context_m) * n_labels
-        context = load_list(arrays, "context", manifest["context_classifier"], n_all, n_labels)
+        meta, n_all = manifest["context_classifier"], n_own + len(context_m) * n_labels
+        context = parts.load_list(arrays, "context", meta, n_all, n_labels)
     columns = arrays["unary/node_columns"].astype(np.int64)
     if columns.ndim != 1 or (columns < 0).any() or (columns >= n_own).any():
         raise ModelFileError(f"unary/node_columns must be feature indices below {n_own}")
     return UnaryModel(
-        load_sensor(manifest["sensor"]),
-        load_list(arrays, "classifier", manifest["classifier"], n_own, n_labels),
+        parts.load_sensor(manifest["sensor"]),
+        parts.load_list(arrays, "classifier", manifest["classifier"], n_own, n_labels),
         n_labels,
         columns,
         context_m,
         context,
         features,
         _load_space(manifest.get("space"), arrays, n_own, n_labels),
-        load_floor(manifest.get("floor"), arrays, n_labels),
+        parts.load_floor(manifest.get("floor"), arrays, n_labels),
     )
 
 
 def _dump_space(arrays: Arrays, space: SpaceModel) -> dict[str, Any]:
     return {
         "feature_set": space_features_hash(),
-        "classifier": dump_list(arrays, "space", space.classifier),
-        "gates": None if space.gates is None else dump_list(arrays, "gates", space.gates),
+        "classifier": parts.dump_list(arrays, "space", space.classifier),
+        "gates": None if space.gates is None else parts.dump_list(arrays, "gates", space.gates),
         "doorway": space.doorway,
         "corridor": space.corridor,
     }
@@ -184,8 +177,8 @@ def _load_space(
         check_option(f"space.{name}", known, label)
     n_classes = n_labels + (corridor is not None)
     return SpaceModel(
-        load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_classes),
-        None if gates is None else load_list(arrays, "gates", gates, len(GATE_FEATURES), 2),
+        parts.load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_classes),
+        None if gates is None else parts.load_list(arrays, "gates", gates, len(GATE_FEATURES), 2),
         doorway,
         corridor,
     )

@@ -7,33 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import palette
 from pgm_places._checks import ROWS_AT_ONCE, finite_array
 from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.coarsening import Coarsening
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.maps.occupancy_grid import UNKNOWN as UNKNOWN_CELL
-from pgm_places.palette import (
-    ERROR,
-    IGNORED,
-    IGNORED_STRIPE,
-    RIGHT_TINT,
-    UNKNOWN,
-    WALL,
-    label_colours,
-    levels,
-    rgb_of,
-    tinted,
-)
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.trajectories.path_layout import PathLayout
 
 if TYPE_CHECKING:
     from PIL import Image
 
 _UNKNOWN, _WALL, _IGNORED, _STRIPE, _FIRST = range(5)
-_GROUND = (UNKNOWN, WALL, IGNORED, IGNORED_STRIPE)
+_GROUND = (palette.UNKNOWN, palette.WALL, palette.IGNORED, palette.IGNORED_STRIPE)
 
 Window = tuple[slice, slice]
 """Rows and columns of a map."""
@@ -92,7 +80,7 @@ class Canvas:
         from PIL import Image
 
         image = Image.fromarray(self.indices)
-        image.putpalette(np.concatenate([rgb_of(colour) for colour in self.colours]).tobytes())
+        image.putpalette(b"".join(palette.rgb_of(colour).tobytes() for colour in self.colours))
         return image
 
     def png(self) -> bytes:
@@ -108,7 +96,7 @@ def view_of(
     Shrunk by a whole factor until it has at most ``most_pixels`` pixels.
     """
     raster = grid.cells if shown is None or not shown.any() else shown
-    nothing = UNKNOWN_CELL if raster is grid.cells else False
+    nothing = UNKNOWN if raster is grid.cells else False
     in_row = np.zeros(grid.shape[0], np.bool_)
     in_column = np.zeros(grid.shape[1], np.bool_)
     for band in bands_of_rows(grid.shape):
@@ -133,7 +121,7 @@ def label_canvas(
     grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str], view: View
 ) -> Canvas:
     """Labels (H, W), -1 for none, in their colours over walls and unknown space."""
-    return _canvas(labels.__getitem__, label_colours(label_names), view, grid)
+    return _canvas(labels.__getitem__, palette.label_colours(label_names), view, grid)
 
 
 def difference_canvas(
@@ -144,14 +132,14 @@ def difference_canvas(
     view: View,
 ) -> Canvas:
     """Where the prediction is wrong, in one strong colour over pale correct labels."""
-    pale = (tinted(colour, RIGHT_TINT) for colour in label_colours(label_names))
-    wrong = len(label_names)
+    colours = palette.label_colours(label_names)
+    pale, wrong = (palette.tinted(each, palette.RIGHT_TINT) for each in colours), len(label_names)
 
     def compared(cells: Window) -> NDArray[np.integer]:
         true, seen = truth[cells], predicted[cells]
         return np.where(seen < 0, -1, np.where((true >= 0) & (true != seen), wrong, true))
 
-    return _canvas(compared, (*pale, ERROR), view, grid, strong=_FIRST + wrong)
+    return _canvas(compared, (*pale, palette.ERROR), view, grid, strong=_FIRST + wrong)
 
 
 def value_canvas(
@@ -175,7 +163,7 @@ def value_canvas(
     def steps(cells: Window) -> NDArray[np.integer]:
         return coarsening.paint(raster, -1, rows=cells[0])[:, cells[1]]
 
-    return _canvas(steps, levels(gradient, N_LEVELS), view, grid, averaged=True)
+    return _canvas(steps, palette.levels(gradient, N_LEVELS), view, grid, averaged=True)
 
 
 def _steps(

@@ -17,17 +17,7 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.output_set import OutputSet
-from pgm_places.io.places.topology_files import (
-    CHECK_FILE,
-    TOPOLOGY_FILE,
-    PlaceSettings,
-    load_topology,
-    probability_file,
-    read_own_names,
-    save_settings,
-    save_topology,
-    write_checks,
-)
+from pgm_places.io.places import topology_files
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.drawing import Packing
@@ -100,7 +90,7 @@ SETTINGS = ("places.json", "gate_places.png")
 def label_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
     outputs = outputs or Outputs()
-    probabilities = map(probability_file, labels) if outputs.probabilities else ()
+    probabilities = map(topology_files.probability_file, labels) if outputs.probabilities else ()
     files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
     names = (*files, *probabilities, *PLACES, *SETTINGS)
     return names if outputs.pictures else tuple(name for name in names if name not in _PICTURES)
@@ -191,7 +181,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
         size = (raster.shape[1], raster.shape[0])
         # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
         picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)
-        path = folder / probability_file(name)
+        path = folder / topology_files.probability_file(name)
         written.append(write_bytes(path, raster_png(picture)))
     return written
 
@@ -225,14 +215,15 @@ def write_places(
     """
     doorways = inputs.get("doorways")
     gates = doorways if doorways is not None and len(doorways) else None
-    save_settings(files.stage, PlaceSettings(rules, gates))  # first: a huge map has room for it now
-    earlier = (files.folder / TOPOLOGY_FILE).exists()
+    settings = topology_files.PlaceSettings(rules, gates)
+    topology_files.save_settings(files.stage, settings)  # first: a huge map has room for it now
+    earlier = (files.folder / topology_files.TOPOLOGY_FILE).exists()
     topology = topological_map(
         rules=rules,
         correct=rules.correct,
         min_width_m=rules.min_width_m,
-        known=load_topology(files.folder).known_places if earlier else None,
-        own_names=read_own_names(files.folder),
+        known=topology_files.load_topology(files.folder).known_places if earlier else None,
+        own_names=topology_files.read_own_names(files.folder),
         **inputs,
     )
     write_topology(
@@ -263,9 +254,9 @@ def write_topology(
     if picture:  # first: the largest is packed beside what follows
         drawing = topology_drawing(grid, topology, title=title)
         written.append((packing or Packing()).write(folder / "topology.png", drawing))
-    written += save_topology(folder, topology)
+    written += topology_files.save_topology(folder, topology)
     if places_to_check(topology):
-        written.append(write_checks(folder / CHECK_FILE, topology))
+        written.append(topology_files.write_checks(folder / topology_files.CHECK_FILE, topology))
     return written
 
 

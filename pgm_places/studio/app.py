@@ -14,17 +14,11 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 
 from pgm_places.errors import InputError, PgmPlacesError
+from pgm_places.studio import records
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import exports_record, write_export
 from pgm_places.studio.guard import Guard
-from pgm_places.studio.pyramid import Theme
-from pgm_places.studio.records import (
-    cell_record,
-    drive_record,
-    places_record,
-    reasons_record,
-    state_record,
-)
+from pgm_places.studio.layers import Theme
 from pgm_places.studio.shelf import Shelf
 
 KINDS = {
@@ -108,7 +102,7 @@ class _Answers(_Files):
                 self.tabs.pop(tab, None)
                 return _json({})
         self._seen(tab)
-        record = await run_in_threadpool(state_record, desk)
+        record = await run_in_threadpool(records.state_record, desk)
         position = {"number": self.number, "of": len(self.shelf)}
         return _json({**record, "tabs": self._n_tabs(), "shelf": position})
 
@@ -124,10 +118,10 @@ class _Answers(_Files):
 
     def places(self, _: Request) -> Response:
         taught = self.desk.taught
-        return _json({} if taught is None else places_record(taught))
+        return _json({} if taught is None else records.places_record(taught))
 
     def cell(self, request: Request) -> Response:
-        return _json(cell_record(self.desk, *_numbers(request, "x", "y")))
+        return _json(records.cell_record(self.desk, *_numbers(request, "x", "y")))
 
     async def parts(self, request: Request) -> Response:
         """How many places a place looks like."""
@@ -140,10 +134,10 @@ class _Answers(_Files):
         return _json({"ends": self.desk.door_line([(x1, y1), (x2, y2)])})
 
     def reasons(self, request: Request) -> Response:
-        return _json(reasons_record(self.desk.answer, *_numbers(request, "x_m", "y_m")))
+        return _json(records.reasons_record(self.desk.answer, *_numbers(request, "x_m", "y_m")))
 
     def drive(self, _: Request) -> Response:
-        return _json(drive_record(self.desk))
+        return _json(records.drive_record(self.desk))
 
     def tile(self, request: Request) -> Response:
         theme: Theme = "dark" if request.query_params.get("theme") == "dark" else "light"

@@ -14,6 +14,7 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.options import check_option, from_mapping
+from pgm_places.studio import strokes
 from pgm_places.studio.building_box import building_box
 from pgm_places.studio.carrying import opened_painting
 from pgm_places.studio.layers import GivenLabels, Layers
@@ -22,16 +23,6 @@ from pgm_places.studio.lesson import Changes, Lesson, Question, Tutor, renamed, 
 from pgm_places.studio.painting import Classes
 from pgm_places.studio.runs import Window, runs_of_mask, runs_over
 from pgm_places.studio.source_file import SourceFile
-from pgm_places.studio.strokes import (
-    Limits,
-    Stroke,
-    doorway_ends,
-    doorways_along,
-    fill_cells,
-    merge_cells,
-    parts,
-    stroke_cells,
-)
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
@@ -215,29 +206,29 @@ class Desk:
     def door_line(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """The ends, x and y in cells, that a doorway drawn along two points would have."""
         with self._lock:
-            ends = doorway_ends(points, self.grid, self._limits)
+            ends = strokes.doorway_ends(points, self.grid, self._limits)
         return [(float(column) + 0.5, float(row) + 0.5) for row, column in ends]
 
     @property
-    def _limits(self) -> Limits:
+    def _limits(self) -> strokes.Limits:
         names, door = self.painting.classes.names, self.rules.doorway_label
         topology = None if self.lesson is None else self.lesson.taught.topology
         doorway = names.index(door) if door in names else None
-        return Limits(self.painting.labels, doorway, topology)
+        return strokes.Limits(self.painting.labels, doorway, topology)
 
     def _edit_stroke(
         self, label: int, stroke: Mapping[str, Any], over: int | None = None
     ) -> Window | None:
-        drawn = from_mapping(Stroke, stroke, path="stroke")
+        drawn = from_mapping(strokes.Stroke, stroke, path="stroke")
         limits = self._limits if drawn.tool == "doorway" else None
-        runs = stroke_cells(drawn, self.grid, limits)
+        runs = strokes.stroke_cells(drawn, self.grid, limits)
         if over is not None:
             runs = runs_over(runs, self._shown_labels, over)
         if not runs.size:
             raise InputError(
                 "nothing of that kind lies there" if over is not None else "no free cell lies there"
             )
-        if limits is not None and label >= 0 and not parts(runs, self.grid, limits):
+        if limits is not None and label >= 0 and not strokes.parts(runs, self.grid, limits):
             self._remark = NOTHING_PARTED
         return self.painting.paint_runs(runs, label)
 
@@ -245,11 +236,11 @@ class Desk:
         limits = self._limits
         kept = limits.doorway
         doorway = None if kept is None or label == kept else self._shown_labels == kept
-        runs = fill_cells(self.grid, limits.paint, limits.topology, point, doorway)
+        runs = strokes.fill_cells(self.grid, limits.paint, limits.topology, point, doorway)
         return self.painting.paint_runs(runs, label)
 
     def _edit_merge(self, first: int, second: int) -> Window | None:
-        runs, name = merge_cells(self.answer.topology, first, second)
+        runs, name = strokes.merge_cells(self.answer.topology, first, second)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def _edit_split(self, region: int) -> Window | None:
@@ -261,7 +252,7 @@ class Desk:
             raise InputError(
                 f"no class is called {name!r}; add it, as places are split by doorways"
             )
-        runs = doorways_along(rooms.lines_m, self.grid, self._limits)
+        runs = strokes.doorways_along(rooms.lines_m, self.grid, self._limits)
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def n_parts(self, region: int) -> int:

@@ -10,7 +10,7 @@ from pgm_places.io.places.region_features import gate_record, region_features
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.pyramid import GROUNDS, TILE, value_colours
+from pgm_places.studio.layers import GROUNDS, TILE, value_colours
 from pgm_places.teaching.explanation import explain_cell
 from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.teaching.taught import Taught

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.pyramid import TILE, Pyramid, n_levels
+from pgm_places.studio.layers import TILE, Pyramid, n_levels
 from tests.studio.conftest import Client
 
 

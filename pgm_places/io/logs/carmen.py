@@ -30,13 +30,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.input_file import user_path
-from pgm_places.io.logs.loaded_log import (
-    MAX_SCANS,
-    LoadedLog,
-    ScanColumns,
-    code_warnings,
-    order_warnings,
-)
+from pgm_places.io.logs import loaded_log
 from pgm_places.io.logs.log_lines import LogLines
 from pgm_places.options import Positive, check_option
 from pgm_places.trajectories.scan import Scan, ScanGeometry
@@ -277,7 +271,7 @@ def iter_carmen_scans(
 
 def read_carmen(
     path: Path | str, *, laser: Laser = "front", range_max_m: float | None = None
-) -> LoadedLog:
+) -> loaded_log.LoadedLog:
     """The trajectory in a CARMEN log, plain or gzip, with warnings about the file.
 
     Parameters
@@ -304,7 +298,7 @@ def read_carmen(
     path = user_path(path, LogError)
     lines = LogLines(path)
     reader = CarmenReader(laser, range_max_m, keep_odometry=True)
-    scans = ScanColumns(path)
+    scans = loaded_log.ScanColumns(path)
     for scan in iter_carmen_scans(lines, reader=reader):
         scans.add(scan)
     warnings = []
@@ -323,7 +317,7 @@ def read_carmen(
             trajectory = replace(trajectory, odometry=None)  # as in logs that were corrected
         warnings += left_out
         if range_max_m is None:
-            warnings += code_warnings(trajectory)
+            warnings += loaded_log.code_warnings(trajectory)
     else:
         trajectory = _odometry_only(reader, path, name)
         kinds = " and ".join(kind.decode() for kind in _LASERS[laser])
@@ -331,8 +325,8 @@ def read_carmen(
             f"no scans of the {laser} laser ({kinds} lines); the {len(trajectory)} ODOM lines make "
             "a trajectory without scans"
         )
-    warnings += order_warnings(trajectory)
-    return LoadedLog(trajectory, path, tuple(warnings), reader.counts)
+    warnings += loaded_log.order_warnings(trajectory)
+    return loaded_log.LoadedLog(trajectory, path, tuple(warnings), reader.counts)
 
 
 def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Trajectory:
@@ -343,6 +337,6 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
             f"(lines: {kinds or 'none'}); is it a complete CARMEN log?"
         )
     rows = np.frombuffer(reader.odometry).reshape(-1, 4)
-    if len(rows) > MAX_SCANS:
-        raise LogError(f"{path}: more than {MAX_SCANS} ODOM lines; split it")
+    if len(rows) > loaded_log.MAX_SCANS:
+        raise LogError(f"{path}: more than {loaded_log.MAX_SCANS} ODOM lines; split it")
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)

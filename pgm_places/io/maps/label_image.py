@@ -14,15 +14,8 @@ from pgm_places.errors import LabelError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.label_values import (
-    LabelValues,
-    colours_are_wanted,
-    default_values,
-    listed_names,
-    palette_of,
-    read_label_values,
-    values_of_colours,
-)
+from pgm_places.io.maps import label_values as coding
+from pgm_places.io.maps.label_values import LabelValues
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image, raster_png
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -141,8 +134,8 @@ def load_labels(
         map.
     """
     path = user_path(image_path, LabelError)
-    names = label_names if classes is None else listed_names(path, names_path)
-    values = read_label_values(path, names, names_path)
+    names = label_names if classes is None else coding.listed_names(path, names_path)
+    values = coding.read_label_values(path, names, names_path)
     with open_image(path, LabelError, max_pixels=max(MAX_PIXELS, grid.cells.size)) as image:
         if image.shape != grid.shape:
             raise LabelError(
@@ -186,7 +179,7 @@ def save_labels(
     """
     target = Path(path)
     names = [str(name) for name in label_names]
-    values = default_values(names)
+    values = coding.default_values(names)
     labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
     table = np.zeros(len(names) + 1, np.uint8)  # the last entry is that of label -1
     table[: len(names)] = list(values.values())
@@ -205,10 +198,10 @@ def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
     height = image.shape[0]
     raster = np.empty(image.shape, np.int16)
     counts = np.zeros(256, np.int64)
-    by_index = image.is_indexed and not colours_are_wanted(image, values)
+    by_index = image.is_indexed and not coding.colours_are_wanted(image, values)
     table = values.table()
     for strip in image.strips(indices=by_index):
-        stored = values_of_colours(strip, values, image)
+        stored = coding.values_of_colours(strip, values, image)
         labels = table[stored]
         seen = stored
         if strip.alpha is not None:
@@ -278,7 +271,7 @@ def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGri
 def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
     from PIL import Image
 
-    palette = palette_of(list(values.values()))
+    palette = coding.palette_of(list(values.values()))
     size = (stored.shape[1], stored.shape[0])
     # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
     picture = Image.frombuffer("P", size, stored, "raw", "P", 0, -1)
