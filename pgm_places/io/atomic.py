@@ -10,7 +10,7 @@ from typing import Any
 
 from pgm_places.errors import OutputError
 from pgm_places.io import staging
-from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
+from pgm_places.io.staging import NEW, can_be_exchanged, file_names, finish, swap_in
 
 
 def write_bytes(path: Path | str, data: bytes) -> Path:

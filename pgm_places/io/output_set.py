@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.errors import OutputError
+from pgm_places.io import staging
 from pgm_places.io.atomic import tidy, write_text
-from pgm_places.io.folder_swap import NEW, UNFINISHED, can_be_exchanged, file_names, finish, swap_in
 from pgm_places.io.input_file import is_address, sha256_of
-from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
+from pgm_places.io.staging import NEW, UNFINISHED, stage
 
 RECORD_FILE = ".pgm-places.json"
 """Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
@@ -89,22 +89,22 @@ def output_set(
     """
     shown = Path(folder)
     _refuse_address(shown)
-    with as_output_errors(shown):
+    with staging.as_output_errors(shown):
         _tidy(shown)
         target = shown.resolve()
         _check(shown, set(names), by, force=force, shared=shared)
-        inside = shared or (target.is_dir() and not can_be_exchanged(target))
+        inside = shared or (target.is_dir() and not staging.can_be_exchanged(target))
         parent = target if inside else target.parent
-        with make_folders(parent), stage(parent, target.name) as aside:
+        with staging.make_folders(parent), stage(parent, target.name) as aside:
             files = OutputSet(shown, aside / NEW, [])
             files.stage.mkdir()
             with _named(files.stage, shown):
                 yield files
-            written = file_names(files.stage)
+            written = staging.file_names(files.stage)
             if not written:
                 return
-            with locked(target):
-                finish(target)
+            with staging.locked(target):
+                staging.finish(target)
                 _check(shown, written, by, force=force, shared=shared or inside)
                 old = _record(target) or {}
                 new = {name: entry for name, entry in old.items() if entry["by"] != by}
@@ -113,7 +113,7 @@ def output_set(
                     for name in sorted(written)
                 }
                 (files.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
-                swap_in(aside, target, old.keys() - new.keys(), in_place=inside)
+                staging.swap_in(aside, target, old.keys() - new.keys(), in_place=inside)
             files.written = [shown / name for name in sorted(written)]
 
 
@@ -129,7 +129,7 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
     """
     shown = Path(folder)
     _refuse_address(shown)
-    with as_output_errors(shown):
+    with staging.as_output_errors(shown):
         _tidy(shown)
         _check(shown, set(), "", force=force, shared=False)
         if _record(shown) is None:
@@ -140,7 +140,7 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
 def _tidy(folder: Path) -> None:
     """Put right what a killed run left, also one that was killed while it claimed the folder."""
     tidy(folder)
-    remove_leftovers(folder.resolve(), RECORD_FILE)
+    staging.remove_leftovers(folder.resolve(), RECORD_FILE)
 
 
 def has_all_files(folder: Path) -> bool:

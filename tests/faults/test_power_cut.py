@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.io import folder_swap
+from pgm_places.io import staging
 from pgm_places.io.atomic import atomic_folder, write_text
 from pgm_places.studio.journal import Journal
 from tests.faults.sets import write_set
@@ -27,7 +27,7 @@ class Disk:
         self.waiting: dict[int, list[Path]] = {}
         for name in ("rename", "replace"):
             patch.setattr(os, name, self._watched(getattr(os, name)))
-        patch.setattr(folder_swap, "_exchange", self._watched(folder_swap._exchange))
+        patch.setattr(staging, "_exchange", self._watched(staging._exchange))
         patch.setattr(os, "fsync", self._flush)
 
     def _flush(self, number: int) -> None:

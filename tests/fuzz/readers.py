@@ -16,7 +16,6 @@ from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs
-from pgm_places.io.folder_swap import NEW, UNFINISHED
 from pgm_places.io.logs.map_messages import read_map_messages
 from pgm_places.io.logs.object_counts import read_detection_bag, read_object_counts
 from pgm_places.io.logs.trajectories import read_trajectory
@@ -26,6 +25,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.topology_files import load_settings, load_topology, read_own_names
+from pgm_places.io.staging import NEW, UNFINISHED
 from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map

@@ -8,8 +8,8 @@ import pytest
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import atomic_folder, write_text
-from pgm_places.io.folder_swap import UNFINISHED
 from pgm_places.io.output_set import RECORD_FILE, claim, output_set
+from pgm_places.io.staging import UNFINISHED
 
 
 def write(
@@ -35,7 +35,7 @@ def out(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
         def refuse(one: Path, other: Path) -> None:
             raise OSError("no such call")
 
-        monkeypatch.setattr("pgm_places.io.folder_swap._exchange", refuse)
+        monkeypatch.setattr("pgm_places.io.staging._exchange", refuse)
     write(tmp_path / "out", "label", "a", "b", "sub/c")
     return tmp_path / "out"
 
@@ -232,17 +232,17 @@ def test_a_claimed_folder_is_ours(tmp_path: Path) -> None:
 def test_a_file_that_comes_while_links_are_made_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pgm_places.io import folder_swap
+    from pgm_places.io import staging
 
     out = tmp_path / "out"
     write(out, "label", "a")
-    exchange = folder_swap._exchange
+    exchange = staging._exchange
 
     def late(new: Path, target: Path) -> None:
         (target / "late").write_text("mine")
         exchange(new, target)
 
-    monkeypatch.setattr(folder_swap, "_exchange", late)
+    monkeypatch.setattr(staging, "_exchange", late)
     write(out, "label", "a", text="new")
     assert (out / "late").read_text() == "mine"
     assert (out / "a").read_text() == "new"
