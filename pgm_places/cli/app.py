@@ -9,8 +9,7 @@ from pgm_places.errors import InputError, nearest_name
 
 _LISTED = (
     ("experiments", "demo", "compare", "train"),
-    ("label", "label"),
-    ("label_many", "index"),
+    ("label", "label", "index"),
     ("studio", "studio"),
     ("places", "topology", "export", "where", "rename", "merge", "split"),
     ("explain", "explain"),

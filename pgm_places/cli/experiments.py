@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Argument, grouped
-from pgm_places.cli.label_many import WorkerOptions, make_workers
+from pgm_places.cli.label import WorkerOptions, make_workers
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import ConfigError, InputError

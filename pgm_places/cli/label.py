@@ -1,24 +1,260 @@
-"""``pgm-places label``: one map into a folder, or many, each into a folder of its own."""
+"""``pgm-places label``: one map into a folder, or many, each into a folder of its own; index."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from pgm_places.cli.declarations import GivenOptions, grouped, named_as_flags, option_flags
+from pgm_places._option_marks import Ge, Le
+from pgm_places.cli import declarations
+from pgm_places.cli.arguments import Force, Method, Model, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument, GivenOptions, Option, grouped
+from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.inputs import read_map
-from pgm_places.cli.label_many import BatchOptions, LabelFlags, WorkerOptions, label_many
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
+from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
+    from pgm_places.batch.found_maps import FoundMaps, Shard
+    from pgm_places.batch.overview import Overview
     from pgm_places.batch.ready_model import LabelOptions, ReadyModel
+    from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
+
+
+@dataclass(frozen=True)
+class WorkerOptions:
+    """The flags; None where one was not given.
+
+    Parameters
+    ----------
+    jobs
+        Worker processes; one per core by default.
+    scheduler : ADDRESS
+        Hand the work to this Dask cluster instead.
+    memory : SIZE
+        Memory limit of each worker, such as 4GB.
+    """
+
+    jobs: Annotated[Annotated[int, Ge(1), Le(1024)] | None, Option("--jobs", "-j")] = None
+    scheduler: str | None = None
+    memory: str | None = None
+
+    @property
+    def given(self) -> bool:
+        """Whether any flag was given."""
+        return self != WorkerOptions()
+
+
+def make_workers(
+    options: WorkerOptions, n_tasks: int, n_threads: int | None
+) -> tuple["Workers", int]:
+    """The workers that the flags ask for, and the threads of each.
+
+    Raises
+    ------
+    InputError
+        The flags contradict each other, or name no size.
+    """
+    from pgm_places.batch.dask_workers import DaskWorkers
+    from pgm_places.batch.local_workers import LocalWorkers
+    from pgm_places.batch.workers import memory_bytes
+    from pgm_places.kernels.threads import resolve_threads
+
+    memory = None if options.memory is None else memory_bytes(options.memory)
+    if options.scheduler is not None:
+        if options.jobs is not None:
+            raise InputError("--jobs is for this machine; a cluster behind --scheduler has its own")
+        return DaskWorkers(options.scheduler, memory), n_threads or 1
+    cores = resolve_threads()
+    jobs = min(options.jobs or cores, max(n_tasks, 1))
+    threads = n_threads or max(1, cores // jobs)
+    return LocalWorkers(jobs, threads, memory), threads
+
+
+_MOST_NAMES = 10
+
+
+@dataclass(frozen=True)
+class LabelFlags:
+    """The flags of one map and of many.
+
+    Parameters
+    ----------
+    maps
+        map_server maps, folders to look through, or quoted patterns.
+    doorways : gates|labels
+        What separates places: gates, if the model finds any, or cells labelled as doorways; by
+        default, as set in the model's [topology].
+    halls : corridor|room|hall
+        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
+        set in the model's [labels].
+    doorway_depth_m : M
+        How deep doorways are labelled along the passage; by default, as in the maps that the model
+        learned from (m).
+    corrections : FILE.png|FILE.geojson
+        Known labels of a single map: a label image of its size, or polygons and lines in metres
+        with a property 'class'. Every method keeps them.
+    max_cells
+        Largest number of cells that a map coarser than the model is split into; 100 million by
+        default.
+    outputs : pictures,probabilities|none
+        What to write besides labels and places; both by default.
+    """
+
+    maps: Annotated[list[str], Argument("MAP.yaml...")]
+    out: Out
+    model: Model = "default"
+    method: Method = None
+    doorways: str | None = None
+    halls: str | None = None
+    doorway_depth_m: Positive | None = None
+    corrections: Path | None = None
+    unknown_value: UnknownValue = None
+    max_cells: Whole | None = None
+    outputs: str | None = None
+    force: Force = False
+    n_threads: Threads = None
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """The flags that only a batch has.
+
+    Parameters
+    ----------
+    shard : I/N
+        Of a batch, label only the I-th of N parts; for job arrays, from 1/N to N/N.
+    time_limit_s : SECONDS
+        Of a batch, give up a map after so long.
+    retry_failed
+        Of a batch, label only the maps that failures.csv lists.
+    dry_run
+        Of a batch, only say what would be labelled; nothing is written.
+    """
+
+    shard: str | None = None
+    time_limit_s: Positive | None = None
+    retry_failed: bool = False
+    dry_run: bool = False
+
+    @property
+    def given(self) -> bool:
+        """Whether any flag was given."""
+        return self != BatchOptions()
+
+
+def label_many(
+    asked: LabelFlags,
+    options: "LabelOptions",
+    workers: WorkerOptions,
+    batch: BatchOptions,
+    progress: "Progress",
+) -> None:
+    """Label the maps that are asked for; the exit code says whether one failed."""
+    from pgm_places.batch.batch_folder import recorded_root
+    from pgm_places.batch.found_maps import Shard, find_maps
+
+    shard = None if batch.shard is None else Shard.named(batch.shard)
+    found = find_maps(asked.maps, asked.out, root=recorded_root(asked.out))
+    if found.n_passed_over:
+        n = found.n_passed_over
+        say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
+    if batch.dry_run:
+        _say_plan(found, asked.out, options, shard, only_failed=batch.retry_failed)
+        return
+    from pgm_places.batch.label_batch import label_batch
+
+    processes, threads = make_workers(workers, len(found.maps), asked.n_threads)
+    done = label_batch(
+        found,
+        asked.out,
+        options,
+        processes,
+        n_threads=threads,
+        force=asked.force,
+        shard=shard,
+        only_failed=batch.retry_failed,
+        limit_s=batch.time_limit_s,
+        progress=progress,
+    )
+    say(done.summary())
+    _say_gone(done.overview)
+    for path in done.written:
+        say(f"wrote {path}")
+    if done.n_failed:
+        raise SystemExit(EXIT_MAPS_FAILED)
+
+
+def _say_plan(
+    found: "FoundMaps",
+    out: Path,
+    options: "LabelOptions",
+    shard: "Shard | None",
+    *,
+    only_failed: bool,
+) -> None:
+    from pgm_places.batch.label_batch import plan
+
+    planned = plan(found, out, options, shard=shard, only_failed=only_failed)
+    say(planned.summary())
+    for title, names in planned.lists():
+        shown = ", ".join(names[:_MOST_NAMES])
+        more = len(names) - _MOST_NAMES
+        say(f"{title}: {shown}{f' and {more:,} more' if more > 0 else ''}")
+
+
+def _say_gone(overview: "Overview") -> None:
+    if n := overview.n_gone:
+        names = ", ".join(overview.gone[:_MOST_NAMES])
+        more = f" and {n - _MOST_NAMES:,} more" if n > _MOST_NAMES else ""
+        say(
+            f"no longer in the input: {names}{more}; "
+            f"{'its results stay' if n == 1 else 'their results stay'} until you remove "
+            f"{'the folder' if n == 1 else 'the folders'}"
+        )
+
+
+def _s(n: int) -> str:
+    return "" if n == 1 else "s"
+
+
+def index(
+    folder: Annotated[Path, Argument("DIR")],
+    *,
+    parquet: bool = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """List all labelled maps of a folder anew, from what lies in it.
+
+    For folders that several batches have filled, of which some were killed, or from which maps were
+    removed: index.html, summary.csv and failures.csv are written again.
+
+    Parameters
+    ----------
+    folder
+        Folder or address that 'label' wrote many maps to.
+    parquet
+        Write places.parquet as well: a row for each place of all maps.
+    """
+    from pgm_places.batch.batch_folder import index_folder
+
+    found = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
+    failed = f", {found.overview.n_failures:,} failed" if found.overview.n_failures else ""
+    say(f"{found.overview.n_rows:,} map{_s(found.overview.n_rows)} labelled{failed}")
+    _say_gone(found.overview)
+    for path in found.written:
+        say(f"wrote {path}")
+
 
 _OF_MODEL = ("model", "method", "doorways", "halls", "doorway_depth_m", "unknown_value")
 
 
-@option_flags("entered", EnteredOptions, only_given=True)
+@declarations.option_flags("entered", EnteredOptions, only_given=True)
 @grouped("batch", BatchOptions)
 @grouped("workers", WorkerOptions)
 @grouped("asked", LabelFlags)
@@ -95,7 +331,7 @@ def _read(options: "LabelOptions", progress: "Progress") -> "ReadyModel":
     from pgm_places.batch.ready_model import ready_model
 
     flags = {"doorways": "--doorways", "halls": "--halls", "doorway_depth_m": "--doorway-depth"}
-    with named_as_flags(flags):
+    with declarations.named_as_flags(flags):
         model = ready_model(options)
     if options.halls is not None and not model.labeler.unary_model_.knows_halls:
         progress.warn("--halls: this model was not trained to tell halls from corridors")
