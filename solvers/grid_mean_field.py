@@ -12,7 +12,7 @@ from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, sealed
 from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
-from pgm_places.solvers.kept_field import current_field
+from pgm_places.solvers.kept_field import Rule, current_field
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
@@ -106,21 +106,14 @@ def grid_mean_field(
     cells, start = _rows_of(cells_rc, n_nodes)
     threads = min(resolve_threads(n_threads), -(-n_nodes // _NODES_PER_TASK) or 1)
     reach = 1 if connectivity == 8 else 0
+
+    def repeated(update: Callable[[int], float]) -> list[float]:
+        return until_at_rest(update, tolerance, max_iterations, on_iteration)
+
     kept = current_field(n_nodes, n_labels, max_iterations)
     if kept is not None:
-        beliefs, history = kept.solved(
-            nodes,
-            table,
-            cells,
-            start,
-            _start,
-            reach=reach,
-            damping=damping,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            n_threads=threads,
-            on_iteration=on_iteration,
-        )
+        rule = Rule(table, cells, start, reach, damping)
+        beliefs, history = kept.solved(rule, nodes, _start, repeated, threads)
         return _found(beliefs, history, tolerance)
     beliefs = _start(nodes)
     tasks = _split(start)
@@ -138,8 +131,7 @@ def grid_mean_field(
             run_tasks(partial(update, parity), len(tasks), n_threads=threads)
         return float(largest.max(initial=0.0))
 
-    history = until_at_rest(whole, tolerance, max_iterations, on_iteration)
-    return _found(beliefs, history, tolerance)
+    return _found(beliefs, repeated(whole), tolerance)
 
 
 def _found(beliefs: NDArray[np.float32], history: list[float], tolerance: float) -> GridMeanField:

@@ -10,12 +10,30 @@ from numpy.typing import NDArray
 
 from pgm_places._core import update_rows
 from pgm_places.kernels.threads import run_parts
-from pgm_places.solvers.schedule import until_at_rest
 
 MAX_BYTES = 1 << 28
 """Passes of larger fields (some 1,100,000 cells of three labels and 20 passes) are not kept."""
 
 _ROWS_PER_TASK = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """All that beliefs follow from beside the unaries; ``start`` (H + 1,) has rows' first nodes."""
+
+    table: NDArray[np.float64]
+    cells: NDArray[np.int32]
+    start: NDArray[np.int64]
+    reach: int
+    damping: float
+
+    def same(self, other: "Rule") -> bool:
+        """Whether passes by one are passes by the other."""
+        return (
+            (self.reach, self.damping) == (other.reach, other.damping)
+            and np.array_equal(self.table, other.table)
+            and np.array_equal(self.cells, other.cells)
+        )
 
 
 class KeptField:
@@ -42,7 +60,7 @@ class KeptField:
     """
 
     def __init__(self) -> None:
-        self._rule: _Rule | None = None
+        self._rule: Rule | None = None
         self._unary = np.empty((0, 0))
         self._passes: list[NDArray[np.float32]] = []  # at the start, and after each pass
         self._changes: list[NDArray[np.float64]] = []  # (H,) the largest in each row of a pass
@@ -50,27 +68,18 @@ class KeptField:
 
     def solved(
         self,
+        rule: Rule,
         unary: NDArray[np.float64],
-        table: NDArray[np.float64],
-        cells: NDArray[np.int32],
-        start: NDArray[np.int64],
         begun: Callable[[NDArray[np.float64]], NDArray[np.float32]],
-        *,
-        reach: int,
-        damping: float,
-        tolerance: float,
-        max_iterations: int,
+        repeated: Callable[[Callable[[int], float]], list[float]],
         n_threads: int,
-        on_iteration: Callable[[int, float], None] | None,
     ) -> tuple[NDArray[np.float32], list[float]]:
         """The beliefs (N, K) after the last pass, and the largest change of each pass.
 
-        Parameters are those of :func:`~pgm_places.solvers.grid_mean_field.grid_mean_field` as it
-        has checked them; ``start`` (H + 1,) is the first node of each row, and ``begun`` makes
-        beliefs of unaries. ``n_updated`` then says how many rows were updated in all passes.
+        ``begun`` makes beliefs of unaries, and ``repeated`` makes passes, given their number, until
+        their changes are small. ``n_updated`` then says how many rows were updated in all passes.
         """
-        n_rows = len(start) - 1
-        rule = _Rule(table, cells, start, reach, damping)
+        start, n_rows = rule.start, len(rule.start) - 1
         dirty = self._changed_rows(rule, unary)
         self._rule = None  # until all passes belong to these unaries
         self._unary = unary.copy()
@@ -96,12 +105,12 @@ class KeptField:
                 self.n_updated += len(rows)
             return float(self._changes[done].max(initial=0.0))
 
-        history = until_at_rest(update, tolerance, max_iterations, on_iteration)
+        history = repeated(update)
         del self._passes[len(history) + 1 :], self._changes[len(history) :]
         self._rule = rule
         return self._passes[-1].copy(), history
 
-    def _changed_rows(self, rule: "_Rule", unary: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _changed_rows(self, rule: Rule, unary: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(H,) the rows with other unaries than before; all where something else is different."""
         n_rows = len(rule.start) - 1
         if self._rule is None or not self._rule.same(rule) or self._unary.shape != unary.shape:
@@ -113,7 +122,7 @@ class KeptField:
         return changed
 
     def _updated(
-        self, rule: "_Rule", number: int, rows: NDArray[np.int64], n_threads: int
+        self, rule: Rule, number: int, rows: NDArray[np.int64], n_threads: int
     ) -> NDArray[np.bool_]:
         """Update rows (n,) that do not touch; whether each holds other beliefs than it did."""
         differs = np.empty(len(rows), np.bool_)
@@ -124,7 +133,7 @@ class KeptField:
         run_parts(some, len(rows), _ROWS_PER_TASK, n_threads=n_threads)
         return differs
 
-    def _updated_row(self, rule: "_Rule", number: int, row: int) -> bool:
+    def _updated_row(self, rule: Rule, number: int, row: int) -> bool:
         """Update a row; whether it holds other beliefs than it did after this pass."""
         before, after = self._passes[number - 1], self._passes[number]
         above = max(row - 1, 0)
@@ -150,25 +159,6 @@ class KeptField:
             return False
         after[own] = beliefs[local]
         return True
-
-
-@dataclass(frozen=True, eq=False)
-class _Rule:
-    """All that beliefs follow from beside the unaries; ``start`` (H + 1,) has rows' first nodes."""
-
-    table: NDArray[np.float64]
-    cells: NDArray[np.int32]
-    start: NDArray[np.int64]
-    reach: int
-    damping: float
-
-    def same(self, other: "_Rule") -> bool:
-        """Whether passes by one are passes by the other."""
-        return (
-            (self.reach, self.damping) == (other.reach, other.damping)
-            and np.array_equal(self.table, other.table)
-            and np.array_equal(self.cells, other.cells)
-        )
 
 
 _FIELD: ContextVar[KeptField | None] = ContextVar("kept field", default=None)
