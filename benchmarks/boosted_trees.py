@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks import boosting_peers as peers
 from benchmarks.boosting import Matrix, Row, timed, training_data
+from pgm_places.kernels.threads import threads
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import SortedFeatures, prepare
@@ -38,10 +39,8 @@ def row(method: str, depth: int, prepare_s: float, rounds_s: float, n_rounds: in
 def boosted(prepared: SortedFeatures, depth: int, n_rounds: int) -> Any:
     """The paper's stumps, or trees."""
     if depth == 1:
-        return boost(prepared, [1], [0], n_rounds=n_rounds, n_threads=1)
-    return boost_trees(
-        prepared, [1], [0], n_rounds=n_rounds, max_depth=depth, shrinkage=0.3, n_threads=1
-    )
+        return boost(prepared, [1], [0], n_rounds=n_rounds)
+    return boost_trees(prepared, [1], [0], n_rounds=n_rounds, max_depth=depth, shrinkage=0.3)
 
 
 def training(X: Matrix, own: Any, n_rounds: int, repeats: int) -> list[Row]:
@@ -49,7 +48,7 @@ def training(X: Matrix, own: Any, n_rounds: int, repeats: int) -> list[Row]:
     rows = []
     part = own.astype(np.int64)
     for depth in (1, *DEPTHS):
-        prepare_s, prepared = timed(lambda: prepare(X, part, n_threads=1), repeats)
+        prepare_s, prepared = timed(lambda: prepare(X, part), repeats)
         rounds_s, _ = timed(lambda p=prepared, d=depth: boosted(p, d, n_rounds), repeats)
         name = "pgm_places, stumps" if depth == 1 else "pgm_places, trees"
         rows.append(row(name, depth, prepare_s, rounds_s, n_rounds))
@@ -76,7 +75,7 @@ def prediction(X: Matrix, own: Any, n_rounds: int, repeats: int) -> list[Row]:
         place = np.full(X.shape[1], -1)
         place[used] = np.arange(len(used))
         small, moved = np.ascontiguousarray(X[:, used]), found.renumbered(place)
-        seconds, _ = timed(lambda m=moved, x=small: m.scores(x, n_threads=1), 5 * repeats)
+        seconds, _ = timed(lambda m=moved, x=small: m.scores(x), 5 * repeats)
         rows.append(
             {
                 "prediction by": "stumps" if depth == 1 else f"trees of {2**depth} leaves",
@@ -97,7 +96,8 @@ def run(quick: bool) -> list[Row]:
     title, X, y = training_data(n_rows)
     print(f"{title}: {X.shape[0]} x {X.shape[1]}", file=sys.stderr, flush=True)
     own = y == 2
-    warm = prepare(X[::97], own[::97].astype(np.int64), n_threads=1)
+    warm = prepare(X[::97], own[::97].astype(np.int64))
     for depth in (1, *DEPTHS):
         boosted(warm, depth, 2).scores(X[:200])
-    return training(X, own, n_rounds, repeats) + prediction(X, own, 5 * n_rounds, repeats)
+    with threads(1):
+        return training(X, own, n_rounds, repeats) + prediction(X, own, 5 * n_rounds, repeats)

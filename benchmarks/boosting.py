@@ -26,6 +26,7 @@ from experiments.page_tables import SideBySide
 from pgm_places.features.extraction import extract
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.kernels.threads import threads
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import VoteTable
@@ -111,26 +112,25 @@ def row(
 
 
 def ours(
-    X: Matrix, own: Any, n_rounds: int, repeats: int, threads: int, wanted: list[peers.Stump]
+    X: Matrix, own: Any, n_rounds: int, repeats: int, n_threads: int, wanted: list[peers.Stump]
 ) -> Row:
     """Ours, and how many of its first stumps are those of the exhaustive sweep."""
-    part, wall = own.astype(np.int64), threads > 1
-    prepare_s, prepared = timed(lambda: prepare(X, part, n_threads=threads), repeats, wall=wall)
+    part, wall = own.astype(np.int64), n_threads > 1
     seconds = []
-    for _ in range(repeats):
-        prepared = prepare(X, part, n_threads=threads)  # a fresh one has sorted no bin yet
-        rounds_s, found = timed(
-            lambda fresh=prepared: boost(fresh, [1], [0], n_rounds=n_rounds, n_threads=threads),
-            1,
-            wall=wall,
-        )
-        seconds.append(rounds_s)
+    with threads(n_threads):
+        prepare_s, prepared = timed(lambda: prepare(X, part), repeats, wall=wall)
+        for _ in range(repeats):
+            prepared = prepare(X, part)  # a fresh one has sorted no bin yet
+            rounds_s, found = timed(
+                lambda fresh=prepared: boost(fresh, [1], [0], n_rounds=n_rounds), 1, wall=wall
+            )
+            seconds.append(rounds_s)
     stumps = list(zip(found.feature, found.threshold, found.polarity, strict=True))
     same = sum(stumps[t] == wanted[t] for t in range(len(wanted)))
     kept = prepared.codes.nbytes + prepared.tables.cells.nbytes
     return row(
         "pgm_places",
-        threads,
+        n_threads,
         prepare_s,
         statistics.median(seconds),
         same=f"{same} of {len(wanted)}",
@@ -149,10 +149,8 @@ def scaling(X: Matrix, y: NDArray[np.int64], repeats: int, n_rounds: int) -> lis
         step = len(X) // n
         some = np.ascontiguousarray(X[::step, :n_features][:n])
         mine = part[::step][:n]
-        prepare_s, prepared = timed(lambda a=some, b=mine: prepare(a, b, n_threads=1), repeats)
-        rounds_s, _ = timed(
-            lambda p=prepared, t=count: boost(p, [1], [0], n_rounds=t, n_threads=1), repeats
-        )
+        prepare_s, prepared = timed(lambda a=some, b=mine: prepare(a, b), repeats)
+        rounds_s, _ = timed(lambda p=prepared, t=count: boost(p, [1], [0], n_rounds=t), repeats)
         masses = np.zeros(n, np.int64)
 
         def read(prepared: SortedFeatures = prepared, masses: Any = masses) -> None:
@@ -188,20 +186,21 @@ def prediction(X: Matrix, y: NDArray[np.int64], n_rounds: int, repeats: int) -> 
     small = np.ascontiguousarray(X[:, used])
     moved = [part.renumbered(place) for part in parts]
     rows = []
-    for threads in (1, 2):
+    for n_threads in (1, 2):
         for name, matrix, some in (("all columns", X, parts), ("used columns only", small, moved)):
-            seconds, _ = timed(
-                lambda m=matrix, s=some, t=threads: VoteTable.of(s).scores(m, n_threads=t),
-                5 * repeats,
-                wall=threads > 1,
-            )
+            with threads(n_threads):
+                seconds, _ = timed(
+                    lambda m=matrix, s=some: VoteTable.of(s).scores(m),
+                    5 * repeats,
+                    wall=n_threads > 1,
+                )
             rows.append(
                 {
                     "prediction from": name,
                     "columns": matrix.shape[1],
                     "examples": len(X),
                     "stumps": sum(part.n_rounds for part in parts),
-                    "threads": threads,
+                    "threads": n_threads,
                     "ms": 1e3 * seconds,
                     "ns per example and stump": seconds
                     / len(X)
@@ -217,9 +216,11 @@ def run(quick: bool) -> list[Row]:
     n_rows, n_rounds, repeats = (4_000, 20, 3) if quick else (100_000, 100, 5)
     title, X, y = training_data(n_rows)
     print(f"{title}: {X.shape[0]} x {X.shape[1]}", file=sys.stderr, flush=True)
-    warm = prepare(X[::97], (y[::97] == 1).astype(np.int64), n_threads=1)
-    boost(warm, [1], [0], n_rounds=2, n_threads=1)
+    warm = prepare(X[::97], (y[::97] == 1).astype(np.int64))
+    boost(warm, [1], [0], n_rounds=2)
     rows = []
     for k in (1,) if quick else (1, 2):
         rows += binary(X, y, k, n_rounds, repeats)
-    return rows + scaling(X, y, repeats, n_rounds) + prediction(X, y, n_rounds, repeats)
+    with threads(1):
+        rows += scaling(X, y, repeats, n_rounds)
+    return rows + prediction(X, y, n_rounds, repeats)

@@ -85,24 +85,20 @@ class BoostedList:
         """The distinct columns that any classifier looks at, ascending."""
         return np.unique(np.concatenate([item.used_features for item in self.classifiers]))
 
-    def scores(
-        self, X: NDArray[np.float32], *, n_threads: int | None = None
-    ) -> NDArray[np.float64]:
+    def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(K - 1, N) F of every classifier of the list."""
-        return self._votes.scores(X, n_threads=n_threads)
+        return self._votes.scores(X)
 
     @cached_property
     def _votes(self) -> VoteTable:
         return VoteTable.of(self.classifiers)
 
-    def log_histogram(
-        self, X: NDArray[np.float32], *, n_threads: int | None = None
-    ) -> NDArray[np.float64]:
+    def log_histogram(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(N, K) log z: z[k] = C_k prod_{j<k} (1 - C_j), with C_K = 1 (eq. 8).
 
         In the order of ``classes``; clipped from below and normalised again if ``clip`` > 0.
         """
-        return self.log_histogram_of(self.scores(X, n_threads=n_threads))
+        return self.log_histogram_of(self.scores(X))
 
     def log_histogram_of(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, K) log z from F (K - 1, N), as :meth:`log_histogram` has it."""
@@ -123,9 +119,9 @@ class BoostedList:
         log_z[:, self.order[-1]] = remaining
         return log_z
 
-    def decide(self, X: NDArray[np.float32], *, n_threads: int | None = None) -> NDArray[np.int64]:
+    def decide(self, X: NDArray[np.float32]) -> NDArray[np.int64]:
         """(N,) index into ``classes`` of the predicted label."""
-        scores = self.scores(X, n_threads=n_threads)
+        scores = self.scores(X)
         if self.decision == "argmax":
             return self._unclipped(scores).argmax(axis=1)
         return first_positive(scores, self.order)

@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import threads
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import prepare
@@ -96,23 +97,23 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         check_two_classes(self.classes_)
         check_carried(self.classes_, index, weight)
         part = np.where(weight > 0, index, -1)
-        prepared = prepare(values, part, n_threads=self.n_threads)
-        self.strong_classifier_ = boost(
-            prepared,
-            [1],
-            [0],
-            n_rounds=self.n_rounds,
-            tolerance=self.tolerance,
-            sample_weight=weight,
-            n_threads=self.n_threads,
-            on_round=self.on_round,
-        )
+        with threads(self.n_threads):
+            self.strong_classifier_ = boost(
+                prepare(values, part),
+                [1],
+                [0],
+                n_rounds=self.n_rounds,
+                tolerance=self.tolerance,
+                sample_weight=weight,
+                on_round=self.on_round,
+            )
         return self
 
     def decision_function(self, X: ArrayLike) -> NDArray[np.float64]:
         """(N,) F = sum of alpha_t h_t (step 4 of Fig. 2); positive means ``classes_[1]``."""
         classifier = self._fitted()
-        return classifier.scores(float32_matrix(self, X), n_threads=self.n_threads)
+        with threads(self.n_threads):
+            return classifier.scores(float32_matrix(self, X))
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """(N,) the label of the sign of F; F = 0 gives ``classes_[0]``."""

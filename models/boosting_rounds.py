@@ -24,7 +24,6 @@ def boost(
     shrinkage: float = 1.0,
     sample_weight: NDArray[np.float64] | None = None,
     margin: NDArray[np.float64] | None = None,
-    n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> StrongClassifier:
     """The strong classifier that tells the positive parts from the negative ones.
@@ -58,7 +57,7 @@ def boost(
     """
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
-    search = StumpSearch(prepared, segments, weights, n_threads)
+    search = StumpSearch(prepared, segments, weights)
     # After other rounds a stump without error has to be heard again and again, not infinitely loud.
     most_edge = MAX_EDGE if margin is None else 1.0 - 1.0 / len(weights)
     chosen: list[tuple[int, float, int, float]] = []

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.validation import check_is_fitted
 
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import threads
 from pgm_places.models.boosted_list import BoostedList, check_decision
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting import (
@@ -168,32 +169,32 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         check_decision(self.decision, self.clip, len(classes))
         explicit = self._explicit_order(classes)
         check_carried(classes, labels, weight)
-        training = ListTraining(
-            values,
-            labels,
-            weight,
-            len(classes),
-            self._folds(labels, weight, len(classes), groups),
-            options,
-            self.n_threads,
-        )
         self.rates_: NDArray[np.float64] | None = None
         self.order_scores_: dict[tuple[Any, ...], float] | None = None
-        order = explicit or self._chosen_order(training, classes)
-        calibration = prior_calibration(order, labels, weight, self.prior_weight)
-        if self.calibration == "platt":
-            calibration = training.platt_calibration(order)
-        elif self.calibration == "temperature":
-            calibration = training.tempered(calibration, order)
-        self.boosted_list_ = BoostedList(
-            classes,
-            np.array(order),
-            training.members(order),
-            calibration,
-            self.n_features_in_,
-            self.decision,
-            float(self.clip),
-        )
+        with threads(self.n_threads):
+            training = ListTraining(
+                values,
+                labels,
+                weight,
+                len(classes),
+                self._folds(labels, weight, len(classes), groups),
+                options,
+            )
+            order = explicit or self._chosen_order(training, classes)
+            calibration = prior_calibration(order, labels, weight, self.prior_weight)
+            if self.calibration == "platt":
+                calibration = training.platt_calibration(order)
+            elif self.calibration == "temperature":
+                calibration = training.tempered(calibration, order)
+            self.boosted_list_ = BoostedList(
+                classes,
+                np.array(order),
+                training.members(order),
+                calibration,
+                self.n_features_in_,
+                self.decision,
+                float(self.clip),
+            )
         return self
 
     def _explicit_order(self, classes: NDArray[Any]) -> tuple[int, ...] | None:
@@ -265,7 +266,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """(N,) labels by the list's decision rule."""
         fitted = self._fitted()
-        return fitted.classes[fitted.decide(float32_matrix(self, X), n_threads=self.n_threads)]
+        with threads(self.n_threads):
+            return fitted.classes[fitted.decide(float32_matrix(self, X))]
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
         """(N, K) the histogram z (eq. 8), columns in the order of ``classes_``."""
@@ -277,7 +279,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         -inf is possible only with ``clip=0``.
         """
         fitted = self._fitted()
-        return fitted.log_histogram(float32_matrix(self, X), n_threads=self.n_threads)
+        with threads(self.n_threads):
+            return fitted.log_histogram(float32_matrix(self, X))
 
     def weak_outputs(self, X: ArrayLike, limit: int | None = None) -> NDArray[np.int8]:
         """(N, S) outputs +1 or -1 of the stumps, or splits, with distinct (feature, threshold)."""

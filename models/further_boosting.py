@@ -85,11 +85,7 @@ ROUNDS = FurtherRounds()
 
 
 def boosted_further(
-    fitted: BoostedList,
-    examples: Examples,
-    rounds: FurtherRounds = ROUNDS,
-    *,
-    n_threads: int | None = None,
+    fitted: BoostedList, examples: Examples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
     """The list with further rounds that were boosted on other examples.
 
@@ -103,14 +99,13 @@ def boosted_further(
     fitted : BoostedList
     examples : Examples
     rounds : FurtherRounds
-    n_threads : int, optional
 
     References
     ----------
     Warm starts of boosting: scikit-learn's ``warm_start``, LightGBM's ``init_model``.
     """
-    scores = fitted.scores(examples.X, n_threads=n_threads)
-    prepared = prepare(examples.X, examples.labels, n_threads=n_threads)
+    scores = fitted.scores(examples.X)
+    prepared = prepare(examples.X, examples.labels)
     order = fitted.order.tolist()
     classifiers = []
     for k, classifier in enumerate(fitted.classifiers):
@@ -120,8 +115,7 @@ def boosted_further(
             classifiers.append(classifier)
             continue
         margin = (slope * scores[k] + offset) / 2
-        options = {"margin": margin, "n_threads": n_threads}
-        more = _rounds(classifier, prepared, sides, examples, rounds, **options)
+        more = _rounds(classifier, prepared, sides, examples, rounds, margin=margin)
         classifiers.append(classifier.then(more, 2.0 / float(slope)))
     return replace(fitted, classifiers=tuple(classifiers))
 
@@ -150,12 +144,7 @@ def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> E
 
 
 def with_first_class(
-    fitted: BoostedList,
-    label: Any,
-    examples: Examples,
-    rounds: FurtherRounds = ROUNDS,
-    *,
-    n_threads: int | None = None,
+    fitted: BoostedList, label: Any, examples: Examples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
     """The list with one more class, which is asked for first; all that follows stays.
 
@@ -167,7 +156,6 @@ def with_first_class(
     examples : Examples
         Labels are indices into ``fitted.classes``; the new class has the number after the last.
     rounds : FurtherRounds
-    n_threads : int, optional
 
     Raises
     ------
@@ -177,9 +165,9 @@ def with_first_class(
     number = len(fitted.classes)
     if not (label > fitted.classes).all():
         raise InputError(f"a new class must come after {fitted.classes[-1]}, got {label}")
-    prepared = prepare(examples.X, examples.labels, n_threads=n_threads)
+    prepared = prepare(examples.X, examples.labels)
     sides, model = ([number], list(range(number))), fitted.classifiers[0]
-    first = _rounds(model, prepared, sides, examples, rounds, n_threads=n_threads)
+    first = _rounds(model, prepared, sides, examples, rounds)
     if isinstance(model, BoostedTrees) and model.depth > first.depth:
         first = first.deepened(model.depth)
     new = examples.labels == number

@@ -31,7 +31,6 @@ def boost_trees(
     sample_weight: NDArray[np.float64] | None = None,
     margin: NDArray[np.float64] | None = None,
     seed: int = 0,
-    n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> BoostedTrees:
     """The sum of trees that tells the positive parts from the negative ones.
@@ -73,7 +72,7 @@ def boost_trees(
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
     masses = np.zeros(len(weights), np.int64)
-    search = TreeSearch(prepared, segments, max_depth, n_threads)
+    search = TreeSearch(prepared, segments, max_depth)
     least = max(1, int(least_weight * _WHOLE_MASS))
     trees: list[GrownTree] = []
     votes: list[NDArray[np.float32]] = []

@@ -94,7 +94,6 @@ class ListTraining:
     n_classes: int
     folds: Folds
     options: BoostingOptions
-    n_threads: int | None
     _prepared: SortedFeatures = field(init=False)
     _trained: dict[tuple[int, frozenset[int], int], StrongClassifier | BoostedTrees] = field(
         init=False, default_factory=dict
@@ -106,7 +105,7 @@ class ListTraining:
     def __post_init__(self) -> None:
         """Prepare the matrix once; a part holds the examples of one class in one fold."""
         part = np.where(self.weights > 0, self.folds.number * self.n_classes + self.labels, -1)
-        self._prepared = prepare(self.X, part, n_threads=self.n_threads)
+        self._prepared = prepare(self.X, part)
 
     def classifier(
         self, k: int, later: Iterable[int], without: int = -1
@@ -120,7 +119,6 @@ class ListTraining:
                 [f * self.n_classes + k for f in used],
                 [f * self.n_classes + other for f in used for other in sorted(key[1])],
                 sample_weight=self.weights,
-                n_threads=self.n_threads,
                 **{item.name: getattr(self.options, item.name) for item in fields(BoostingOptions)},
             )
         return self._trained[key]
@@ -135,7 +133,7 @@ class ListTraining:
         if key not in self._scores:
             rows = self.X[self.folds.number == fold]
             classifier = self.classifier(k, key[1], fold)
-            self._scores[key] = classifier.scores(rows, n_threads=self.n_threads)
+            self._scores[key] = classifier.scores(rows)
         return self._scores[key]
 
     def rates(self) -> NDArray[np.float64]:
@@ -152,7 +150,7 @@ class ListTraining:
                 score = (
                     self.held_out_score(k, rest, fold)
                     if fold >= 0
-                    else self.classifier(k, rest).scores(self.X, n_threads=self.n_threads)
+                    else self.classifier(k, rest).scores(self.X)
                 )
                 weight = self.weights[inside]
                 agrees = (score > 0) == (self.labels[inside] == k)

@@ -103,9 +103,7 @@ class SortedFeatures:
         return self._bins[key]
 
 
-def prepare(
-    X: NDArray[np.float32], part: NDArray[np.int64], *, n_threads: int | None = None
-) -> SortedFeatures:
+def prepare(X: NDArray[np.float32], part: NDArray[np.int64]) -> SortedFeatures:
     """The matrix quantised, its rows arranged by ascending part; rows of part -1 are left out.
 
     Raises
@@ -126,11 +124,11 @@ def prepare(
     parts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     rows = np.argsort(part, kind="stable")[len(X) - parts[-1] :]
     edges, pure = _edges(X, rows[_spread(parts)])
-    codes = _codes(X, rows, edges, n_threads)
+    codes = _codes(X, rows, edges)
     columns = _distinct(X, rows, codes, pure)
     codes, pure = codes[columns], pure[columns]
     coarse, coarse_pure = _coarse_bins(codes, pure, _coarse_limit(len(rows)))
-    tables = _tables(codes, coarse, coarse_pure, _coarse_limit(len(rows)) ** 2, n_threads)
+    tables = _tables(codes, coarse, coarse_pure, _coarse_limit(len(rows)) ** 2)
     for array in (rows, parts, columns, codes, pure, coarse_pure):
         array.setflags(write=False)
     return SortedFeatures(X, rows, parts, columns, codes, pure, tables)
@@ -179,10 +177,7 @@ def _edges(
 
 
 def _codes(
-    X: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    edges: NDArray[np.float32],
-    n_threads: int | None,
+    X: NDArray[np.float32], rows: NDArray[np.int64], edges: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     n = len(rows)
     codes = np.empty((X.shape[1], n), np.uint8)
@@ -190,7 +185,7 @@ def _codes(
     def work(part: slice) -> None:
         quantise(X, rows, edges, part.start, part.stop, codes)
 
-    run_parts(work, n, _ROWS_PER_TASK, n_threads=n_threads)
+    run_parts(work, n, _ROWS_PER_TASK)
     return codes
 
 
@@ -260,11 +255,7 @@ def _coarse_bins(
 
 
 def _tables(
-    codes: NDArray[np.uint8],
-    coarse: NDArray[np.uint8],
-    coarse_pure: NDArray[np.bool_],
-    limit: int,
-    n_threads: int | None,
+    codes: NDArray[np.uint8], coarse: NDArray[np.uint8], coarse_pure: NDArray[np.bool_], limit: int
 ) -> JointTables:
     """The features packed into tables of at most ``limit`` cells, the finest first."""
     size = coarse.max(axis=1, initial=0).astype(np.int64) + 1
@@ -288,5 +279,5 @@ def _tables(
         own = slice(axes[task], axes[task + 1])
         join_bins(codes, coarse, planes[own], sizes[own], cells[task])
 
-    run_tasks(work, len(groups), n_threads=n_threads)
+    run_tasks(work, len(groups))
     return JointTables(cells, axes, planes, sizes, np.cumsum([0, *n_cells]), coarse_pure)

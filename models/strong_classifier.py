@@ -50,11 +50,9 @@ class Voters:
         """The distinct columns that any of them looks at, ascending."""
         return np.unique(self.feature[self.feature >= 0]).astype(np.int64)
 
-    def scores(
-        self, X: NDArray[np.float32], *, n_threads: int | None = None
-    ) -> NDArray[np.float64]:
+    def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(N,) F of every row of a float32 matrix."""
-        return VoteTable.of([self]).scores(X, n_threads=n_threads)[0]
+        return VoteTable.of([self]).scores(X)[0]
 
     def __getitem__(self, chosen: slice | NDArray[np.bool_]) -> Self:
         """The classifier of some of the stumps or trees."""
@@ -173,9 +171,7 @@ class VoteTable(NamedTuple):
             np.cumsum([0, *(item.n_rounds for item in classifiers)]),
         )
 
-    def scores(
-        self, X: NDArray[np.float32], *, n_threads: int | None = None
-    ) -> NDArray[np.float64]:
+    def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(n, N) F of every classifier for every row.
 
         Only the table's ``columns`` are read. The bits depend neither on the number of threads nor
@@ -190,5 +186,5 @@ class VoteTable(NamedTuple):
         def work(part: slice) -> None:
             kernel(X, part.start, part.stop, self, out)
 
-        run_parts(work, len(X), _SAMPLES_PER_TASK, n_threads=n_threads)
+        run_parts(work, len(X), _SAMPLES_PER_TASK)
         return out

@@ -120,16 +120,11 @@ class StumpSearch:
     """One binary problem: its weights, and the buffers of its histograms."""
 
     def __init__(
-        self,
-        prepared: SortedFeatures,
-        segments: NDArray[np.int64],
-        weights: NDArray[np.float64],
-        n_threads: int | None,
+        self, prepared: SortedFeatures, segments: NDArray[np.int64], weights: NDArray[np.float64]
     ) -> None:
         n_planes, n = prepared.codes.shape
         n_cells = int(prepared.tables.starts[-1])
         self.prepared = prepared
-        self.n_threads = n_threads
         included = np.zeros(n, np.bool_)
         for start, stop, _ in segments:
             included[start:stop] = True
@@ -178,7 +173,7 @@ class StumpSearch:
         return self._first_of(planes, looked_into, best - self.tie)
 
     def _threads_for(self, n_counted: int) -> int | None:
-        return self.n_threads if n_counted >= _WORTH_THREADS else 1
+        return None if n_counted >= _WORTH_THREADS else 1
 
     def _score_coarse(self) -> None:
         tables = self.prepared.tables

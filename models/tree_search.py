@@ -104,8 +104,6 @@ class TreeSearch:
         Rows (start, stop, is positive) of the positions that take part.
     max_depth : int
         Levels of splits.
-    n_threads : int or None
-        The result does not depend on it.
 
     Attributes
     ----------
@@ -114,17 +112,12 @@ class TreeSearch:
     """
 
     def __init__(
-        self,
-        prepared: SortedFeatures,
-        segments: NDArray[np.int64],
-        max_depth: int,
-        n_threads: int | None,
+        self, prepared: SortedFeatures, segments: NDArray[np.int64], max_depth: int
     ) -> None:
         n_planes, n = prepared.codes.shape
         self.prepared = prepared
         self.segments = segments
         self.max_depth = max_depth
-        self.n_threads = n_threads
         self.leaf = np.zeros(n, np.uint8)
         self.cuts = _cuts(prepared)
         self._buffers = Examples(
@@ -186,7 +179,7 @@ class TreeSearch:
                 codes, some, examples, above, lighter, totals, least, histograms, scores
             )
 
-        run_tasks(work, -(-len(planes) // size) if size else 0, n_threads=self.n_threads)
+        run_tasks(work, -(-len(planes) // size) if size else 0)
         return scores
 
     def _counted(

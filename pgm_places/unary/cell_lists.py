@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.threads import run_parts
+from pgm_places.kernels.threads import run_parts, threads
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.spaces.cell_features import NodeFeatures
 from pgm_places.unary.kept_table import KeptTable
@@ -171,7 +171,8 @@ def aligned_log_proba(
     fitted: BoostedList, values: NDArray[np.float32], n_labels: int, n_threads: int | None = None
 ) -> NDArray[np.float64]:
     """(N, K) log z with one column per label index, also for labels the list never saw."""
-    return on_labels(fitted, fitted.log_histogram(values, n_threads=n_threads), n_labels)
+    with threads(n_threads):
+        return on_labels(fitted, fitted.log_histogram(values), n_labels)
 
 
 def without_halls(

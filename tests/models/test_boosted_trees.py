@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import threads
 from pgm_places.models import tree_search
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost
@@ -101,13 +102,15 @@ def test_splits_lie_between_bins_where_values_are_many() -> None:
 def test_any_number_of_threads_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tree_search, "_WORTH_THREADS", 0)
     X, y = large_set(20_000)
-    models = [learned(X, y, n_rounds=6, max_depth=3, n_threads=count) for count in (1, 2, 5)]
+    models = []
+    for count in (1, 2, 5):
+        with threads(count):
+            models.append(learned(X, y, n_rounds=6, max_depth=3))
     for model in models[1:]:
         for name in ("feature", "cut", "value"):
             np.testing.assert_array_equal(getattr(model, name), getattr(models[0], name))
-        np.testing.assert_array_equal(
-            model.scores(X, n_threads=5), models[0].scores(X, n_threads=1)
-        )
+        with threads(5):
+            np.testing.assert_array_equal(model.scores(X), models[0].scores(X))
 
 
 def small_numbers() -> tuple[Matrix, NDArray[np.int64]]:
@@ -252,7 +255,7 @@ def test_scores_are_sums_of_the_leaves_that_rows_fall_into(depth: int, n: int) -
 def test_classifiers_side_by_side_score_as_each_alone() -> None:
     parts = [random_trees(3, count, 12, count) for count in (4, 1, 7)]
     X = np.random.default_rng(1).normal(size=(500, 12)).astype(np.float32)
-    together = VoteTable.of(parts).scores(X, n_threads=2)
+    together = VoteTable.of(parts).scores(X)
     for part, row in zip(parts, together, strict=True):
         np.testing.assert_array_equal(part.scores(X), row)
 

@@ -18,7 +18,7 @@ def prepared_example() -> tuple[SortedFeatures, Any, Any]:
     X[:, 5] = -X[:, 0]
     X[:, 6] = 4.0
     part = rng.integers(-1, 3, 5_000)
-    return prepare(X, part, n_threads=1), X, part
+    return prepare(X, part), X, part
 
 
 def test_rows_stand_by_part_in_the_order_given() -> None:
