@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
-from pgm_places.errors import InfeasibleError, InputError
+from pgm_places._checks import frozen, require_at_least
+from pgm_places.errors import InfeasibleError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
@@ -96,8 +96,7 @@ def best_labelings(
     """
     potentials = checked_potentials(graph, potentials, known)
     named_decoder(decoder)
-    if n_best < 1:
-        raise InputError(f"n_best must be at least 1, got {n_best}")
+    require_at_least("n_best", n_best, 1)
     search = _search(graph, potentials, decoder)
     labelings, exact = _enumerated(potentials.unary, search, n_best)
     labels = np.array(labelings, np.int64).reshape(len(labelings), graph.n_nodes)

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
-from pgm_places.errors import InputError
+from pgm_places._checks import frozen, require_at_least
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.models.decoders import Decoder
@@ -83,8 +82,7 @@ def sample(
     (True, [[0.9, 0.1], [0.7, 0.3]])
     """
     potentials = checked_potentials(graph, potentials, known)
-    if n_samples < 1:
-        raise InputError(f"n_samples must be at least 1, got {n_samples}")
+    require_at_least("n_samples", n_samples, 1)
     model = model_of(graph, potentials)
     if is_forest(model.around):
         labels = forest_samples(model, n_samples=n_samples, seed=seed)

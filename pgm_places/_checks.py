@@ -71,6 +71,12 @@ def require_type(name: str, value: object, kind: type, hint: str = "") -> None:
         raise InputError(f"{name} must be a {kind.__name__}, got a {type(value).__name__}{hint}")
 
 
+def require_at_least(name: str, value: float, low: float, unit: str = "") -> None:
+    """Raise InputError unless a number, in a unit such as ``metres``, is as large as that."""
+    if not value >= low:
+        raise InputError(f"{name} must be at least {low}{unit and ' '}{unit}, got {value}")
+
+
 def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     """``values`` as an array of that type (their own if None), unless they are no real numbers."""
     if hasattr(values, "toarray"):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, sealed
+from pgm_places._checks import integer_array, require_at_least, sealed
 from pgm_places._core import fill_slots, forest_order
 from pgm_places.errors import InputError
 
@@ -72,8 +72,7 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     >>> arcs.head[arcs.start[1] : arcs.start[2]].tolist()
     [0, 2]
     """
-    if n_nodes < 0:
-        raise InputError(f"n_nodes must be at least 0, got {n_nodes}")
+    require_at_least("n_nodes", n_nodes, 0)
     pairs = np.asarray(edges)
     if pairs.size == 0:
         pairs = np.zeros((0, 2), np.int32)

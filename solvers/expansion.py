@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, require_at_least
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, Arcs, adjacency
 from pgm_places.solvers.max_flow import SINK, cut_space
@@ -79,8 +79,7 @@ class ExpansionGraph:
         on_iteration: Callable[[int, float], None] | None = None,
     ) -> Expansion:
         """A labelling of potentials on ``around``; see :func:`alpha_expansion`."""
-        if max_sweeps < 1:
-            raise InputError(f"max_sweeps must be at least 1, got {max_sweeps}")
+        require_at_least("max_sweeps", max_sweeps, 1)
         _require_regular(model)
         labels = checked_labels(model, initial)
         moves = _Moves(model, labels, self._space)

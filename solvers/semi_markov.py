@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, require_at_least
 from pgm_places.errors import InputError
 from pgm_places.solvers.chains import check_start, require_distributions
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
@@ -211,8 +211,7 @@ class SemiMarkovChain:
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
         )
-        if not moved_m >= 0:
-            raise InputError(f"moved_m must be at least 0 metres, got {moved_m}")
+        require_at_least("moved_m", moved_m, 0, "metres")
         factor = np.ones(len(rows))
         if state is None:
             age_m, recent, old = np.zeros(1), self._start[None].copy(), np.zeros(len(rows))

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import set_fields
+from pgm_places._checks import require_at_least, set_fields
 from pgm_places.datasets.bending import shifted
 from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.filling import draw_floor
@@ -172,8 +172,7 @@ def generate_building(
 def _check(seed: int, wings: int, size: str, style: str, halls: str) -> None:
     if seed < 0:
         raise InputError(f"seed must not be negative, got {seed}")
-    if wings < 1:
-        raise InputError(f"wings must be at least 1, got {wings}")
+    require_at_least("wings", wings, 1)
     known = {"size": (size, _SIZES), "style": (style, STYLES), "halls": (halls, get_args(HallsAs))}
     for name, (value, values) in known.items():
         if value not in values:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array
+from pgm_places._checks import integer_array, require_at_least
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, paired_labels
 
@@ -115,8 +115,7 @@ class Resamples:
         seed: int = 0,
     ) -> Self:
         """Draws of as many blocks as there are; nodes without a true label are in none."""
-        if n_resamples < 1:
-            raise InputError(f"n_resamples must be at least 1, got {n_resamples}")
+        require_at_least("n_resamples", n_resamples, 1)
         true, _, known = paired_labels(truth, truth, n_labels)
         given = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
         number = np.zeros(len(true), np.int64)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError
+from pgm_places._checks import require_at_least
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
@@ -25,8 +25,7 @@ def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     n_blocks : int
         Number of stripes, at least 1.
     """
-    if n_blocks < 1:
-        raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
+    require_at_least("n_blocks", n_blocks, 1)
     positions = np.asarray(places)
     if not len(positions):
         return np.zeros(0, np.int64)

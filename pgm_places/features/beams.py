@@ -6,6 +6,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import require_at_least
 from pgm_places.errors import InputError
 
 InvalidBeams = Literal["max-range", "interpolate"]
@@ -120,8 +121,7 @@ def resample_beams(ranges: ArrayLike, n_beams: int) -> NDArray[Any]:
     array([[1. , 1.1, 1.2, 1.2, 4. , 1. , 1. , 1. ]])
     """
     array = check_ranges(ranges)
-    if n_beams < MIN_BEAMS:
-        raise InputError(f"n_beams must be at least {MIN_BEAMS}, got {n_beams}")
+    require_at_least("n_beams", n_beams, MIN_BEAMS)
     n_given = array.shape[1]
     if n_beams == n_given:
         return array

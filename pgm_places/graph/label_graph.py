@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, number_array, require_type, set_fields
+from pgm_places import _checks
 from pgm_places.errors import InputError
 from pgm_places.graph import edge_list
 from pgm_places.graph.cliques import Cliques
@@ -21,9 +21,6 @@ from pgm_places.graph.raster_edges import RasterEdges
 
 if TYPE_CHECKING:
     import networkx as nx
-if TYPE_CHECKING:
-    import networkx as nx
-
 
 Parts = tuple[tuple[Hashable, ...], list[tuple[int, int]], NDArray[np.float64] | None]
 
@@ -66,18 +63,19 @@ class LabelGraph:
     cliques: Cliques | None = None
 
     def __post_init__(self) -> None:
-        if self.n_nodes < 0:
-            raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
+        _checks.require_at_least("n_nodes", self.n_nodes, 0)
         if self.node_names is not None and len(set(self.node_names)) != self.n_nodes:
             raise InputError(f"node_names must be {self.n_nodes} names, each once")
         edge_list.check_links(self.n_nodes, self.links)
         if self.points_m is not None:
-            points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
+            points = _checks.finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
             if points.shape[1] not in (2, 3):
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
-            set_fields(self, points_m=points)
+            _checks.set_fields(self, points_m=points)
         if self.cliques is not None:
-            require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
+            _checks.require_type(
+                "cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes"
+            )
             self.cliques.check_fits(self.n_nodes)
         if isinstance(self.layout, GridLayout) and self.layout.n_nodes != self.n_nodes:
             raise InputError(
@@ -115,7 +113,7 @@ class LabelGraph:
         """
         if not isinstance(n_nodes, Integral):
             raise InputError(f"n_nodes must be a whole number, got {n_nodes!r}")
-        points = None if positions_m is None else number_array("positions_m", positions_m)
+        points = None if positions_m is None else _checks.number_array("positions_m", positions_m)
         return cls(int(n_nodes), EdgeList.of(int(n_nodes), edges, edge_kind), points, layout)
 
     @classmethod
@@ -186,9 +184,8 @@ class LabelGraph:
         array([[0, 1],
                [1, 2]], dtype=int32)
         """
-        where = finite_array("points", points, ("N", "D"))
-        if n_neighbours < 1:
-            raise InputError(f"n_neighbours must be at least 1, got {n_neighbours}")
+        where = _checks.finite_array("points", points, ("N", "D"))
+        _checks.require_at_least("n_neighbours", n_neighbours, 1)
         positions_m = where if where.shape[1] in (2, 3) else None
         pairs = edge_list.nearest_pairs(where, int(n_neighbours))
         return cls.from_edges(len(where), pairs, positions_m=positions_m)
@@ -220,7 +217,7 @@ class LabelGraph:
 
         Edges have the kinds TIME and LOOP.
         """
-        poses = number_array("positions_m", positions_m)
+        poses = _checks.number_array("positions_m", positions_m)
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
         n = len(poses)
@@ -392,7 +389,7 @@ class LabelGraph:
     @cached_property
     def degree(self) -> NDArray[np.int64]:
         """(N,) number of edges at each node."""
-        return frozen(np.bincount(self.edges.ravel(), minlength=self.n_nodes))
+        return _checks.frozen(np.bincount(self.edges.ravel(), minlength=self.n_nodes))
 
     @cached_property
     def neighbours(self) -> Neighbours:
@@ -420,7 +417,7 @@ def networkx_parts(
     if position is not None and names:
         values: list[Any] = [graph.nodes[name].get(position) for name in names]
         if all(value is not None for value in values):
-            where = number_array("positions_m", values)
+            where = _checks.number_array("positions_m", values)
     return names, sorted(pairs), where
 
 

@@ -6,6 +6,7 @@ from math import isfinite, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import require_at_least
 from pgm_places.errors import InputError
 from pgm_places.maps.labelled_map import LabelledMap
 
@@ -65,8 +66,7 @@ def simulate_moves(
     low, high = float(step_m[0]), float(step_m[1])
     if not (isfinite(high) and 0 <= low <= high):
         raise InputError(f"step_m must be a range of metres from 0 up, got {step_m}")
-    if n_runs < 1:
-        raise InputError(f"n_runs must be at least 1, got {n_runs}")
+    require_at_least("n_runs", n_runs, 1)
     sizes = np.array([int(item.labelled_cells.sum()) for item in maps], np.int64)
     if not sizes.sum():
         raise InputError("simulated runs need a labelled free cell to start from; there is none")

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import require_at_least
 from pgm_places._core import simplify_arcs, trace_rings
-from pgm_places.errors import InputError
 
 Ring = NDArray[np.int32]
 
@@ -61,8 +61,7 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     >>> outline.polygons[0][0].tolist()
     [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0], [0, 0], [0, 2]]
     """
-    if not tolerance >= 0:
-        raise InputError(f"tolerance must be at least 0 cells, got {tolerance}")
+    require_at_least("tolerance", tolerance, 0, "cells")
     piece = np.ascontiguousarray(piece, np.int32)
     n_sides = _count_sides(piece)
     points = np.empty((n_sides, 2), np.int32)

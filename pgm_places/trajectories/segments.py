@@ -5,8 +5,7 @@ from math import hypot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array
-from pgm_places.errors import InputError
+from pgm_places._checks import finite_array, integer_array, require_at_least
 from pgm_places.graph.label_graph import LabelGraph
 
 # Two steps close a loop if the way between them is this many times longer than ``within_m``: a
@@ -44,8 +43,7 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
     from scipy.spatial import cKDTree  # labelling a map does not need it
 
     positions = finite_array("positions_m", positions_m, ("T", 2))
-    if not within_m >= 0:
-        raise InputError(f"within_m must be at least 0 metres, got {within_m}")
+    require_at_least("within_m", within_m, 0, "metres")
     nothing = np.empty((0, 2), np.int64)
     if within_m == 0 or len(positions) < 2:
         return nothing
@@ -78,8 +76,7 @@ class DistanceGate:
     """
 
     def __init__(self, every_m: float) -> None:
-        if not every_m >= 0:
-            raise InputError(f"every_m must be at least 0 metres, got {every_m}")
+        require_at_least("every_m", every_m, 0, "metres")
         self._every_m = float(every_m)
         self._start: tuple[float, float] | None = None
 

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, require_at_least, set_fields
 from pgm_places.errors import InputError
 
 N_IMAGES = 8
@@ -151,8 +151,7 @@ class ObjectCounts:
         InputError
             ``within_s`` is negative, or the times are not finite.
         """
-        if not within_s >= 0:
-            raise InputError(f"within_s must be at least 0 seconds, got {within_s}")
+        require_at_least("within_s", within_s, 0, "seconds")
         wanted = finite_array("times_s", times_s, ("S",))
         names = self.object_names if object_names is None else tuple(object_names)
         columns = np.zeros((len(wanted), len(names)), np.float32)
