@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, set_fields
 from pgm_places.errors import InputError
-from pgm_places.graph.cliques import Cliques
+from pgm_places.graph.cliques import Cliques, check_cliques
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class SetNodes:
     def __post_init__(self) -> None:
         if not 0 < self.dissent <= 1:
             raise InputError(f"a set's dissent must be in (0, 1], got {self.dissent}")
-        self.cliques.check_fits(self.n_nodes)
+        check_cliques(self.cliques, self.n_nodes)
 
     @property
     def n_sets(self) -> int:

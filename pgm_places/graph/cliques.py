@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array
+from pgm_places._checks import frozen, integer_array, require_type
 from pgm_places.errors import InputError
 
 
@@ -101,6 +101,8 @@ class Cliques:
         sizes = np.concatenate([part.sizes for part in parts])
         return Cliques(frozen(np.concatenate(members)), frozen(np.cumsum([0, *sizes])))
 
-    def check_fits(self, n_nodes: int) -> None:
-        """Raise InputError unless all members are nodes of a graph of that many."""
-        integer_array("cliques", self.members, ("M",), low=0, high=max(n_nodes, 1))
+
+def check_cliques(cliques: Any, n_nodes: int) -> None:
+    """Raise InputError unless these are cliques, and all members nodes of a graph of that many."""
+    require_type("cliques", cliques, Cliques, "; Cliques.of takes lists of nodes")
+    integer_array("cliques", cliques.members, ("M",), low=0, high=max(n_nodes, 1))

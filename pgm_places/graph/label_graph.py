@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _checks
 from pgm_places.errors import InputError
 from pgm_places.graph import edge_list
-from pgm_places.graph.cliques import Cliques
+from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.edge_order import EdgeOrder, Neighbours, neighbours_of
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout, grid_layout, lattice_mask
@@ -73,10 +73,7 @@ class LabelGraph:
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
             _checks.set_fields(self, points_m=points)
         if self.cliques is not None:
-            _checks.require_type(
-                "cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes"
-            )
-            self.cliques.check_fits(self.n_nodes)
+            check_cliques(self.cliques, self.n_nodes)
         if isinstance(self.layout, GridLayout) and self.layout.n_nodes != self.n_nodes:
             raise InputError(
                 f"the layout has {self.layout.n_nodes} cells but the graph {self.n_nodes} nodes"

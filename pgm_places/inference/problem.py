@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
 from pgm_places.errors import InputError
-from pgm_places.graph.cliques import Cliques
+from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.description import ProblemDescription, describe
@@ -114,10 +114,7 @@ class LabelingProblem:
         if self.cliques is None:
             _checks.set_fields(self, cliques=self.graph.cliques)
         if self.cliques is not None:
-            _checks.require_type(
-                "cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes"
-            )
-            self.cliques.check_fits(self.graph.n_nodes)
+            check_cliques(self.cliques, self.graph.n_nodes)
         if self.clique_features is None:
             return
         if self.cliques is None:
