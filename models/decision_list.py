@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.validation import check_is_fitted
 
+from pgm_places._checks import require_shape
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import threads
 from pgm_places.models.boosted_list import BoostedList, check_decision
@@ -216,8 +217,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         kept = weight > 0
         if groups is not None:
             names = np.asarray(groups)
-            if names.shape != labels.shape:
-                raise InputError(f"groups must have shape {labels.shape}, got {names.shape}")
+            require_shape("groups", names.shape, labels.shape)
         needed = self.calibration != "none" or isinstance(self.order, str)
         if not needed or (
             groups is None and self.calibration == "none" and self.order == "heuristic"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, require_shape
 from pgm_places._core import bin_members, count_bins, join_bins, quantise
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_parts, run_tasks
@@ -117,8 +117,7 @@ def prepare(X: NDArray[np.float32], part: NDArray[np.int64]) -> SortedFeatures:
         surely_finite = X.ndim == 2 and bool(np.isfinite(X.sum()))  # one pass, no copies
     if not surely_finite:
         finite_array("X", X, ("N", "F"), dtype=np.float32)
-    if part.shape != (len(X),):
-        raise InputError(f"part must have shape ({len(X)},), got {part.shape}")
+    require_shape("part", part.shape, (len(X),))
     X = np.ascontiguousarray(X)
     counts = np.bincount(part[part >= 0])
     parts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -45,15 +45,19 @@ def _fits(got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> bool:
     )
 
 
-def _check_shape(
+def require_shape(
     name: str,
     got: tuple[int, ...],
     shape: tuple[int | str | None, ...],
     error: type[InputError] = InputError,
+    *,
+    of: str = "",
 ) -> None:
+    """Raise an error unless a shape fits, which is ``of`` something, such as ``the map's``."""
     if not _fits(got, shape):
         hint = _shape_hint(name, got, shape)
-        raise error(f"{name} must have shape {_shape_text(shape)}, got {got}{hint}")
+        whose = f"{of} " if of else ""
+        raise error(f"{name} must have {whose}shape {_shape_text(shape)}, got {got}{hint}")
 
 
 def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> str:
@@ -109,7 +113,7 @@ def finite_array(
     if dtype is None:
         dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
     array = number_array(name, values, dtype)
-    _check_shape(name, array.shape, shape)
+    require_shape(name, array.shape, shape)
     if not _all_allowed(array, allow_minus_inf):
         bad = np.isnan(array) | (array == np.inf) if allow_minus_inf else ~np.isfinite(array)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -148,7 +152,7 @@ def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float6
 
     if getattr(values, "ndim", 2) != 2:
         raise InputError(f"{name} must have shape {_shape_text((n_rows, 'D'))}, got {values.shape}")
-    _check_shape(name, values.shape, (n_rows, "D"))
+    require_shape(name, values.shape, (n_rows, "D"))
     finite_array(f"the values of {name}", values.tocsr().data, ("M",))
     given = isinstance(values, csr_array) and values.dtype == np.float64
     if given and not values.data.flags.writeable:
@@ -194,7 +198,7 @@ def integer_array(
     array = number_array(name, values, None)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must hold integers, got dtype {array.dtype}")
-    _check_shape(name, array.shape, shape)
+    require_shape(name, array.shape, shape)
     if array.size and (array.min() < low or array.max() >= high):
         bad = (array < low) | (array >= high)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -205,6 +209,17 @@ def integer_array(
     if narrow and array.dtype == np.int32:
         return array
     return array.astype(np.int64, copy=False)
+
+
+def cell_list(cells_rc: ArrayLike) -> NDArray[Any]:
+    """Cells (n, 2), row and column, wherever they are."""
+    cells = np.asarray(cells_rc)
+    if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
+        raise InputError(
+            f"cells_rc must be integers of shape (n, 2), row and column, got {cells.dtype} of "
+            f"shape {cells.shape}"
+        )
+    return cells
 
 
 def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> tuple[str, ...]:
@@ -238,7 +253,7 @@ def label_raster(
     array = np.asarray(values)
     if not np.issubdtype(array.dtype, np.integer):
         raise LabelError(f"{name} must hold integers, got dtype {array.dtype}")
-    _check_shape(name, array.shape, shape, LabelError)
+    require_shape(name, array.shape, shape, LabelError)
     high = np.iinfo(np.int16).max if n_labels is None else n_labels - 1
     if array.size and (array.min() < -1 or array.max() > high):
         raise LabelError(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, number_array
+from pgm_places._checks import finite_array, number_array, require_shape
 from pgm_places._core import filter_chain, smooth_chain, subtract_best, trace_back, viterbi_chain
 from pgm_places.errors import InputError
 from pgm_places.solvers.chains import (
@@ -185,8 +185,7 @@ class ForwardFilter:
         rows = number_array("log_likelihood", log_likelihood)[None]
         before = self._start if belief is None else number_array("belief", belief)
         for name, values in (("log_likelihood", rows[0]), ("belief", before)):
-            if values.shape != self._start.shape:
-                raise InputError(f"{name} must have shape {self._start.shape}, got {values.shape}")
+            require_shape(name, values.shape, self._start.shape)
         if not rows.max() < np.inf:  # also true of NaN
             finite_array("log_likelihood", rows[0], ("K",), allow_minus_inf=True)
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):

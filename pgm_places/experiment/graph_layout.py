@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import sealed
-from pgm_places.errors import InputError
+from pgm_places._checks import require_shape, sealed
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -102,8 +101,7 @@ class GraphLayout:
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
         """The raster's values (H, W, ...) at the dots' centres (N, ...)."""
         array = np.asarray(raster)
-        if array.shape[:2] != self.shape:
-            raise InputError(f"the raster must have shape {self.shape}, got {array.shape[:2]}")
+        require_shape("the raster", array.shape[:2], self.shape)
         rows, columns = self.cells_rc.T
         gathered: NDArray[Any] = array[rows, columns]
         return gathered

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
+from pgm_places._checks import require_shape
 from pgm_places.graph.layout import GridLayout
 
 ROWS_AT_ONCE = 128
@@ -36,8 +36,7 @@ def window_means(
     Columns are ordered by window, then by label. Sums come from integral images, so that the cost
     does not depend on the windows' size.
     """
-    if values.ndim != 2 or len(values) != layout.n_nodes:
-        raise InputError(f"values must have shape ({layout.n_nodes}, K), got {values.shape}")
+    require_shape("values", values.shape, (layout.n_nodes, "K"))
     n_labels = values.shape[1]
     means = np.empty((len(values), len(half_widths_m) * n_labels), np.float32)
     parts = iter_window_means(

@@ -328,8 +328,7 @@ class LabelGraph:
         nodes that are left out, and those without any node are dropped.
         """
         keep = np.asarray(nodes, np.bool_)
-        if keep.shape != (self.n_nodes,):
-            raise InputError(f"nodes must be a mask of shape ({self.n_nodes},), got {keep.shape}")
+        _checks.require_shape("the mask of nodes", keep.shape, (self.n_nodes,))
         return LabelGraph(
             int(keep.sum()),
             self.links.among(keep),

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, sealed
+from pgm_places._checks import cell_list, integer_array, require_shape, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.mask_cells import MaskCells
@@ -136,12 +136,7 @@ class GridLayout:
         >>> layout.nodes_at([[1, 0], [0, 1], [5, 0]]).tolist()
         [1, -1, -1]
         """
-        cells = np.asarray(cells_rc)
-        if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
-            raise InputError(
-                f"cells_rc must be integers of shape (M, 2), row and column, got {cells.dtype} of "
-                f"shape {cells.shape}"
-            )
+        cells = cell_list(cells_rc)
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
         nodes = np.full(len(cells), -1, np.int64)
         nodes[inside] = self.cells.nodes_at(cells[inside])
@@ -149,11 +144,7 @@ class GridLayout:
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""
-        array = np.asarray(values)
-        if len(array) != self.n_nodes:
-            raise InputError(
-                f"values must have one row per node ({self.n_nodes}), got {len(array)}"
-            )
+        array = _rows(values, self.n_nodes)
         raster = np.full((*self.shape, *array.shape[1:]), fill, array.dtype)
         raster[self.mask()] = array
         return raster
@@ -170,11 +161,16 @@ class GridLayout:
         return gathered
 
 
-def painted(node_of_cell: NDArray[np.int32], n_nodes: int, values: ArrayLike, fill: Any) -> Any:
-    """Node values (N, ...) on a raster (H, W, ...) whose cells show a node each, or -1."""
+def _rows(values: ArrayLike, n_nodes: int) -> NDArray[Any]:
     array = np.asarray(values)
     if len(array) != n_nodes:
         raise InputError(f"values must have one row per node ({n_nodes}), got {len(array)}")
+    return array
+
+
+def painted(node_of_cell: NDArray[np.int32], n_nodes: int, values: ArrayLike, fill: Any) -> Any:
+    """Node values (N, ...) on a raster (H, W, ...) whose cells show a node each, or -1."""
+    array = _rows(values, n_nodes)
     shown = node_of_cell >= 0
     raster = np.full((*node_of_cell.shape, *array.shape[1:]), fill, array.dtype)
     raster[shown] = array[node_of_cell[shown]]
@@ -199,8 +195,7 @@ def grid_layout(grid: CellMap | ArrayLike, mask: ArrayLike | None) -> GridLayout
         )
     if mask is not None:
         chosen = np.asarray(mask, np.bool_)
-        if chosen.shape != free.shape:
-            raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
+        require_shape("mask", chosen.shape, free.shape, of="the map's")
         free = free & chosen
     return GridLayout.of_mask(free, source)
 

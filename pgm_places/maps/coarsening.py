@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import label_raster
+from pgm_places._checks import label_raster, require_shape
 from pgm_places._core import source_cells
 from pgm_places.errors import LabelError, MapError
 from pgm_places.graph.bands import bands_of_rows
@@ -308,10 +308,8 @@ class Coarsening:
         :func:`~pgm_places.graph.bands.bands_of_rows`.
         """
         array = np.asarray(values)
-        if array.shape[:2] != self.coarse.shape:
-            raise MapError(
-                f"values must have the coarse map's shape {self.coarse.shape}, got {array.shape}"
-            )
+        shape = self.coarse.shape
+        require_shape("values", array.shape[:2], shape, MapError, of="the coarse map's")
         if rows is not None:
             return self._painted(array, fill, rows)
         result = np.empty((*self.fine.shape, *array.shape[2:]), array.dtype)

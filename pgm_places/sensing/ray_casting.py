@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, require_shape
 from pgm_places._core import dda_from_poses
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_parts
@@ -267,6 +267,5 @@ def _wanted(grid: OccupancyGrid, mask: ArrayLike | None) -> NDArray[np.bool_]:
     chosen = np.asarray(mask)
     if chosen.dtype != np.bool_:
         raise InputError(f"mask must be boolean, got dtype {chosen.dtype}")
-    if chosen.shape != grid.shape:
-        raise InputError(f"mask must have the map's shape {grid.shape}, got {chosen.shape}")
+    require_shape("mask", chosen.shape, grid.shape, of="the map's")
     return grid.free & chosen

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, require_shape
 from pgm_places._core import add_noise
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
@@ -172,8 +172,7 @@ def _inside(grid: OccupancyGrid, window: ArrayLike | None) -> OccupancyGrid:
     if window is None:
         return grid
     kept = np.asarray(window, np.bool_)
-    if kept.shape != grid.shape:
-        raise InputError(f"window must have the map's shape {grid.shape}, got {kept.shape}")
+    require_shape("window", kept.shape, grid.shape, of="the map's")
     return replace(grid, cells=np.where(kept, grid.cells, UNKNOWN))
 
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import cell_list, sealed
 from pgm_places._core import border_sites, highest_passes, merge_basins
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
@@ -56,12 +56,7 @@ class Watershed:
 
     def checked(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
         """Cells (n, 2) as C-contiguous integers; cells outside the map are refused."""
-        cells, shape = np.asarray(cells_rc), self.grid.shape
-        if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
-            raise InputError(
-                f"cells_rc must be integers of shape (n, 2), row and column, got {cells.dtype} of "
-                f"shape {cells.shape}"
-            )
+        cells, shape = cell_list(cells_rc), self.grid.shape
         if cells.size and (cells.min() < 0 or (cells.max(axis=0) >= shape).any()):
             outside = ((cells < 0) | (cells >= shape)).any(axis=1)
             raise InputError(

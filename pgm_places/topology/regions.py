@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, require_shape
 from pgm_places._core import mark_deepest
-from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -130,8 +129,7 @@ def describe_regions(
     tolerance : float
         Largest distance of an outline from the cells' corners, in cells.
     """
-    if pieces.piece.shape != grid.shape:
-        raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
+    require_shape("pieces", pieces.piece.shape, grid.shape, of="the map's")
     if deepest is None:
         deepest = deepest_cells(pieces.piece, pieces.count)
     anchors = _anchors(pieces, deepest, clearance)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed, set_fields
+from pgm_places._checks import require_shape, sealed, set_fields
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -81,10 +81,7 @@ class TopologicalMap:
 
     def __post_init__(self) -> None:
         set_fields(self, region=self.region)
-        if self.region.shape != self.grid.shape:
-            raise InputError(
-                f"region must have the map's shape {self.grid.shape}, got {self.region.shape}"
-            )
+        require_shape("region", self.region.shape, self.grid.shape, of="the map's")
 
     def __repr__(self) -> str:
         return (

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, sealed, set_fields
-from pgm_places.errors import InputError
+from pgm_places._checks import finite_array, require_shape, sealed, set_fields
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -79,8 +78,7 @@ class PathLayout:
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
         """The raster's values (H, W, ...) under the steps (T, ...); off the raster, at its edge."""
         array = np.asarray(raster)
-        if array.shape[:2] != self.shape:
-            raise InputError(f"the raster must have shape {self.shape}, got {array.shape[:2]}")
+        require_shape("the raster", array.shape[:2], self.shape)
         rows, columns = np.clip(self.cells_rc, 0, np.array(self.shape) - 1).T
         gathered: NDArray[Any] = array[rows, columns]
         return gathered

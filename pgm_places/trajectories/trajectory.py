@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, require_shape, set_fields
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.trajectories.scan import Scan, ScanGeometry
@@ -227,8 +227,7 @@ class Trajectory:
         else:
             index = np.asarray(steps)
             if index.dtype == np.bool_:
-                if index.shape != (len(self),):
-                    raise InputError(f"a mask must have shape ({len(self)},), got {index.shape}")
+                require_shape("a mask", index.shape, (len(self),))
                 index = np.flatnonzero(index)
             elif index.size == 0:
                 index = np.empty(0, np.int64)

@@ -24,7 +24,7 @@ def test_nodes_are_found_by_their_cells(mask: np.ndarray) -> None:
 
 
 def test_cells_must_be_pairs_of_integers() -> None:
-    with pytest.raises(InputError, match=r"integers of shape \(M, 2\)"):
+    with pytest.raises(InputError, match=r"integers of shape \(n, 2\)"):
         GridLayout.of_mask(np.ones((2, 2), np.bool_)).nodes_at([[0.5, 1.0]])
 
 
