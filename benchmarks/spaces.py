@@ -18,8 +18,7 @@ from experiments.page_tables import SideBySide
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.cell_features import CellFeatures
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.gates import gate_candidates, gate_features
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
 

@@ -21,8 +21,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.door_truth import DoorScores, match_doors
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.gates import gate_candidates, gate_features
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import Segmentation
 

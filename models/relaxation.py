@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, integer_array, sealed
+from pgm_places._checks import integer_array, row_blocks, sealed
 from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
@@ -258,8 +258,7 @@ def _labels_and_walls(
 def _best(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
     """(N,) the label of the largest belief; where beliefs are of 32 bits, so are they."""
     labels = np.empty(len(beliefs), np.int32 if beliefs.dtype == np.float32 else np.int64)
-    for first in range(0, len(beliefs), ROWS_AT_ONCE):
-        some = slice(first, first + ROWS_AT_ONCE)
+    for some in row_blocks(len(beliefs)):
         labels[some] = beliefs[some].argmax(axis=1)
     return labels  # type: ignore[return-value]
 

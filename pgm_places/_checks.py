@@ -1,6 +1,6 @@
 """Checks of arrays that come from outside, each returning the checked array or one clear error."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,12 @@ LONGEST_NAME = 200
 """Characters of a name."""
 ROWS_AT_ONCE = 262_144
 """Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
+
+
+def row_blocks(n_rows: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
+    """Some rows at a time: those of a huge map fill the memory with every step in between."""
+    for first in range(0, n_rows, most):
+        yield slice(first, min(first + most, n_rows))
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -129,10 +135,7 @@ def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:
     """Whether no value is refused; piece by piece, since a mask of a huge array is huge too."""
     if array.ndim == 0 or len(array) <= ROWS_AT_ONCE:
         return bool((array < np.inf if allow_minus_inf else np.isfinite(array)).all())
-    return all(
-        _all_allowed(array[i : i + ROWS_AT_ONCE], allow_minus_inf)
-        for i in range(0, len(array), ROWS_AT_ONCE)
-    )
+    return all(_all_allowed(array[some], allow_minus_inf) for some in row_blocks(len(array)))
 
 
 def is_sparse(rows: object) -> bool:

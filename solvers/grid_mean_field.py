@@ -8,7 +8,7 @@ from itertools import pairwise as neighbours
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, sealed
+from pgm_places._checks import finite_array, integer_array, row_blocks, sealed
 from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
@@ -161,14 +161,11 @@ def _rows_of(cells_rc: ArrayLike, n_nodes: int) -> tuple[NDArray[np.int32], NDAr
 def _start(unary: NDArray[np.float64]) -> NDArray[np.float32]:
     """(N, K) the normalised unaries; piece by piece, so that no second such array is needed."""
     beliefs = np.empty(unary.shape, np.float32)
-    for first in range(0, len(unary), ROWS_AT_ONCE):
-        some = unary[first : first + ROWS_AT_ONCE]
-        barred = np.flatnonzero(some.max(axis=1, initial=-np.inf) == -np.inf)
+    for some in row_blocks(len(unary)):
+        barred = some.start + np.flatnonzero(unary[some].max(axis=1, initial=-np.inf) == -np.inf)
         if len(barred):
-            raise InputError(
-                f"unary forbids every label at node {first + barred[0]}; allow at least one"
-            )
-        beliefs[first : first + ROWS_AT_ONCE] = normalised(some)
+            raise InputError(f"unary forbids every label at node {barred[0]}; allow at least one")
+        beliefs[some] = normalised(unary[some])
     return beliefs
 
 

@@ -1,6 +1,6 @@
 """Relaxation labelling on a raster: compact rows of single-precision beliefs, updated in place."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
-from pgm_places._checks import integer_array
+from pgm_places._checks import integer_array, row_blocks
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.pages import Planes
@@ -211,16 +211,10 @@ def _weighted(
     return tables.astype(np.float32), np.float32(diagonal_weight)
 
 
-def _parts(cells: _Cells) -> Iterator[slice]:
-    """Ranges of nodes: of a huge raster, all cells are never listed at once."""
-    for first in range(0, len(cells), NODES_AT_ONCE):
-        yield slice(first, min(first + NODES_AT_ONCE, len(cells)))
-
-
 def _lay_out(cells: _Cells, shape: tuple[int, int]) -> _Rows:
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
-    for part in _parts(cells):
+    for part in row_blocks(len(cells), NODES_AT_ONCE):
         row, column = cells[part].T
         used[row + 1, column // BLOCK + 1] = True
     tall = used.copy()
@@ -274,7 +268,10 @@ def _read(
 
     For the last time, it is given up row after row if cells are in the order of rows.
     """
-    beliefs, parts = np.empty((len(cells), len(store.array)), np.float32), list(_parts(cells))
+    beliefs, parts = (
+        np.empty((len(cells), len(store.array)), np.float32),
+        list(row_blocks(len(cells), NODES_AT_ONCE)),
+    )
     done = 0
     for first in range(0, len(parts), PARTS_AT_ONCE):
         some = parts[first : first + PARTS_AT_ONCE]
@@ -308,7 +305,7 @@ def _codes(
                 f"walls must be a boolean raster of shape {shape}, got {walls.shape} {walls.dtype}"
             )
         walls = np.ascontiguousarray(walls)
-        for part in _parts(cells):
+        for part in row_blocks(len(cells), NODES_AT_ONCE):
             _core.code_walls(walls, cells[part], rows.index, by_direction, codes)
     return codes
 

@@ -18,8 +18,7 @@ from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.list_average import list_average
 from pgm_places.progress import Progress, Stage
 from pgm_places.spaces.door_truth import match_doors
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
 from pgm_places.unary.list_learning import with_explicit_order

@@ -15,8 +15,7 @@ from experiments.robot_maps.catalogue import robot_maps
 from pgm_places.floor.view import FloorScores
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import DoorScores, match_doors
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.trained import trained_labeler

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, row_blocks, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.inference.problem import LabelingProblem
@@ -90,7 +90,7 @@ class Labeling:
         set_fields(self, labels=labels)
         if self.beliefs is not None:
             beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"), dtype=None)
-            parts = (beliefs[i : i + ROWS_AT_ONCE] for i in range(0, len(beliefs), ROWS_AT_ONCE))
+            parts = (beliefs[some] for some in row_blocks(len(beliefs)))
             if any(np.abs(part.sum(axis=1) - 1).max() > 1e-6 for part in parts):
                 raise InputError("beliefs must sum to one in every row")
             set_fields(self, beliefs=beliefs)

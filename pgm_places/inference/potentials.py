@@ -199,7 +199,6 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
 def _picked(table: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """(N,) the entry of each row (N, K) that ``columns`` (N,) names; few temporary arrays."""
     picked = np.empty(len(table))
-    for first in range(0, len(table), _checks.ROWS_AT_ONCE):
-        part = slice(first, first + _checks.ROWS_AT_ONCE)
+    for part in _checks.row_blocks(len(table)):
         picked[part] = np.take_along_axis(table[part], columns[part, np.newaxis], axis=1)[:, 0]
     return picked

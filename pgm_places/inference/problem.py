@@ -264,12 +264,12 @@ class LabelingProblem:
     def _check_allowed(self) -> None:
         """Refuse a node at which no label is allowed; piece by piece, for maps of any size."""
         assert self.unary is not None
-        for first in range(0, len(self.unary), _checks.ROWS_AT_ONCE):
-            part = self.unary[first : first + _checks.ROWS_AT_ONCE]
-            barred = np.flatnonzero(part.max(axis=1, initial=-np.inf) == -np.inf)
+        for some in _checks.row_blocks(len(self.unary)):
+            best = self.unary[some].max(axis=1, initial=-np.inf)
+            barred = some.start + np.flatnonzero(best == -np.inf)
             if len(barred):
                 raise InputError(
-                    f"unary forbids every label at node {self._name(first + int(barred[0]))}; "
+                    f"unary forbids every label at node {self._name(int(barred[0]))}; "
                     "allow at least one, or give a row of zeros where nothing is known"
                 )
         if self.known is None:

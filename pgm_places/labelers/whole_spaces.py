@@ -1,13 +1,12 @@
 """Whole spaces: borders between corridor and room run along openings of segments, or not at all."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE
+from pgm_places._checks import row_blocks
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import Components, connected_components
@@ -76,7 +75,7 @@ def with_whole_spaces(
         return log_z
     pair = [label_names.index(name) for name in _PAIR]
     label = np.empty(len(log_z), np.int16)
-    for some in _blocks(len(log_z)):
+    for some in row_blocks(len(log_z)):
         label[some] = log_z[some].argmax(axis=1)
     if known is not None:
         np.copyto(label, known, where=known >= 0, casting="unsafe")
@@ -91,12 +90,6 @@ def with_whole_spaces(
     if known is not None:
         moves &= known < 0
     return _moved(log_z, np.flatnonzero(moves), label, pair)
-
-
-def _blocks(n_cells: int) -> Iterator[slice]:
-    """Some cells at a time: those of a huge map fill the memory with every step in between."""
-    for first in range(0, n_cells, ROWS_AT_ONCE):
-        yield slice(first, first + ROWS_AT_ONCE)
 
 
 class _Pulls(NamedTuple):
@@ -148,7 +141,7 @@ class _Parts:
     ) -> Self:
         """Those of cells with these labels."""
         code = np.full(len(label), -1, np.int32)
-        for some in _blocks(len(label)):
+        for some in row_blocks(len(label)):
             for second, k in enumerate(pair):
                 number = segments.segment[some].astype(np.int32)
                 np.copyto(code[some], 2 * (number + 1) + second, where=label[some] == k)
@@ -168,7 +161,7 @@ class _Parts:
     ) -> NDArray[np.float64]:
         """(P,) what speaks for corridor rather than room, times square metres."""
         total = np.zeros(self.pieces.count + 1)  # the last for cells of no part
-        for some in _blocks(len(log_z)):
+        for some in row_blocks(len(log_z)):
             odds = np.asarray(log_z[some, pair[0]] - log_z[some, pair[1]], np.float64)
             if known is not None:
                 odds[known[some] == pair[0]] = _KNOWN

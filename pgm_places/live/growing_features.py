@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from pgm_places._checks import row_blocks
 from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
@@ -163,9 +164,8 @@ class GrowingFeatures:
         n_sectors = self._reach.shape[1]
         starts = -(-np.arange(n_sectors) * self.sensor.n_beams // n_sectors)
         for block in iter_cast(grid, self.sensor, mask=mask, n_threads=self.n_threads):
-            for first in range(0, len(block.nodes), _AT_ONCE):
-                some = nodes[block.nodes[first : first + _AT_ONCE]]
-                ranges = block.ranges[first : first + _AT_ONCE]
+            for part in row_blocks(len(block.nodes), _AT_ONCE):
+                some, ranges = nodes[block.nodes[part]], block.ranges[part]
                 values = feature_values(
                     ranges,
                     columns=self.columns,

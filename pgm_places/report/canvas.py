@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import palette
-from pgm_places._checks import ROWS_AT_ONCE, finite_array
+from pgm_places._checks import finite_array, row_blocks
 from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
@@ -174,8 +174,7 @@ def _steps(
     if not callable(part_of):
         part_of = finite_array("values", part_of, (n_nodes,)).__getitem__
     steps = np.empty(n_nodes, np.int8)
-    for first in range(0, n_nodes, ROWS_AT_ONCE):
-        some = slice(first, min(first + ROWS_AT_ONCE, n_nodes))
+    for some in row_blocks(n_nodes):
         steps[some] = np.clip(part_of(some) * N_LEVELS, 0, N_LEVELS - 1)
     return steps
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE
+from pgm_places._checks import row_blocks
 from pgm_places.errors import InputError, OutputError, nearest_name
 from pgm_places.io.atomic import write_bytes, write_json
 from pgm_places.io.input_file import read_json
@@ -189,8 +189,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
 def _in_bytes(shares: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
     """(N,) shares from 0 to 1 as 0 to 255, piece by piece: temporary copies take four times it."""
     levels = np.empty(len(shares), np.uint8)
-    for first in range(0, len(shares), ROWS_AT_ONCE):
-        some = slice(first, first + ROWS_AT_ONCE)
+    for some in row_blocks(len(shares)):
         levels[some] = np.round(255 * shares[some])
     return levels
 

@@ -16,7 +16,7 @@ from pgm_places.models.further_boosting import Examples
 from pgm_places.models.mrf import PottsField
 from pgm_places.progress import staged
 from pgm_places.spaces.door_truth import match_doors
-from pgm_places.spaces.gate_features import gate_features
+from pgm_places.spaces.gates import gate_features
 from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
 from pgm_places.unary.floor_model import FloorJudge

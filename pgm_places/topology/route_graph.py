@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pgm_places.topology.roads import Roads, roads_through
-from pgm_places.topology.route_space import RouteSpace
+from pgm_places.topology.roads import Roads, RouteSpace, roads_through
 from pgm_places.topology.topological_map import TopologicalMap
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import row_blocks
 from pgm_places.features.own import feature_values, values_on_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -31,9 +32,8 @@ def iter_features(
     # The cells of a huge map are not listed without need.
     of_cells = values_on_map(own, grid, np.argwhere(mask), columns) if own else {}
     for block in iter_cast(grid, sensor, mask=mask):
-        for first in range(0, len(block.nodes), _SCANS_AT_ONCE):
-            nodes = block.nodes[first : first + _SCANS_AT_ONCE]
-            ranges = block.ranges[first : first + _SCANS_AT_ONCE]
+        for some in row_blocks(len(block.nodes), _SCANS_AT_ONCE):
+            nodes, ranges = block.nodes[some], block.ranges[some]
             of_map = {place: rows[nodes] for place, rows in of_cells.items()}
             most = sensor.max_range_m
             yield nodes, feature_values(ranges, own, columns, max_range_m=most, from_map=of_map)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import staged
 from pgm_places.spaces.door_truth import match_doors
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary import space_model
 from pgm_places.unary.options import GATE_OPTIONS
@@ -108,7 +107,7 @@ def gate_list(
     Parameters
     ----------
     values : (G, F) float32
-        See :func:`pgm_places.spaces.gate_features.gate_features`.
+        See :func:`pgm_places.spaces.gates.gate_features`.
     truth : (G,) int64
         1 for doorways, else 0.
     fold : (G,) int64

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE
+from pgm_places._checks import row_blocks
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
@@ -14,8 +14,7 @@ from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.door_truth import match_doors, unmatched_doors
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.unary.floor_model import FloorJudge
@@ -223,8 +222,7 @@ def with_gates(
 ) -> NDArray[np.float64]:
     """(N, K) log z with the odds of the doorway times max(1.2 g, 0.02), normalised again."""
     joined = np.empty_like(log_z)
-    for first in range(0, len(log_z), ROWS_AT_ONCE):
-        some = slice(first, first + ROWS_AT_ONCE)
+    for some in row_blocks(len(log_z)):
         joined[some] = log_z[some]
         joined[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
         joined[some] -= np.logaddexp.reduce(joined[some].T, axis=0)[:, None]

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import row_blocks
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.own import n_columns
@@ -117,8 +118,7 @@ class TrainingCells:
     def blocks(self) -> Iterator[Block]:
         """All cells with their features, some at a time."""
         if self.chosen.all():
-            for first in range(0, len(self.truth), _AT_ONCE):
-                part = slice(first, first + _AT_ONCE)
+            for part in row_blocks(len(self.truth), _AT_ONCE):
                 yield np.arange(len(self.truth))[part], self.features[part]
             return
         first = 0
@@ -183,9 +183,8 @@ def _map_features(
         return
     hold, table = found
     rows = np.flatnonzero(mask[hold])
-    for first in range(0, len(rows), _AT_ONCE):
-        some = rows[first : first + _AT_ONCE]
-        yield np.arange(first, first + len(some)), table[some]
+    for part in row_blocks(len(rows), _AT_ONCE):
+        yield np.arange(part.start, part.stop), table[rows[part]]
 
 
 def _kept(

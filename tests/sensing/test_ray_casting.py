@@ -151,7 +151,10 @@ def test_the_map_is_left_alone_and_a_map_without_free_cells_has_no_scans() -> No
 @pytest.mark.parametrize(
     ("mask", "message"),
     [
-        (np.ones((2, 3), np.bool_), "mask must have the map's shape (3, 2), got (2, 3)"),
+        (
+            np.ones((2, 3), np.bool_),
+            "mask must have the map's shape (3, 2), got (2, 3); transpose it: mask.T",
+        ),
         (np.ones((3, 2)), "mask must be boolean, got dtype float64"),
     ],
 )

@@ -9,8 +9,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from pgm_places.spaces.components import components, neighbour_lists
-from pgm_places.spaces.gate_features import _others
-from pgm_places.spaces.gates import Gates
+from pgm_places.spaces.gates import Gates, _others
 
 
 @pytest.mark.parametrize("n_edges", [0, 1, 10, 40, 200])

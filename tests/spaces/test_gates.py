@@ -15,8 +15,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.spaces.gate import Gate
-from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import GATE_FEATURES
 from tests.real_data import real_data_folder
