@@ -16,7 +16,7 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.maps.windows import window_mask
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.teaching.paint import Paint
 
 
@@ -60,11 +60,8 @@ def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) ->
     coarse = coarsen(grid, target_m)
     # A coarse cell belongs to the window that contains its centre.
     centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
-    cells = grid.cells_at_m(centres)
-    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-    chosen = np.zeros(len(cells), np.bool_)
-    if fine.window is not None:
-        chosen[inside] = fine.window[cells[inside, 0], cells[inside, 1]]
+    assert fine.window is not None  # it was read with the map
+    chosen = at_cells(fine.window, grid.cells_at_m(centres), False)
     labels = coarsen_labels(fine.labels, grid, coarse)
     return replace(fine, grid=coarse, labels=labels, window=chosen.reshape(coarse.shape))
 

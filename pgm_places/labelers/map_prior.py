@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError, LabelError
 from pgm_places.labelers.label_map import LabelledPlaces
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 
 # Default weight of what the map says at one update: that of an observation of its own.
 WEIGHT = 1.0
@@ -113,10 +113,7 @@ class MapPrior:
 
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(T, K) probabilities at positions (T, 2); the labels' shares where nothing is known."""
-        cells = self.grid.cells_at_m(positions_m)
-        inside = (cells.min(axis=1) >= 0) & (cells < np.array(self.grid.shape)).all(axis=1)
-        row, column = np.where(inside[:, None], cells, 0).T
-        number = np.where(inside, self.number[row, column], -1)
+        number = at_cells(self.number, self.grid.cells_at_m(positions_m), -1)
         return np.where((number >= 0)[:, None], self.rows[number], self.shares)
 
     def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:

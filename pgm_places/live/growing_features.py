@@ -11,7 +11,7 @@ from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
 from pgm_places.kernels.threads import run_parts
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
@@ -120,11 +120,10 @@ class GrowingFeatures:
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], int]:
         """(N,) the row of each cell whose scan is the same, else -1; and changed cells."""
-        found = np.full(len(cells_rc), -1, np.int64)
         seen = self._seen
         shift = None if seen is None else raster_shift(seen.grid, grid)
         if seen is None or shift is None or self.sensor.noise is not None:
-            return found, grid.cells.size
+            return np.full(len(cells_rc), -1, np.int64), grid.cells.size
         old_rc = np.argwhere(seen.grid.free)
         entered, n_changed = _changed(seen.grid, grid, shift, self.sensor)
         stale = np.zeros(len(old_rc), np.bool_)
@@ -132,10 +131,7 @@ class GrowingFeatures:
             self._mark(old_rc + shift, seen.row_of, _squares(entered), stale)
         row = np.full(seen.grid.shape, -1, np.int64)
         row[tuple(old_rc[~stale].T)] = seen.row_of[~stale]
-        there = cells_rc - shift
-        inside = ((there >= 0) & (there < seen.grid.shape)).all(axis=1)
-        found[inside] = row[tuple(there[inside].T)]
-        return found, n_changed
+        return at_cells(row, cells_rc - shift, -1), n_changed
 
     def _mark(
         self,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -142,3 +142,17 @@ class OccupancyGrid:
     def with_cells(self, cells: ArrayLike) -> Self:
         """The same frame with other cells (H, W)."""
         return type(self)(np.asarray(cells), self.resolution_m, self.origin_xy_m, self.yaw_rad)
+
+
+def at_cells(raster: NDArray[Any], cells_rc: NDArray[np.int64], outside: Any) -> NDArray[Any]:
+    """(N,) the values of a raster (H, W) at cells (N, 2); ``outside`` for those not on it.
+
+    Examples
+    --------
+    >>> at_cells(np.array([[1, 2]]), np.array([[0, 1], [1, 1]]), 0).tolist()
+    [2, 0]
+    """
+    inside = ((cells_rc >= 0) & (cells_rc < raster.shape)).all(axis=1)
+    found = np.full(len(cells_rc), outside, raster.dtype)
+    found[inside] = raster[tuple(cells_rc[inside].T)]
+    return found

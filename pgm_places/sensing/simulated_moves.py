@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import require_at_least
 from pgm_places.errors import InputError
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import at_cells
 
 MOVE_M = (0.2, 0.5)
 """How far a robot drives between two updates (paper, section 5)."""
@@ -127,7 +128,5 @@ def _all_free(
     passable = np.ones(len(position), np.bool_)
     for fraction in np.linspace(0.0, 1.0, int(2 * longest) + 2):
         at = np.floor(position + fraction * motion).astype(np.int64)
-        inside = ((at >= 0) & (at < free.shape)).all(axis=1)
-        row, column = np.where(inside[:, None], at, 0).T
-        passable &= inside & free[row, column]
+        passable &= at_cells(free, at, False)
     return passable

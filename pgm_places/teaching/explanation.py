@@ -12,7 +12,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution
 from pgm_places.labelers.place_problem import doorway_log_odds
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts
 from pgm_places.sensing.ray_casting import iter_cast
@@ -107,11 +107,10 @@ class _View:
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Row and column on the map's own raster."""
-        [(row, column)] = self.taught.grid.cells_at_m([[x_m, y_m]]).tolist()
-        height, width = self.taught.grid.shape
-        inside = 0 <= row < height and 0 <= column < width
-        if not inside or not self.taught.grid.free[row, column]:
+        cells = self.taught.grid.cells_at_m([[x_m, y_m]])
+        if not at_cells(self.taught.grid.free, cells, False)[0]:
             raise InputError(f"there is no free cell at ({x_m:g}, {y_m:g})")
+        row, column = cells[0].tolist()
         return row, column
 
     def node_at(self, x_m: float, y_m: float) -> NDArray[np.int64]:

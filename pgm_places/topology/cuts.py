@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.components import connected_components
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid, at_cells
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
 from pgm_places.spaces.joining import join
@@ -160,10 +160,7 @@ def _reach(
     farthest = np.hypot(*(axis.stop - axis.start + 1 for axis in window)) * grid.resolution_m
     along = np.arange(0.0, farthest + step, step)
     points = start + along[:, np.newaxis, np.newaxis] * way
-    cells = grid.cells_at_m(points.reshape(-1, 2))
-    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-    here = np.zeros(len(cells), np.bool_)
-    here[inside] = topology.region[tuple(cells[inside].T)] == number
+    here = at_cells(topology.region, grid.cells_at_m(points.reshape(-1, 2)), 0) == number
     return along[np.argmin(here.reshape(len(along), -1), axis=0)][:, np.newaxis]
 
 

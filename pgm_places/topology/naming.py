@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError
 from pgm_places.graph.bands import bands_of_rows, counted
 from pgm_places.maps.components import Components
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 
 SAME_PLACE = 0.25
 """Smallest intersection over union of areas at which a place keeps its id."""
@@ -147,9 +147,8 @@ def _shared_cells(
     cells = np.argwhere(known.region[rows] > 0)
     cells[:, 0] += rows.start
     there = grid.cells_at_m(known.grid.cell_centres_m(cells))
-    inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
-    piece = pieces.piece[tuple(there[inside].T)].astype(np.int64)
-    place = known.region[tuple(cells[inside].T)]
+    piece = at_cells(pieces.piece, there, -1).astype(np.int64)
+    place = known.region[tuple(cells.T)]
     return (piece * n_places + place)[piece >= 0]
 
 

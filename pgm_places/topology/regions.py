@@ -10,7 +10,7 @@ from pgm_places._checks import frozen, require_shape
 from pgm_places._core import mark_deepest
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.outlines import outlines
 
@@ -185,10 +185,9 @@ def _keep_anchors(
     """Move anchors (P, 2) back to where they were, if that is inside their pieces."""
     for k, number in enumerate(ids):
         if number in earlier_m:
-            cell = grid.cells_at_m([earlier_m[number]])[0]
-            inside = ((cell >= 0) & (cell < grid.shape)).all()
-            if inside and pieces.piece[cell[0], cell[1]] == k:
-                anchors[k] = cell
+            cell = grid.cells_at_m([earlier_m[number]])
+            if at_cells(pieces.piece, cell, -1)[0] == k:
+                anchors[k] = cell[0]
 
 
 def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:

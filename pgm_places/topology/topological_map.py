@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import require_shape, sealed, set_fields
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.regions import Region
@@ -146,11 +146,8 @@ class TopologicalMap:
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:
         """The region at a position in the map frame, or None."""
-        [(row, column)] = self.grid.cells_at_m([[x_m, y_m]]).tolist()
-        height, width = self.grid.shape
-        if not (0 <= row < height and 0 <= column < width):
-            return None
-        return self._by_id.get(int(self.region[row, column]))
+        [number] = at_cells(self.region, self.grid.cells_at_m([[x_m, y_m]]), 0).tolist()
+        return self._by_id.get(number)
 
     def neighbours(self, key: int | str) -> list[Region]:
         """The neighbours of a region, by id."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array, require_shape, set_fields
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.maps.occupancy_grid import at_cells
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.similarity import Similarity
 
@@ -198,18 +199,14 @@ class Trajectory:
         """
         names = tuple(label_names)
         cells = labelled_map.grid.cells_at_m(self.poses[:, :2])
-        inside = ((cells >= 0) & (cells < labelled_map.grid.shape)).all(axis=1)
-        rows, columns = cells[inside].T
-        found = labelled_map.labels[rows, columns].astype(np.int64)
+        labels = at_cells(labelled_map.labels, cells, -1)
         if labelled_map.window is not None:
-            found[~labelled_map.window[rows, columns]] = -1
-        if found.size and found.max() >= len(names):
+            labels[~at_cells(labelled_map.window, cells, False)] = -1
+        if (highest := labels.max(initial=-1)) >= len(names):
             raise LabelError(
-                f"{labelled_map.name}: label index {found.max()} but there are only {len(names)} "
+                f"{labelled_map.name}: label index {highest} but there are only {len(names)} "
                 f"label names: {', '.join(names)}"
             )
-        labels = np.full(len(self), -1, np.int64)
-        labels[inside] = found
         return self.with_labels(labels, names)
 
     # ------------------------------------------------------------------ parts
