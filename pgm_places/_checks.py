@@ -249,6 +249,16 @@ def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> 
     return tuple(seen)
 
 
+def require_names(where: str, labels: NDArray[Any], names: Sequence[str]) -> None:
+    """Raise LabelError unless every label of a map, -1 for none, has a name."""
+    highest = labels.max(initial=-1)
+    if highest >= len(names):
+        raise LabelError(
+            f"{where}: label index {highest} but there are only {len(names)} labels: "
+            f"{', '.join(names)}"
+        )
+
+
 def label_raster(
     name: str, values: ArrayLike, shape: tuple[int | str | None, ...], n_labels: int | None = None
 ) -> NDArray[np.int16]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import require_names
 from pgm_places.datasets.bending import pushed
 from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, sides, windows
@@ -128,12 +129,7 @@ def _check(
         raise InputError(f"resolution_m must be a positive length in metres, got {resolution_m}")
     if not plan.labelled_cells.any():
         raise LabelError(f"{plan.name}: no free cell has a label; the plan's places are needed")
-    most = int(plan.labels.max())
-    if most >= len(label_names):
-        raise LabelError(
-            f"{plan.name}: label index {most} but there are only {len(label_names)} names: "
-            f"{', '.join(label_names)}"
-        )
+    require_names(plan.name, plan.labels, label_names)
 
 
 def _between(dice: Dice, limits: tuple[float, float]) -> float:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import set_fields
+from pgm_places._checks import require_names, set_fields
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -87,11 +87,7 @@ def require_examples(maps: list[LabelledMap], label_names: tuple[str, ...]) -> N
     counts = np.zeros(len(label_names), np.int64)
     for item in maps:
         labels = item.labels[item.labelled_cells]
-        if labels.size and labels.max() >= len(label_names):
-            raise LabelError(
-                f"{item.name}: label index {labels.max()} but there are only "
-                f"{len(label_names)} labels: {', '.join(label_names)}"
-            )
+        require_names(item.name, labels, label_names)
         counts += np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if count == 0]
     if missing:

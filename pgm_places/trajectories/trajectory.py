@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_shape, set_fields
+from pgm_places._checks import finite_array, integer_array, require_names, require_shape, set_fields
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import at_cells
@@ -202,11 +202,7 @@ class Trajectory:
         labels = at_cells(labelled_map.labels, cells, -1)
         if labelled_map.window is not None:
             labels[~at_cells(labelled_map.window, cells, False)] = -1
-        if (highest := labels.max(initial=-1)) >= len(names):
-            raise LabelError(
-                f"{labelled_map.name}: label index {highest} but there are only {len(names)} "
-                f"label names: {', '.join(names)}"
-            )
+        require_names(labelled_map.name, labels, names)
         return self.with_labels(labels, names)
 
     # ------------------------------------------------------------------ parts

@@ -149,7 +149,7 @@ def test_a_map_gives_its_labels_to_the_steps_on_it() -> None:
     found = path.labelled_by(labelled, ("room", "corridor"))
     assert found.labels is not None
     assert found.labels.tolist() == [0, 1, -1, -1, -1, -1]
-    with pytest.raises(LabelError, match="label index 1 but there are only 1 label names: room"):
+    with pytest.raises(LabelError, match="label index 1 but there are only 1 labels: room"):
         path.labelled_by(labelled, ["room"])
 
 
