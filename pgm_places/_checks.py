@@ -14,8 +14,9 @@ ROWS_AT_ONCE = 262_144
 """Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
 
 
-def row_blocks(n_rows: int, most: int = ROWS_AT_ONCE) -> Iterator[slice]:
+def row_blocks(n_rows: int, most: int | None = None) -> Iterator[slice]:
     """Some rows at a time: those of a huge map fill the memory with every step in between."""
+    most = most or ROWS_AT_ONCE
     for first in range(0, n_rows, most):
         yield slice(first, min(first + most, n_rows))
 

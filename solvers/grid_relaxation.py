@@ -268,10 +268,8 @@ def _read(
 
     For the last time, it is given up row after row if cells are in the order of rows.
     """
-    beliefs, parts = (
-        np.empty((len(cells), len(store.array)), np.float32),
-        list(row_blocks(len(cells), NODES_AT_ONCE)),
-    )
+    beliefs = np.empty((len(cells), len(store.array)), np.float32)
+    parts = list(row_blocks(len(cells), NODES_AT_ONCE))
     done = 0
     for first in range(0, len(parts), PARTS_AT_ONCE):
         some = parts[first : first + PARTS_AT_ONCE]

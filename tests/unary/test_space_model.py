@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from pgm_places import _checks
 from pgm_places.datasets import generate_building
 from pgm_places.graph.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary import cell_lists, space_model
+from pgm_places.unary import cell_lists
 from pgm_places.unary.cell_lists import SpaceList, aligned_log_proba
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, MapSpaces, SpaceModel, with_gates
 
@@ -67,7 +68,7 @@ def test_maps_without_gates_have_no_nodes_at_them() -> None:
 
 
 def test_gates_multiply_the_odds_of_doorways(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(space_model, "ROWS_AT_ONCE", 7)
+    monkeypatch.setattr(_checks, "ROWS_AT_ONCE", 7)
     rng = np.random.default_rng(0)
     z, at_gate = rng.dirichlet(np.ones(3), 40), rng.random(40).astype(np.float32)
     log_z = np.log(z)
