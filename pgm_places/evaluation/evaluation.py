@@ -240,9 +240,7 @@ def evaluate(
 
 
 def _reliability(
-    true: NDArray[np.int64],
-    chosen: NDArray[np.int64],
-    beliefs: NDArray[np.float64],
+    true: NDArray[np.int64], chosen: NDArray[np.int64], beliefs: NDArray[np.float64]
 ) -> Reliability:
     confidence = beliefs[np.arange(len(chosen)), chosen]
     index = np.clip((confidence * N_BINS).astype(np.int64), 0, N_BINS - 1)

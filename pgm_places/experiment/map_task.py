@@ -43,10 +43,7 @@ def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> Place
     with experiment.learning():
         for item in maps:
             teacher = Teacher(
-                item.grid,
-                labeler,
-                classes=config.labels.names,
-                options=config.teaching,
+                item.grid, labeler, classes=config.labels.names, options=config.teaching
             )
             labels = item.labels
             if item.window is not None:

@@ -6,12 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation
-from pgm_places.experiment.comparison import (
-    Comparison,
-    MethodResult,
-    SeedResult,
-    score_intervals,
-)
+from pgm_places.experiment.comparison import Comparison, MethodResult, SeedResult, score_intervals
 from pgm_places.experiment.experiment import Experiment
 
 

@@ -25,9 +25,7 @@ def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> 
     return kept
 
 
-def known_beside(
-    parts: Sequence[tuple[NDArray[np.int64] | None, int]],
-) -> NDArray[np.int64] | None:
+def known_beside(parts: Sequence[tuple[NDArray[np.int64] | None, int]]) -> NDArray[np.int64] | None:
     """What is known of several graphs side by side, each with its number of nodes."""
     if all(known is None for known, _ in parts):
         return None

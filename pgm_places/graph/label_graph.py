@@ -115,11 +115,7 @@ class LabelGraph:
 
     @classmethod
     def from_grid(
-        cls,
-        grid: CellMap | ArrayLike,
-        *,
-        connectivity: int = 8,
-        mask: ArrayLike | None = None,
+        cls, grid: CellMap | ArrayLike, *, connectivity: int = 8, mask: ArrayLike | None = None
     ) -> Self:
         """The free cells of a map as nodes, joined to their free neighbours.
 

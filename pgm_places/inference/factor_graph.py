@@ -66,10 +66,7 @@ class FactorGraph:
 
     @classmethod
     def of(
-        cls,
-        n_labels: ArrayLike,
-        scopes: Sequence[Sequence[int]],
-        tables: Sequence[ArrayLike],
+        cls, n_labels: ArrayLike, scopes: Sequence[Sequence[int]], tables: Sequence[ArrayLike]
     ) -> Self:
         """The same from lists."""
         whole = tuple(tuple(scope) for scope in scopes)

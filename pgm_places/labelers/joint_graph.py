@@ -127,10 +127,7 @@ class JointGraph:
         return LabelingProblem(self.graph, label_names, unary, edge_features=weights)
 
     def truth(
-        self,
-        of_cells: NDArray[np.int64] | None,
-        of_steps: NDArray[np.int64] | None,
-        n_labels: int,
+        self, of_cells: NDArray[np.int64] | None, of_steps: NDArray[np.int64] | None, n_labels: int
     ) -> NDArray[np.int64]:
         """(N,) true label of each node from those of cells and of steps, -1 where unknown."""
         parts = []

@@ -133,10 +133,7 @@ class LabelledNodes:
 
 
 def learn_places(
-    labeler: Any,
-    maps: list[LabelledMap],
-    with_scores: bool,
-    feature_cache: FeatureTables | None,
+    labeler: Any, maps: list[LabelledMap], with_scores: bool, feature_cache: FeatureTables | None
 ) -> tuple[LearnedUnary, dict[str, Any]]:
     """What a PlaceLabeler, which imports this module, learns from maps; its attributes by name."""
     names, space = tuple(labeler.label_names), labeler.space

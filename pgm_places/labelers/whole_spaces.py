@@ -133,11 +133,7 @@ class _Parts:
 
     @classmethod
     def of(
-        cls,
-        label: NDArray[np.int16],
-        segments: NodeSegments,
-        layout: GridLayout,
-        pair: list[int],
+        cls, label: NDArray[np.int16], segments: NodeSegments, layout: GridLayout, pair: list[int]
     ) -> Self:
         """Those of cells with these labels."""
         code = np.full(len(label), -1, np.int32)
@@ -211,10 +207,7 @@ class _Parts:
 
 
 def _moved(
-    log_z: NDArray[np.float64],
-    nodes: NDArray[np.int64],
-    label: NDArray[np.int16],
-    pair: list[int],
+    log_z: NDArray[np.float64], nodes: NDArray[np.int64], label: NDArray[np.int16], pair: list[int]
 ) -> NDArray[np.float64]:
     """(N, K) the scores with those nodes moved: both labels share what they had together."""
     if not len(nodes):

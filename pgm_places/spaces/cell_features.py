@@ -193,11 +193,7 @@ class CellFeatures:
         )
 
     def lookup(
-        self,
-        cells_rc: ArrayLike,
-        columns: ArrayLike | None = None,
-        *,
-        n_threads: int | None = None,
+        self, cells_rc: ArrayLike, columns: ArrayLike | None = None, *, n_threads: int | None = None
     ) -> NDArray[np.float32]:
         """(n, F) features of cells: those of ``columns``, by default all of ``names``.
 

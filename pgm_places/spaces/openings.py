@@ -112,10 +112,7 @@ def find_openings(
 
 
 def _all_openings(
-    borders: Borders,
-    divisions: NDArray[np.int32],
-    first: NDArray[np.int64],
-    resolution_m: float,
+    borders: Borders, divisions: NDArray[np.int32], first: NDArray[np.int64], resolution_m: float
 ) -> Openings:
     """The openings of all divisions, whose segments are numbered one division after the other."""
     sides = np.sort(divisions[:, borders.basins], axis=2)

@@ -88,11 +88,7 @@ class Learning:
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
 
     def _with_spaces(
-        self,
-        unary: UnaryModel,
-        painted: NDArray[np.int16],
-        n_new: int,
-        judge: FloorJudge | None,
+        self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int, judge: FloorJudge | None
     ) -> UnaryModel:
         assert unary.space is not None  # a method of the labeler looks at it
         space = self._with_gates(unary.space, painted)

@@ -87,10 +87,7 @@ def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> Lesson
 
 
 def learned_further(
-    fitted: BoostedList,
-    examples: Examples,
-    kept: NDArray[np.float32],
-    options: TeachingOptions,
+    fitted: BoostedList, examples: Examples, kept: NDArray[np.float32], options: TeachingOptions
 ) -> BoostedList:
     """A list that has learned painted examples and keeps what it says of other rows (m, F).
 

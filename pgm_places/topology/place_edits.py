@@ -91,10 +91,7 @@ def doorways_between(topology: TopologicalMap, one: Region, other: Region) -> li
 
 
 def split_across(
-    topology: TopologicalMap,
-    key: int | str,
-    start_m: Sequence[float],
-    end_m: Sequence[float],
+    topology: TopologicalMap, key: int | str, start_m: Sequence[float], end_m: Sequence[float]
 ) -> TopologicalMap:
     """The map with a place split by a line between two points; the larger part keeps the id.
 

@@ -201,9 +201,7 @@ class BeamOptions:
         local = None
         if self.missing == "local-map":
             local = LocalMap(
-                self.local_size_m,
-                self.local_resolution_m,
-                through_unknown_m=self.through_unknown_m,
+                self.local_size_m, self.local_resolution_m, through_unknown_m=self.through_unknown_m
             )
         return ScanCompletion(
             geometry,

@@ -61,10 +61,7 @@ class MapSpaces:
 
     @classmethod
     def of(
-        cls,
-        gates: Gates,
-        probability: NDArray[np.float64],
-        known_gates: tuple[Gate, ...] = (),
+        cls, gates: Gates, probability: NDArray[np.float64], known_gates: tuple[Gate, ...] = ()
     ) -> Self:
         """Those that follow from the probabilities of a map's gates."""
         places = places_between(gates, probability)
