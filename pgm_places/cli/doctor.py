@@ -1,5 +1,6 @@
 """``pgm-places doctor``: checks the installation and maps."""
 
+import contextlib
 import platform
 import re
 from pathlib import Path
@@ -59,27 +60,22 @@ def doctor(
 
 def _maps(maps: list[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool) -> None:
     from pgm_places.batch.found_maps import names_many
-
-    if len(maps) > 1 or names_many(maps[0]):
-        from pgm_places.cli.doctor_maps import check_maps
-
-        if not check_maps(maps, model, unknown_value, fix=fix):
-            raise SystemExit(EXIT_MAPS_FAILED)
-        return
-    from pgm_places.cli.doctor_maps import check_map
+    from pgm_places.cli.doctor_maps import check_map, check_maps
     from pgm_places.trained import stored_labeler
 
-    check_map(Path(maps[0]), stored_labeler(model).item, unknown_value, fix=fix)
+    if len(maps) == 1 and not names_many(maps[0]):
+        check_map(Path(maps[0]), stored_labeler(model).item, unknown_value, fix=fix)
+    elif not check_maps(maps, model, unknown_value, fix=fix):
+        raise SystemExit(EXIT_MAPS_FAILED)
 
 
 def _packages() -> list[str]:
     """What this package needs, as its metadata say, and what it can use."""
     from importlib.metadata import PackageNotFoundError, requires
 
-    try:
+    needs: list[str] = []
+    with contextlib.suppress(PackageNotFoundError):  # a checkout that is not installed
         needs = requires("pgm-places") or []
-    except PackageNotFoundError:  # a checkout that is not installed
-        needs = []
     listed = {re.split(r"[^\w.-]", text)[0]: "extra ==" in text for text in reversed(needs)}
     optional = {name for name, is_extra in listed.items() if is_extra} | _SOLVERS
     required = sorted(listed.keys() - optional)

@@ -1,8 +1,9 @@
 """``pgm-places label``: one map into a folder, or many, each into a folder of its own; index."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.cli import declarations
@@ -17,7 +18,6 @@ from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
-    from pgm_places.batch.found_maps import FoundMaps, Shard
     from pgm_places.batch.overview import Overview
     from pgm_places.batch.ready_model import LabelOptions, ReadyModel
     from pgm_places.batch.workers import Workers
@@ -157,17 +157,20 @@ def label_many(
     """Label the maps that are asked for; the exit code says whether one failed."""
     from pgm_places.batch.batch_folder import recorded_root
     from pgm_places.batch.found_maps import Shard, find_maps
+    from pgm_places.batch.label_batch import label_batch, plan
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
+    chosen: dict[str, Any] = {"shard": shard, "only_failed": batch.retry_failed}
     found = find_maps(asked.maps, asked.out, root=recorded_root(asked.out))
     if found.n_passed_over:
         n = found.n_passed_over
         say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
     if batch.dry_run:
-        _say_plan(found, asked.out, options, shard, only_failed=batch.retry_failed)
+        planned = plan(found, asked.out, options, **chosen)
+        say(planned.summary())
+        for title, names in planned.lists():
+            say(f"{title}: {_first_of(names, len(names))}")
         return
-    from pgm_places.batch.label_batch import label_batch
-
     processes, threads = make_workers(workers, len(found.maps), asked.n_threads)
     done = label_batch(
         found,
@@ -176,10 +179,9 @@ def label_many(
         processes,
         n_threads=threads,
         force=asked.force,
-        shard=shard,
-        only_failed=batch.retry_failed,
         limit_s=batch.time_limit_s,
         progress=progress,
+        **chosen,
     )
     say(done.summary())
     _say_gone(done.overview)
@@ -189,30 +191,16 @@ def label_many(
         raise SystemExit(EXIT_MAPS_FAILED)
 
 
-def _say_plan(
-    found: "FoundMaps",
-    out: Path,
-    options: "LabelOptions",
-    shard: "Shard | None",
-    *,
-    only_failed: bool,
-) -> None:
-    from pgm_places.batch.label_batch import plan
-
-    planned = plan(found, out, options, shard=shard, only_failed=only_failed)
-    say(planned.summary())
-    for title, names in planned.lists():
-        shown = ", ".join(names[:_MOST_NAMES])
-        more = len(names) - _MOST_NAMES
-        say(f"{title}: {shown}{f' and {more:,} more' if more > 0 else ''}")
+def _first_of(names: Sequence[str], n: int) -> str:
+    """The first of so many names."""
+    more = f" and {n - _MOST_NAMES:,} more" if n > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 def _say_gone(overview: "Overview") -> None:
     if n := overview.n_gone:
-        names = ", ".join(overview.gone[:_MOST_NAMES])
-        more = f" and {n - _MOST_NAMES:,} more" if n > _MOST_NAMES else ""
         say(
-            f"no longer in the input: {names}{more}; "
+            f"no longer in the input: {_first_of(overview.gone, n)}; "
             f"{'its results stay' if n == 1 else 'their results stay'} until you remove "
             f"{'the folder' if n == 1 else 'the folders'}"
         )
