@@ -25,7 +25,7 @@ from benchmarks.tiling import building_tiled
 from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import run_tasks, threads
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
@@ -58,7 +58,8 @@ class OneBox:
 
     def __init__(self, grid: OccupancyGrid, sensor: Sensor, n_threads: int) -> None:
         self._box = Box(0, grid.shape[0], 0, grid.shape[1])
-        self._caster = CellCaster(grid, sensor, n_threads)
+        with threads(n_threads):
+            self._caster = CellCaster(grid, sensor)
         nodes, self.rows, self.columns = NodeNumbers(grid.free).of(self._box)
         self._nodes = nodes.astype(np.int32)
         self.out = np.zeros((len(nodes), sensor.n_beams), np.float32)
@@ -87,7 +88,8 @@ class RayByRay:
 
     def follow(self, n_threads: int) -> None:
         """Cast to the rows of ``out``."""
-        caster = CellCaster(self._grid, self._sensor, n_threads)
+        with threads(n_threads):
+            caster = CellCaster(self._grid, self._sensor)
         caster.follow(self._blocked, Cells(self._rows, self._columns, self._nodes), self.out)
 
 
@@ -109,6 +111,12 @@ def fill(out: NDArray[np.float32], n_threads: int) -> None:
     run_tasks(lambda task: parts[task].fill(1.0), len(parts), n_threads=n_threads)
 
 
+def cast_on(n_threads: int, grid: OccupancyGrid, sensor: Sensor) -> NDArray[np.float32]:
+    """What so many threads see."""
+    with threads(n_threads):
+        return cast_cells(grid, sensor)
+
+
 def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
     """All methods side by side."""
     sensor = Sensor()
@@ -116,18 +124,18 @@ def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str,
     slow.follow(2)
     exact = slow.out / grid.resolution_m
     rows: list[dict[str, Any]] = []
-    for threads in (1, 2):
-        box = OneBox(grid, sensor, threads)
+    for count in (1, 2):
+        box = OneBox(grid, sensor, count)
         n_rays, n_slow = box.out.size, slow.out.size
         works: dict[str, tuple[Work, int]] = {
-            "DDA": (partial(slow.follow, threads), n_slow),
+            "DDA": (partial(slow.follow, count), n_slow),
             "sweep, one row": (box.sweep_over_one_row, n_rays),
             "sweep": (box.sweep, n_rays),
-            "cast_cells": (partial(cast_cells, grid, sensor, n_threads=threads), n_rays),
+            "cast_cells": (partial(cast_on, count, grid, sensor), n_rays),
         }
-        taken = {name: seconds(work, threads, repeats) / n for name, (work, n) in works.items()}
+        taken = {name: seconds(work, count, repeats) / n for name, (work, n) in works.items()}
         swept = box.out[::SAMPLE] / grid.resolution_m
-        floor = seconds(partial(fill, box.out, threads), threads, repeats) / n_rays
+        floor = seconds(partial(fill, box.out, count), count, repeats) / n_rays
         off = {"DDA": np.zeros(1), "sweep": np.abs(swept - exact)}
         for name, each in [*taken.items(), ("floor", floor)]:
             rows.append(
@@ -135,7 +143,7 @@ def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str,
                     "map": title,
                     "cells": len(box.rows),
                     "method": name,
-                    "threads": threads,
+                    "threads": count,
                     "Mrays/s": 1e-6 / each,
                     "times DDA": taken["DDA"] / each,
                     "of the floor": floor / each,
@@ -168,7 +176,7 @@ def scaling_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str
 def peak_bytes(grid: OccupancyGrid, memory_mib: int) -> int:
     """Memory allocated while streaming, beyond the map."""
     tracemalloc.start()
-    for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20, n_threads=1):
+    for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20):
         pass
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -184,7 +192,7 @@ def streaming_rows(quick: bool) -> list[dict[str, Any]]:
         for memory_mib in (64, 256):
             peak = peak_bytes(grid, memory_mib)
             start = time.process_time()
-            for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20, n_threads=1):
+            for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20):
                 pass
             taken = time.process_time() - start
             rows.append(
@@ -206,4 +214,5 @@ def run(quick: bool) -> list[dict[str, Any]]:
     chosen = list(maps())
     rows = [row for title, grid in chosen for row in method_rows(title, grid, repeats)]
     title, grid = chosen[0]
-    return [*rows, *scaling_rows(title, grid, repeats), *streaming_rows(quick)]
+    with threads(1):
+        return [*rows, *scaling_rows(title, grid, repeats), *streaming_rows(quick)]

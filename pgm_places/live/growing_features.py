@@ -10,7 +10,7 @@ from pgm_places._checks import row_blocks
 from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.own import feature_values, n_columns
-from pgm_places.kernels.threads import run_parts
+from pgm_places.kernels.threads import run_parts, threads
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
@@ -159,7 +159,9 @@ class GrowingFeatures:
         mask[tuple(cells_rc[nodes].T)] = True
         n_sectors = self._reach.shape[1]
         starts = -(-np.arange(n_sectors) * self.sensor.n_beams // n_sectors)
-        for block in iter_cast(grid, self.sensor, mask=mask, n_threads=self.n_threads):
+        with threads(self.n_threads):
+            blocks = iter_cast(grid, self.sensor, mask=mask)
+        for block in blocks:
             for part in row_blocks(len(block.nodes), _AT_ONCE):
                 some, ranges = nodes[block.nodes[part]], block.ranges[part]
                 values = feature_values(

@@ -59,10 +59,10 @@ def _bytes_of_lists(grid: OccupancyGrid, stop_at_unknown: bool) -> float:
 class CellCaster:
     """Casts a sensor's beams from cells of one map; working memory is kept from box to box."""
 
-    def __init__(self, grid: OccupancyGrid, sensor: Sensor, n_threads: int | None) -> None:
+    def __init__(self, grid: OccupancyGrid, sensor: Sensor) -> None:
         self._grid = grid
         self._sensor = sensor
-        self._n_threads = resolve_threads(n_threads)
+        self._n_threads = resolve_threads()
         self._beams = Beams.full_circle(sensor.n_beams)
         self._groups = _sweep.beam_groups(self._beams, self._n_threads)
         self._ways = self._beams.ways(grid.resolution_m)

@@ -42,11 +42,7 @@ class ScanBlock:
 
 
 def cast_cells(
-    grid: OccupancyGrid,
-    sensor: Sensor,
-    *,
-    mask: ArrayLike | None = None,
-    n_threads: int | None = None,
+    grid: OccupancyGrid, sensor: Sensor, *, mask: ArrayLike | None = None
 ) -> NDArray[np.float32]:
     """(N, n_beams) ranges in metres from the centres of the N free cells.
 
@@ -58,8 +54,6 @@ def cast_cells(
         Beams, reach and noise.
     mask : (H, W) bool, optional
         Cast only from the free cells inside it.
-    n_threads : int, optional
-        Any number gives the same bits.
 
     Rows are in the node order of ``LabelGraph.from_grid(grid, mask=mask)``: row-major from the
     bottom row. The result takes ``4 * N * n_beams`` bytes; :func:`iter_cast` bounds that.
@@ -72,7 +66,7 @@ def cast_cells(
            [0.15, 0.05, 0.15, 0.05],
            [0.05, 0.05, 0.25, 0.05]], dtype=float32)
     """
-    caster = CellCaster(grid, sensor, n_threads)
+    caster = CellCaster(grid, sensor)
     wanted = _wanted(grid, mask)
     numbers = NodeNumbers(wanted)
     ranges = np.empty((numbers.total, sensor.n_beams), np.float32)
@@ -92,13 +86,12 @@ def iter_cast(
     *,
     mask: ArrayLike | None = None,
     memory_bytes: int = _WORKING_BYTES,
-    n_threads: int | None = None,
 ) -> Iterator[ScanBlock]:
     """Scans of all cells, the same bits as :func:`cast_cells` has, in blocks.
 
     Parameters
     ----------
-    grid, sensor, mask, n_threads
+    grid, sensor, mask
         As in :func:`cast_cells`.
     memory_bytes : int
         Maximum memory used at a time, besides the map and the mask themselves: for the
@@ -123,7 +116,7 @@ def iter_cast(
     ...     print(block.nodes, block.ranges[:, 0].round(2))
     [0 1 2] [0.25 0.15 0.05]
     """
-    caster = CellCaster(grid, sensor, n_threads)
+    caster = CellCaster(grid, sensor)
     wanted = _wanted(grid, mask)
     return _blocks(caster, wanted, sensor.n_beams, int(memory_bytes))
 
@@ -173,7 +166,6 @@ def cast_poses(
     *,
     max_range_m: float,
     stop_at_unknown: bool = True,
-    n_threads: int | None = None,
 ) -> NDArray[np.float32]:
     """(P, M) ranges in metres from P poses along M angles.
 
@@ -189,8 +181,6 @@ def cast_poses(
         Longest distance reported.
     stop_at_unknown : bool
         Whether a ray ends where it enters unknown space.
-    n_threads : int, optional
-        Any number gives the same bits.
 
     A pose inside a blocked cell or outside the map reads 0 along every beam.
 
@@ -206,7 +196,7 @@ def cast_poses(
     array([[0.18, 0.12]], dtype=float32)
     """
     caster = PoseCaster(grid, stop_at_unknown=stop_at_unknown)
-    return caster.cast(poses, angles_rad, max_range_m=max_range_m, n_threads=n_threads)
+    return caster.cast(poses, angles_rad, max_range_m=max_range_m)
 
 
 class PoseCaster:
@@ -224,12 +214,7 @@ class PoseCaster:
         self._blocked = blocked_window(grid, Box(0, height, 0, width), stop_at_unknown)
 
     def cast(
-        self,
-        poses: ArrayLike,
-        angles_rad: ArrayLike,
-        *,
-        max_range_m: float,
-        n_threads: int | None = None,
+        self, poses: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
     ) -> NDArray[np.float32]:
         """(P, M) ranges in metres; arguments as in :func:`cast_poses`."""
         grid = self._grid
@@ -257,7 +242,7 @@ class PoseCaster:
                 ranges[part],
             )
 
-        run_parts(cast, len(poses), _POSES_PER_TASK, n_threads=n_threads)
+        run_parts(cast, len(poses), _POSES_PER_TASK)
         return ranges
 
 

@@ -66,12 +66,7 @@ class SimulatedRobot(RobotMotion):
         return cls(laser.geometry(), laser.noise(), odometry_noise, **moves)
 
     def drive(
-        self,
-        grid: OccupancyGrid,
-        stops_m: ArrayLike,
-        *,
-        name: str = "simulated",
-        n_threads: int | None = None,
+        self, grid: OccupancyGrid, stops_m: ArrayLike, *, name: str = "simulated"
     ) -> Trajectory:
         """The trajectory of a drive from stop to stop (S, 2) on planned ways.
 
@@ -82,7 +77,7 @@ class SimulatedRobot(RobotMotion):
         """
         stops = finite_array("stops_m", stops_m, ("S", 2))
         planner = PathPlanner(grid, radius_m=self.radius_m)
-        return self.follow(grid, planner.way(*stops), name=name, n_threads=n_threads)
+        return self.follow(grid, planner.way(*stops), name=name)
 
     def explore(
         self,
@@ -94,7 +89,6 @@ class SimulatedRobot(RobotMotion):
         window: ArrayLike | None = None,
         seed: int = 0,
         name: str = "simulated",
-        n_threads: int | None = None,
     ) -> Trajectory:
         """The trajectory of a tour past all places that the robot fits into.
 
@@ -112,8 +106,8 @@ class SimulatedRobot(RobotMotion):
             The cells that the robot stays in; its laser sees the whole map all the same.
         seed : int
             Draws the start.
-        name, n_threads
-            Of the trajectory; for ray casting.
+        name : str
+            Of the trajectory.
 
         Raises
         ------
@@ -126,15 +120,10 @@ class SimulatedRobot(RobotMotion):
         if max_length_m is not None:
             along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
             way = way[: max(2, int(np.searchsorted(along, max_length_m, "right")))]
-        return self.follow(grid, way, name=name, n_threads=n_threads)
+        return self.follow(grid, way, name=name)
 
     def follow(
-        self,
-        grid: OccupancyGrid,
-        way_m: ArrayLike,
-        *,
-        name: str = "simulated",
-        n_threads: int | None = None,
+        self, grid: OccupancyGrid, way_m: ArrayLike, *, name: str = "simulated"
     ) -> Trajectory:
         """The trajectory along a way of points (P, 2) that need not be planned here."""
         times, poses = self._motion(finite_array("way_m", way_m, ("P", 2)))
@@ -142,9 +131,7 @@ class SimulatedRobot(RobotMotion):
         noise = self.odometry_noise
         if noise is not None:
             trajectory = replace(trajectory, odometry=noise.odometry(poses))
-        return scans_along(
-            grid, trajectory, self.geometry, noise=self.sensor_noise, n_threads=n_threads
-        )
+        return scans_along(grid, trajectory, self.geometry, noise=self.sensor_noise)
 
     def _motion(
         self, way_m: NDArray[np.float64]
@@ -192,7 +179,6 @@ def scans_along(
     geometry: ScanGeometry,
     *,
     noise: SensorNoise | None = None,
-    n_threads: int | None = None,
 ) -> Trajectory:
     """The same trajectory with scans cast in a map of its frame, for poses that come without.
 
@@ -207,8 +193,6 @@ def scans_along(
         The sensor.
     noise : SensorNoise, optional
         Its errors; each step's depend on the seed and the step's number only.
-    n_threads : int, optional
-        Any number gives the same bits.
 
     Examples
     --------
@@ -218,9 +202,7 @@ def scans_along(
     array([[0.18, 0.12]], dtype=float32)
     """
     reach = geometry.range_max_m
-    ranges = cast_poses(
-        grid, trajectory.poses, geometry.angles_rad, max_range_m=reach, n_threads=n_threads
-    )
+    ranges = cast_poses(grid, trajectory.poses, geometry.angles_rad, max_range_m=reach)
     if noise is not None and not noise.is_silent:
         steps = np.arange(len(ranges))  # each scan counts as a cell of its own
         cells = Cells(steps, np.zeros_like(steps), steps.astype(np.int32))
