@@ -143,7 +143,7 @@ def _replay(
     asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceMemory"
 ) -> "Replay":
     """The log, with the maps that it holds in the frame of its poses."""
-    from pgm_places.io.logs.map_messages import read_map_messages
+    from pgm_places.io.logs.bags import read_map_messages
     from pgm_places.io.logs.trajectories import read_trajectory
     from pgm_places.live.live_map import LiveMap
     from pgm_places.live.place_finder import PlaceFinder

@@ -13,7 +13,7 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.source_config import GraphConfig, SourceConfig
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.tables import is_empty, problem_from_tables
-from pgm_places.io.graph_tables import GraphTables, Table, read_graphml, read_table
+from pgm_places.io.csv_table import GraphTables, Table, read_graphml, read_table
 
 
 @dataclass(frozen=True, eq=False)

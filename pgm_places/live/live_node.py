@@ -9,7 +9,7 @@ import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.io.logs.bag_poses import FrameBuffer, SoughtPose, planar
-from pgm_places.io.logs.map_messages import ScanMessages
+from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions, NodeOptions

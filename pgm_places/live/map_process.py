@@ -24,7 +24,7 @@ from typing import IO, Any, Protocol, Self
 import numpy as np
 
 from pgm_places.errors import OutputError, PgmPlacesError
-from pgm_places.io.logs.map_messages import grid_of_message
+from pgm_places.io.logs.bags import grid_of_message
 from pgm_places.io.places.place_bag import class_grid
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.live.live_map import LiveLabels, LiveMap, PlaceMemory

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgm_places.errors import LogError
-from pgm_places.io.logs.map_messages import MapMessage
+from pgm_places.io.logs.bags import MapMessage
 from pgm_places.labelers.tracking import PathMap
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.live_options import LiveOptions

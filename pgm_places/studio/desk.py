@@ -17,12 +17,12 @@ from pgm_places.options import check_option, from_mapping
 from pgm_places.studio import strokes
 from pgm_places.studio.building_box import building_box
 from pgm_places.studio.carrying import opened_painting
+from pgm_places.studio.journal import SourceFile
 from pgm_places.studio.layers import GivenLabels, Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Changes, Lesson, Question, Tutor, renamed, share_that_agrees
 from pgm_places.studio.painting import Classes
 from pgm_places.studio.runs import Window, runs_of_mask, runs_over
-from pgm_places.studio.source_file import SourceFile
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from pgm_places.errors import InputError, OutputError, shown
+from pgm_places.io.input_file import sha256_of
 from pgm_places.io.staging import as_output_errors
 
 try:
@@ -159,3 +160,28 @@ def _entry(path: Path, number: int, line: bytes) -> dict[str, Any]:
     if not isinstance(entry, dict):
         raise InputError(f"{path}: line {number} is damaged; restore the file from a copy")
     return entry
+
+
+class SourceFile:
+    """A file as it was when the studio began.
+
+    Attributes
+    ----------
+    sha256 : str
+        Of its content.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.sha256 = path, sha256_of(path)
+        self._seen = self._state()
+
+    def was_changed(self) -> bool:
+        """Whether the file is missing, or was written to since."""
+        return self._state() != self._seen
+
+    def _state(self) -> tuple[int, int] | None:
+        try:
+            found = self.path.stat()
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size

@@ -16,7 +16,7 @@ from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs
-from pgm_places.io.logs.map_messages import read_map_messages
+from pgm_places.io.logs.bags import read_map_messages
 from pgm_places.io.logs.object_counts import read_detection_bag, read_object_counts
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels

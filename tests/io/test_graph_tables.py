@@ -6,7 +6,7 @@ import networkx as nx
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.io.graph_tables import read_graphml, read_table
+from pgm_places.io.csv_table import read_graphml, read_table
 
 XMLNS = 'xmlns="http://graphml.graphdrawing.org/xmlns"'
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.io.logs.map_messages import ScanMessages
+from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.live_node import LiveNode

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import LogError, MapError
-from pgm_places.io.logs.map_messages import MapMessage, grid_of_message, read_map_messages
+from pgm_places.io.logs.bags import MapMessage, grid_of_message, read_map_messages
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.map_prior import MapPrior
