@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import pytest
 
-from pgm_places.batch.overview import GrowingTable
+from pgm_places.batch.growing_table import GrowingTable
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 
