@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array
+from pgm_places._checks import finite_array, integer_array, row_blocks
 from pgm_places._core import filter_in_logs, smooth_in_logs, subtract_best
 from pgm_places.errors import InputError
 
@@ -125,12 +125,12 @@ def exceeds_floats(
         return False
     if tables.min(initial=1.0, where=tables > 0) < RARE_ARRIVAL:
         return True
-    for first in range(0, len(beliefs), STEPS_AT_ONCE):
-        some = beliefs[first : first + STEPS_AT_ONCE]
+    for part in row_blocks(len(beliefs), STEPS_AT_ONCE):
+        some = beliefs[part]
         if some.min() >= RARE_BELIEF:
             continue
         step, label = np.nonzero(some < RARE_BELIEF)
-        step += first
+        step += part.start
         seen = (chain.observed[step, label] > -np.inf) | impossible[step]
         step, label = step[seen], label[seen]
         coming = (chain.arrival[chain.led[step], label] * beliefs[step - 1]).sum(axis=1)

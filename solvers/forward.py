@@ -4,14 +4,13 @@ Observations that the model says cannot happen are left out, as if nothing had b
 step, and their steps are reported; beliefs never become NaN.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, number_array, require_shape
+from pgm_places._checks import finite_array, number_array, require_shape, row_blocks
 from pgm_places._core import filter_chain, smooth_chain, subtract_best, trace_back, viterbi_chain
 from pgm_places.errors import InputError
 from pgm_places.solvers.chains import (
@@ -138,7 +137,7 @@ def viterbi(chain: Chain) -> ChainPath:
     origin = np.empty(observed.shape, np.int8 if n_labels <= np.iinfo(np.int8).max else np.int16)
     impossible = np.empty(n_steps, np.bool_)
     shift = 0.0
-    for part in _blocks(n_steps):
+    for part in row_blocks(n_steps, STEPS_AT_ONCE):
         rows, begun = _checked(observed, part), part.start > 0
         shift += viterbi_chain(
             score, begun, log_arrival, led[part], rows, origin[part], impossible[part]
@@ -196,12 +195,6 @@ class ForwardFilter:
         return beliefs[0], not impossible[0]
 
 
-def _blocks(n_steps: int) -> Iterator[slice]:
-    """Slices of steps, few enough that all their numbers stay in cache."""
-    for begin in range(0, n_steps, STEPS_AT_ONCE):
-        yield slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
-
-
 def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
     """Some rows of the log-likelihoods (T, K), looked at just before they are needed in cache."""
     rows = observed[part]
@@ -230,7 +223,7 @@ def _filter(
     The chain's start is the belief before; where nothing has ``begun``, the first prediction.
     """
     belief, evidence = chain.start.copy(), 0.0
-    for part in _blocks(len(chain.observed)):
+    for part in row_blocks(len(chain.observed), STEPS_AT_ONCE):
         rows = _checked(chain.observed, part)
         scaled, scale = np.empty(rows.shape), np.empty(len(rows))
         subtract_best(rows, scaled, scale)

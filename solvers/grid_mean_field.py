@@ -51,7 +51,6 @@ def grid_mean_field(
     damping: float = 0.0,
     tolerance: float = 1e-4,
     max_iterations: int = 100,
-    n_threads: int | None = None,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> GridMeanField:
     """Independent beliefs of a raster's cells that locally minimise ``KL(q || p)``.
@@ -75,8 +74,6 @@ def grid_mean_field(
         Whether cells that share a corner are neighbours, or only those that share a side.
     damping, tolerance, max_iterations, on_iteration
         As in :func:`~pgm_places.solvers.mean_field.mean_field`.
-    n_threads : int, optional
-        All cores by default; the result is the same for any number.
 
     Raises
     ------
@@ -104,7 +101,7 @@ def grid_mean_field(
         given = finite_array("pairwise", pairwise, table.shape, allow_minus_inf=True)
         table = np.ascontiguousarray(given)
     cells, start = _rows_of(cells_rc, n_nodes)
-    threads = min(resolve_threads(n_threads), -(-n_nodes // _NODES_PER_TASK) or 1)
+    threads = min(resolve_threads(), -(-n_nodes // _NODES_PER_TASK) or 1)
     reach = 1 if connectivity == 8 else 0
 
     def repeated(update: Callable[[int], float]) -> list[float]:

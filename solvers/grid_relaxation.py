@@ -107,7 +107,6 @@ def relax_grid(
     damping: float = 0.0,
     max_iterations: int = 50,
     tolerance: float = 1e-4,
-    n_threads: int | None = None,
     on_iteration: OnIteration | None = None,
 ) -> Relaxed:
     """Relaxed beliefs of the cells of a raster; the same bits for any thread count.
@@ -130,7 +129,7 @@ def relax_grid(
     diagonal_weight : float
         Weight of neighbours that share a corner, relative to a side; see
         :func:`neighbour_weights`.
-    floor, damping, max_iterations, tolerance, n_threads, on_iteration
+    floor, damping, max_iterations, tolerance, on_iteration
         As in :func:`pgm_places.solvers.relaxation.relax_graph`.
 
     Notes
@@ -154,12 +153,12 @@ def relax_grid(
     parts = _split(rows)
     n_parts = len(parts) - 1
     codes = _codes(walls, cells, shape, rows, by_direction=not one_table)
-    beliefs = _fill(table, cells, rows, floor, n_threads)
+    beliefs = _fill(table, cells, rows, floor)
     store = _Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
     rule = _Update(tables, ratio, np.float32(damping))
     edges = _edges(store, n_labels, rows.longest)
     results = np.zeros((n_parts, relaxation.SUMS))
-    threads = relaxation.useful_threads(n_threads, n_parts)
+    threads = relaxation.useful_threads(n_parts)
     groups = relaxation.thread_groups(n_parts, threads)
     ahead = [np.zeros((3, n_labels, rows.longest), np.float32) for _ in groups]
     calls = [
@@ -169,7 +168,7 @@ def relax_grid(
         ]
         for turn in (edges, edges[::-1])
     ]
-    read, limits = partial(_read, beliefs, cells, rows, n_threads), (max_iterations, tolerance)
+    read, limits = partial(_read, beliefs, cells, rows), (max_iterations, tolerance)
     last = partial(read, last=True)
     return relaxation.repeat(
         calls, results, threads, table.shape, lambda _: read(), *limits, on_iteration, last
@@ -243,13 +242,7 @@ def _runs(
     return row, first + 1, last + 1
 
 
-def _fill(
-    unary: NDArray[np.floating[Any]],
-    cells: _Cells,
-    rows: _Rows,
-    floor: float,
-    n_threads: int | None,
-) -> Planes:
+def _fill(unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float) -> Planes:
     """The store (K, M) with the beliefs of the start."""
     store = Planes((unary.shape[1], rows.n_cells), np.float32)
 
@@ -257,13 +250,11 @@ def _fill(
         beliefs = relaxation.starting_beliefs(unary[part], floor=floor, first_node=part.start)
         _core.place_beliefs(beliefs, cells[part], rows.index, store.array)
 
-    run_parts(fill, len(cells), NODES_AT_ONCE, n_threads=n_threads)
+    run_parts(fill, len(cells), NODES_AT_ONCE)
     return store
 
 
-def _read(
-    store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None, *, last: bool = False
-) -> NDArray[np.float32]:
+def _read(store: Planes, cells: _Cells, rows: _Rows, *, last: bool = False) -> NDArray[np.float32]:
     """(N, K) the beliefs in the store.
 
     For the last time, it is given up row after row if cells are in the order of rows.
@@ -278,7 +269,7 @@ def _read(
             part = some[task]
             _core.collect_beliefs(store.array, cells[part], rows.index, beliefs[part])
 
-        run_tasks(read, len(some), n_threads=n_threads)
+        run_tasks(read, len(some))
         if last and isinstance(cells, MaskCells):
             row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
             below = int(rows.row_start[row + 1])

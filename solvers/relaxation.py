@@ -128,7 +128,6 @@ def relax_graph(
     damping: float = 0.0,
     max_iterations: int = 50,
     tolerance: float = 1e-4,
-    n_threads: int | None = None,
     on_iteration: OnIteration | None = None,
 ) -> Relaxed:
     """Relaxed beliefs on any graph, in double precision; the same bits for any thread count.
@@ -147,8 +146,6 @@ def relax_graph(
         Which of the D tables an entry uses; default the first.
     floor, damping, max_iterations, tolerance
         See :class:`pgm_places.models.relaxation.Relaxation`.
-    n_threads : int, optional
-        Threads; default as :func:`pgm_places.kernels.threads.resolve_threads`.
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
@@ -173,7 +170,7 @@ def relax_graph(
     around = _neighbours(rows, width * neighbour, share, shared, which, len(tables))
     padded, across = _padded(beliefs, tables, width)
     begin = np.append(np.arange(0, n_nodes, NODES_PER_PART), n_nodes)
-    threads = useful_threads(n_threads, len(begin) - 1)
+    threads = useful_threads(len(begin) - 1)
     groups = thread_groups(len(begin) - 1, threads)
     sums = np.zeros((len(begin) - 1, SUMS))
     buffers = padded, padded.copy()
@@ -231,9 +228,9 @@ def repeat(
     return Relaxed(beliefs, converged, max_change, mean_change, support)
 
 
-def useful_threads(n_threads: int | None, n_parts: int) -> int:
+def useful_threads(n_parts: int) -> int:
     """As many threads as asked for, fewer where the work would not pay for starting them."""
-    return max(1, min(resolve_threads(n_threads), n_parts // PARTS_PER_THREAD))
+    return max(1, min(resolve_threads(), n_parts // PARTS_PER_THREAD))
 
 
 def thread_groups(n_parts: int, threads: int) -> list[tuple[int, int]]:

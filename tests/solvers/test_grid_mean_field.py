@@ -14,6 +14,7 @@ from pgm_places.solvers import grid_mean_field as module
 from pgm_places.solvers.grid_mean_field import grid_mean_field
 from pgm_places.solvers.mean_field import mean_field
 from pgm_places.solvers.pairwise import pairwise_model
+from tests.on_threads import on
 from tests.reference.mean_field import mean_field_in_order
 
 
@@ -71,9 +72,9 @@ def test_any_number_of_threads_gives_the_same_bits(monkeypatch: pytest.MonkeyPat
     rng = np.random.default_rng(4)
     cells = np.argwhere(rng.random((60, 70)) < 0.8)
     unary = np.log(rng.dirichlet(np.ones(3), len(cells)))
-    whole = grid_mean_field(unary, cells, np.eye(3), n_threads=1)
+    whole = on(1, grid_mean_field, unary, cells, np.eye(3))
     monkeypatch.setattr(module, "_NODES_PER_TASK", 100)
-    parts = [grid_mean_field(unary, cells, np.eye(3), n_threads=n) for n in (1, 4)]
+    parts = [on(n, grid_mean_field, unary, cells, np.eye(3)) for n in (1, 4)]
     for part in parts:
         np.testing.assert_array_equal(part.beliefs, whole.beliefs)
         np.testing.assert_array_equal(part.history, whole.history)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.solvers import kept_field as module
 from pgm_places.solvers.grid_mean_field import GridMeanField, grid_mean_field
 from pgm_places.solvers.kept_field import KeptField, kept_in
+from tests.on_threads import on
 
 
 def assert_same(found: GridMeanField, expected: GridMeanField) -> None:
@@ -102,7 +103,7 @@ def test_any_number_of_threads_gives_the_same_bits(monkeypatch: pytest.MonkeyPat
     found = []
     for n_threads in (1, 4):
         with kept_in(KeptField()):
-            found.append(grid_mean_field(unary, cells, np.eye(3), n_threads=n_threads))
+            found.append(on(n_threads, grid_mean_field, unary, cells, np.eye(3)))
     assert_same(*found)
 
 

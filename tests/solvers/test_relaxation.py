@@ -11,6 +11,7 @@ from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.solvers import grid_relaxation
 from pgm_places.solvers.grid_relaxation import BLOCK, neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
+from tests.on_threads import on
 from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
 
 Raster = NDArray[np.float64]
@@ -89,7 +90,7 @@ def test_any_number_of_threads_gives_the_same_bits(
     shape = (60, 90)
     unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
     first, *others = (
-        relax_grid(unary, cells, shape, r, walls=walls, max_iterations=8, tolerance=0, n_threads=n)
+        on(n, relax_grid, unary, cells, shape, r, walls=walls, max_iterations=8, tolerance=0)
         for n in (1, 2, 5)
     )
     for other in others:
@@ -106,8 +107,8 @@ def test_the_cells_of_a_mask_need_no_list(n_threads: int, monkeypatch: pytest.Mo
     unary, cells, walls, r, _ = a_raster(6, shape, 3)
     mask = np.zeros(shape, np.bool_)
     mask[cells[:, 0], cells[:, 1]] = True
-    listed = relax_grid(unary, cells, shape, r, walls=walls, n_threads=1)
-    found = relax_grid(unary, MaskCells.of(mask), shape, r, walls=walls, n_threads=n_threads)
+    listed = on(1, relax_grid, unary, cells, shape, r, walls=walls)
+    found = on(n_threads, relax_grid, unary, MaskCells.of(mask), shape, r, walls=walls)
     assert np.array_equal(found.beliefs, listed.beliefs)
     assert found.mean_change == listed.mean_change
     with pytest.raises(InputError, match=r"cells of a mask of shape \(40, 300\), got"):
@@ -120,7 +121,7 @@ def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> N
     unary = np.zeros((len(cells), 3), np.float32)
     relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # what is made once
     tracemalloc.start()
-    found = relax_grid(unary, cells, (1200, 1200), r, max_iterations=1, n_threads=2)
+    found = on(2, relax_grid, unary, cells, (1200, 1200), r, max_iterations=1)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < found.beliefs.nbytes + 6 * len(cells)  # the store, which is not traced, aside
@@ -207,7 +208,7 @@ def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> No
     unary, cells, _, r, _ = a_raster(7, (9, 9), 3)
     start, node, _ = adjacency(cells, (9, 9))
     first, second = (
-        relax_graph(unary, start, node, r[:, :3, :3], max_iterations=4, tolerance=0, n_threads=n)
+        on(n, relax_graph, unary, start, node, r[:, :3, :3], max_iterations=4, tolerance=0)
         for n in (1, 3)
     )
     np.testing.assert_array_equal(first.beliefs, second.beliefs)
