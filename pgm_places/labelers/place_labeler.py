@@ -22,20 +22,12 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
 from pgm_places.progress import Progress, reported
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary import options
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.map_model import CellScores, UnaryModel
-from pgm_places.unary.options import (
-    HallsAs,
-    LearnOn,
-    NumberOfExamples,
-    NumberOfFolds,
-    NumberOfNodeFeatures,
-    SpaceOptions,
-    WindowsM,
-)
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -46,7 +38,7 @@ __all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 
 Connectivity = Literal[4, 8]
 SENSOR = Sensor()
-SPACE = SpaceOptions()
+SPACE = options.SpaceOptions()
 
 
 @dataclass(eq=False, repr=False)
@@ -127,14 +119,14 @@ class PlaceLabeler(Labeler):
     sensor: Sensor = SENSOR
     classifier: "DecisionListClassifier | None" = None
     connectivity: Connectivity = 8
-    context_m: WindowsM = ()
-    space: SpaceOptions | None = SPACE
-    learn_on: LearnOn = "out-of-fold"
-    n_folds: NumberOfFolds = 5
-    n_node_features: NumberOfNodeFeatures = 30
-    max_examples_per_map: NumberOfExamples | None = None
+    context_m: options.WindowsM = ()
+    space: options.SpaceOptions | None = SPACE
+    learn_on: options.LearnOn = "out-of-fold"
+    n_folds: options.NumberOfFolds = 5
+    n_node_features: options.NumberOfNodeFeatures = 30
+    max_examples_per_map: options.NumberOfExamples | None = None
     features: Sequence[Any] = ()
-    halls: HallsAs = "corridor"
+    halls: options.HallsAs = "corridor"
     whole_spaces: bool = True
     doorway_depth_m: Positive | None = None
     floor: FloorModel | None = None

@@ -12,13 +12,8 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
+from pgm_places.labelers import label_map
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import (
-    SAME_RESOLUTION,
-    LabelledPlaces,
-    at_model_resolution,
-    on_own_raster,
-)
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen
@@ -273,9 +268,9 @@ class Teacher:
         """The cells to label, at the labeler's resolution, with features once they are needed."""
         if self.labeler is not None:
             model = self.labeler.unary_model_
-            used, _ = at_model_resolution(self.labeler, self.grid)
+            used, _ = label_map.at_model_resolution(self.labeler, self.grid)
             return CellTable(used, model.sensor, model.features)
-        fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
+        fine = self.grid.resolution_m < FINEST_M * (1 - label_map.SAME_RESOLUTION)
         used = coarsen(self.grid, FINEST_M) if fine else self.grid
         return CellTable(used, Sensor())
 
@@ -297,7 +292,7 @@ class Teacher:
         names, method = labeler.label_names_, self.method or labeler.default_method
         if method not in labeler.methods_:  # one that knows other classes
             method = labeler.default_method
-        used, warnings = at_model_resolution(labeler, self.grid)
+        used, warnings = label_map.at_model_resolution(labeler, self.grid)
         for message in warnings:
             warn(message)
         known = KnownCells.of(
@@ -314,8 +309,8 @@ class Teacher:
         pinned = known.of_nodes(layout)
         problem = labeler.problem_of(graph, scores, chosen, known=pinned)
 
-        def placed(labeling: Labeling, name: str) -> LabelledPlaces:
-            return on_own_raster(
+        def placed(labeling: Labeling, name: str) -> label_map.LabelledPlaces:
+            return label_map.on_own_raster(
                 self.grid,
                 used,
                 layout,
@@ -345,7 +340,7 @@ class Teacher:
             )
         self.known_places = topology.known_places
 
-        def labelled_by(name: str) -> LabelledPlaces:
+        def labelled_by(name: str) -> label_map.LabelledPlaces:
             other = labeler.method(name)
             problem = labeler.problem_of(graph, scores, other, known=pinned)
             return placed(infer(other.backend, problem), name)
