@@ -27,6 +27,7 @@ from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
+from tests.on_threads import on
 
 SHOWN = (
     SideBySide(
@@ -139,7 +140,7 @@ def subset_rows(title: str, scans: Scans, repeats: int) -> list[dict[str, Any]]:
                 threads: int = threads,
                 out: NDArray[np.float32] = out,
             ) -> None:
-                extract(scans, max_range_m=MAX_RANGE_M, columns=columns, n_threads=threads, out=out)
+                on(threads, extract, scans, max_range_m=MAX_RANGE_M, columns=columns, out=out)
 
             taken = microseconds(work, len(scans), threads=threads, repeats=repeats)
             wanted = by_reference if columns is None else by_reference[:, columns]
@@ -181,7 +182,7 @@ def scaling_rows(scans: Scans, repeats: int) -> list[dict[str, Any]]:
     for n_scans in (1, 16, 64, 1024, len(scans)):
         some = scans[:n_scans]
         taken = microseconds(
-            lambda some=some: extract(some, max_range_m=MAX_RANGE_M, n_threads=1),
+            lambda some=some: on(1, extract, some, max_range_m=MAX_RANGE_M),
             n_scans,
             repeats=repeats if n_scans > 64 else 200,
         )
@@ -191,7 +192,7 @@ def scaling_rows(scans: Scans, repeats: int) -> list[dict[str, Any]]:
             np.repeat(scans[:1024], 4, axis=1)[:, :: 1440 // n_beams], np.float32
         )
         taken = microseconds(
-            lambda some=some: extract(some, max_range_m=MAX_RANGE_M, n_threads=1),
+            lambda some=some: on(1, extract, some, max_range_m=MAX_RANGE_M),
             len(some),
             repeats=repeats,
         )

@@ -21,6 +21,7 @@ from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.gates import gate_candidates, gate_features
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
+from tests.on_threads import on
 
 SHOWN = (
     SideBySide(("step",), "{map}", "{ms} ({ms a million cells})"),
@@ -75,7 +76,7 @@ def lookup_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str,
         for chosen in (columns, columns[::4]):
 
             def work(those: Any = those, chosen: Any = chosen) -> None:
-                features.lookup(those, chosen, n_threads=1)
+                on(1, features.lookup, those, chosen)
 
             work()
             seconds = median_seconds(work, repeats)[1]

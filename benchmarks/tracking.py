@@ -26,6 +26,7 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trained import trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.unary.scan_model import BeamOptions, observed_along
+from tests.on_threads import on
 
 GEOMETRY = ScanGeometry.half_circle(360, range_max_m=80.0)
 WARM_UP = 20
@@ -67,7 +68,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     circles = observed_along(path, sensor, labeler.beams).circles_m
     columns = model.classifier.used_features
     count = len(columns)
-    scores = model.log_proba(circles, n_threads=1)
+    scores = on(1, model.log_proba, circles)
     beliefs = BeliefFilter(labeler.method_, labeler.every_m)
     parts: dict[str, Callable[[int], object]] = {}
     for beams in ("local-map", "known-map", "mirror"):
@@ -86,11 +87,11 @@ def run(quick: bool) -> list[dict[str, Any]]:
             path.poses[t], ranges[t], angles, max_range_m=80.0
         ),
         "local map: cast 179 beams": lambda t: local.cast(path.poses[t], behind, max_range_m=12.0),
-        f"{count} features of the list": lambda t: extract(
-            circles[t : t + 1], max_range_m=12.0, columns=columns, n_threads=1
+        f"{count} features of the list": lambda t: on(
+            1, extract, circles[t : t + 1], max_range_m=12.0, columns=columns
         ),
-        "all 321 features": lambda t: extract(circles[t : t + 1], max_range_m=12.0, n_threads=1),
-        "features and list": lambda t: model.log_proba(circles[t : t + 1], n_threads=1),
+        "all 321 features": lambda t: on(1, extract, circles[t : t + 1], max_range_m=12.0),
+        "features and list": lambda t: on(1, model.log_proba, circles[t : t + 1]),
         "filter step with its checks": lambda t: beliefs.step(*path.poses[t, :2], scores[t]),
     }
     rows = [

@@ -98,7 +98,6 @@ def extract(
     *,
     max_range_m: float,
     columns: Columns | None = None,
-    n_threads: int | None = None,
     out: NDArray[np.float32] | None = None,
     invalid: InvalidBeams = "max-range",
 ) -> NDArray[np.float32]:
@@ -116,8 +115,6 @@ def extract(
         Which columns of ``LASER_FEATURES`` to compute, without repetition, in any order; all 321
         if not given. Only what they need is computed, and a value has the same bits whether it is
         computed alone or with others.
-    n_threads : int, optional
-        Any number gives the same bits.
     out : (N, F) float32, optional
         Where to write the result.
     invalid : {"max-range", "interpolate"}
@@ -168,7 +165,7 @@ def extract(
             rows[:] = contiguous
         idle.append(space)
 
-    run_parts(work, len(array), SCANS_PER_TASK, n_threads=n_threads)
+    run_parts(work, len(array), SCANS_PER_TASK)
     return result
 
 
@@ -190,9 +187,7 @@ def extract_one(
     scan = np.asarray(ranges)
     if scan.ndim != 1:
         raise InputError(f"ranges of one scan must have shape (beams,), got {scan.shape}")
-    rows = extract(
-        scan[np.newaxis], max_range_m=max_range_m, columns=columns, n_threads=1, invalid=invalid
-    )
+    rows = extract(scan[np.newaxis], max_range_m=max_range_m, columns=columns, invalid=invalid)
     return rows[0]
 
 

@@ -124,7 +124,6 @@ def feature_values(
     *,
     max_range_m: float,
     from_map: Mapping[int, NDArray[np.float32]] | None = None,
-    n_threads: int | None = None,
 ) -> NDArray[np.float32]:
     """(n, F) columns of n scans, or of the n cells that they were simulated in.
 
@@ -147,9 +146,7 @@ def feature_values(
         A feature returned another shape, or a value that is not finite.
     """
     wanted = np.arange(n_columns(own)) if columns is None else columns
-    laser = extract(
-        ranges_m, max_range_m=max_range_m, columns=wanted[wanted < N_LASER], n_threads=n_threads
-    )
+    laser = extract(ranges_m, max_range_m=max_range_m, columns=wanted[wanted < N_LASER])
     if laser.shape[1] == len(wanted):
         return laser
     scans = ranges_m.view()

@@ -93,8 +93,6 @@ def floor_scores(
     grid: OccupancyGrid,
     networks: Sequence[FloorNetwork],
     views: Sequence[View],
-    *,
-    n_threads: int | None = None,
 ) -> FloorScores:
     """What the networks make of a map, tile after tile; the same bits for any number of threads."""
     raster = FloorRaster.of(grid)
@@ -105,7 +103,7 @@ def floor_scores(
     for rows, columns in _tiles(h, w):
         if free[rows, columns].any():
             piece = _Piece.of(raster, rows, columns)
-            log_p[rows, columns], spread[rows, columns] = piece.scores(networks, views, n_threads)
+            log_p[rows, columns], spread[rows, columns] = piece.scores(networks, views)
     r, c = (holders(length, grid.resolution_m) for length in grid.shape)
     return FloorScores(log_p, spread, r, c)
 
@@ -142,7 +140,7 @@ class _Piece:
         return cls(free, occupied, (outside, inside), (inner[0], inner[1]))
 
     def scores(
-        self, networks: Sequence[FloorNetwork], views: Sequence[View], n_threads: int | None
+        self, networks: Sequence[FloorNetwork], views: Sequence[View]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself.
 
@@ -155,7 +153,7 @@ class _Piece:
             by_view[task] = self._seen(networks[view.network], view)
 
         with threadpool_limits(1, user_api="blas"):
-            run_tasks(look, len(views), n_threads=n_threads)
+            run_tasks(look, len(views))
         total = np.zeros((*self.free.shape, len(LABELS)), np.float32)[self.inner]
         first, second = np.zeros((2, *total.shape[:2]), np.float32)
         for log_p in by_view:

@@ -111,7 +111,8 @@ class GrowingFeatures:
         if missing:
             self._reach = np.pad(self._reach, ((0, missing), (0, 0)))
             self._farthest = np.pad(self._farthest, (0, missing))
-        self._cast(grid, cells_rc, fresh)
+        with threads(self.n_threads):
+            self._cast(grid, cells_rc, fresh)
         self._seen = _Seen(grid, self._table.row_of)
         self.last = Update(len(cells_rc), len(fresh), n_changed)
         return self._table
@@ -159,17 +160,11 @@ class GrowingFeatures:
         mask[tuple(cells_rc[nodes].T)] = True
         n_sectors = self._reach.shape[1]
         starts = -(-np.arange(n_sectors) * self.sensor.n_beams // n_sectors)
-        with threads(self.n_threads):
-            blocks = iter_cast(grid, self.sensor, mask=mask)
-        for block in blocks:
+        for block in iter_cast(grid, self.sensor, mask=mask):
             for part in row_blocks(len(block.nodes), _AT_ONCE):
                 some, ranges = nodes[block.nodes[part]], block.ranges[part]
-                values = feature_values(
-                    ranges,
-                    columns=self.columns,
-                    max_range_m=self.sensor.max_range_m,
-                    n_threads=self.n_threads,
-                )
+                reach_m = self.sensor.max_range_m
+                values = feature_values(ranges, columns=self.columns, max_range_m=reach_m)
                 self._table.write(some, values)
                 longest = np.maximum.reduceat(ranges, starts, axis=1)
                 rows = self._table.row_of[some]

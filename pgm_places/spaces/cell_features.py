@@ -192,9 +192,7 @@ class CellFeatures:
             (*segmentation.scales, places.segments), (*tables, place_features(places)), names
         )
 
-    def lookup(
-        self, cells_rc: ArrayLike, columns: ArrayLike | None = None, *, n_threads: int | None = None
-    ) -> NDArray[np.float32]:
+    def lookup(self, cells_rc: ArrayLike, columns: ArrayLike | None = None) -> NDArray[np.float32]:
         """(n, F) features of cells: those of ``columns``, by default all of ``names``.
 
         For cells outside all segments of a scale, the columns of that scale are 0, except for the
@@ -206,8 +204,6 @@ class CellFeatures:
             Row and column. Consecutive cells of a row are fastest.
         columns : (F,) int, optional
             Indices into ``names``.
-        n_threads : int, optional
-            All cores by default; the results are bit-identical for any number.
 
         Raises
         ------
@@ -223,7 +219,7 @@ class CellFeatures:
         def take(some: slice) -> None:
             self.lookups.write(cells[some], *watershed.read(cells[some]), indices, features[some])
 
-        run_parts(take, len(cells), _CELLS_PER_TASK, n_threads=n_threads)
+        run_parts(take, len(cells), _CELLS_PER_TASK)
         return features
 
     @cached_property

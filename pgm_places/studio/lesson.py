@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.kernels.threads import threads
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening
@@ -97,7 +98,8 @@ def glance(
     if floor is None:
         return None
     one = replace(floor, networks=floor.networks[:1], views_per_network=1)
-    seen = one.scores(grid, n_threads)
+    with threads(n_threads):
+        seen = one.scores(grid)
     labels = np.full(grid.shape, -1, np.int16)
     for rows in bands_of_rows(grid.shape):
         cells = np.argwhere(grid.free[rows]) + np.array([rows.start, 0])

@@ -16,6 +16,7 @@ from pgm_places.floor.architecture import LABELS
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.view import FloorScores, floor_scores, views_of
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.threads import threads
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.spaces.gates import Gates
@@ -55,10 +56,10 @@ class FloorModel:
     doorway_share: float = 0.7
     gate_share: float = 0.4
 
-    def scores(self, grid: OccupancyGrid, n_threads: int | None = None) -> FloorScores:
+    def scores(self, grid: OccupancyGrid) -> FloorScores:
         """What the networks make of a map."""
         views = views_of(len(self.networks), self.views_per_network)
-        return floor_scores(grid, self.networks, views, n_threads=n_threads)
+        return floor_scores(grid, self.networks, views)
 
     @property
     def shares(self) -> NDArray[np.float64]:
@@ -234,7 +235,8 @@ class LocalFloor:
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
             self._grid = square_around(self._source, where, _REACH_M)
-            self._seen = None if self._grid is None else next(self._turns).scores(self._grid, 1)
+            with threads(1):
+                self._seen = None if self._grid is None else next(self._turns).scores(self._grid)
         if self._grid is None or self._seen is None:
             return np.full(self.n_labels, np.nan)
         cell = self._grid.cells_at_m(where[np.newaxis])

@@ -268,7 +268,6 @@ class ScanModel:
         extra: ArrayLike | None = None,
         *,
         spaces: ArrayLike | None = None,
-        n_threads: int | None = None,
     ) -> NDArray[np.float64]:
         """(T, K) log z of scans (T, n_beams) all around, with their spaces and extra columns."""
         n_own = n_columns(self.features)
@@ -278,13 +277,12 @@ class ScanModel:
             self.features,
             own,
             max_range_m=self.sensor.max_range_m,
-            n_threads=n_threads,
         )
         columns = self.other_columns(spaces, extra, len(values))
         if len(own) < len(self.needed):
             chosen = columns[:, self.needed[len(own) :] - n_own]
             values = np.concatenate([values, chosen], axis=1)
-        return aligned_log_proba(self.short_list, values, self.n_labels, n_threads)
+        return aligned_log_proba(self.short_list, values, self.n_labels)
 
     def other_columns(
         self, spaces: ArrayLike | None, extra: ArrayLike | None, n_steps: int
@@ -327,7 +325,7 @@ class ScanScorer:
         row = None if extra is None else np.asarray(extra, np.float32)[None]
         around = None if spaces is None else spaces[None]
         if self._laser is None:
-            return model.log_proba(circle_m[None], row, spaces=around, n_threads=1)[0]
+            return model.log_proba(circle_m[None], row, spaces=around)[0]
         values = self._laser.features(circle_m)[None]
         columns = model.other_columns(around, row, 1)
         if len(self._extra):

@@ -74,7 +74,7 @@ class Surroundings:
         cell = self._grid.cells_at_m(where[None])
         if not ((cell >= 0) & (cell < self._grid.shape)).all():
             return np.zeros(N_SURROUNDINGS, np.float32)
-        return self._features.lookup(cell, n_threads=1)[0]
+        return self._features.lookup(cell)[0]
 
 
 def square_around(

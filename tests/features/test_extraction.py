@@ -13,6 +13,7 @@ from pgm_places.errors import InputError
 from pgm_places.features.extraction import extract, extract_one, resample_beams
 from pgm_places.features.laser import LASER_FEATURES, laser_feature_names
 from tests.features.scans import degenerate, doorway, recorded, rectangle, rooms
+from tests.on_threads import on
 from tests.reference.features import features
 
 NAMES = laser_feature_names()
@@ -204,8 +205,8 @@ def test_moments_of_a_thin_far_area_keep_their_digits() -> None:
 @pytest.mark.parametrize("n_scans", [0, 1, 15, 16, 17, 63, 65, 300])
 def test_a_scan_has_the_same_bits_whatever_stands_around_it(n_scans: int) -> None:
     ranges = rooms(300, seed=7)
-    whole = extract(ranges, max_range_m=80.0, n_threads=1)
-    part = extract(ranges[300 - n_scans :], max_range_m=80.0, n_threads=2)
+    whole = on(1, extract, ranges, max_range_m=80.0)
+    part = on(2, extract, ranges[300 - n_scans :], max_range_m=80.0)
     np.testing.assert_array_equal(part, whole[300 - n_scans :])
     np.testing.assert_array_equal(extract_one(ranges[5], max_range_m=80.0), whole[5])
 

@@ -11,6 +11,7 @@ from pgm_places.floor.view import View, floor_scores, views_of
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.floor.random_network import random_network
 from tests.floor.test_raster import random_grid
+from tests.on_threads import on
 
 NETWORKS = (random_network(1), random_network(2))
 
@@ -35,7 +36,7 @@ def test_probabilities_add_up_to_one() -> None:
 
 
 def test_threads_give_the_same_bits() -> None:
-    one, three = (floor_scores(blob(), NETWORKS, views_of(2, 3), n_threads=n) for n in (1, 3))
+    one, three = (on(n, floor_scores, blob(), NETWORKS, views_of(2, 3)) for n in (1, 3))
     np.testing.assert_array_equal(one.log_p, three.log_p)
     np.testing.assert_array_equal(one.spread, three.spread)
 

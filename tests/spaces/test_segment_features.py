@@ -29,6 +29,7 @@ from pgm_places.spaces.segment_features import (
 )
 from pgm_places.spaces.segmentation import Segmentation, Segments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
+from tests.on_threads import on
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
 from tests.spaces.floors import TURNS, corridor_with_doors, corridor_with_rooms, grid_of, two_rooms
@@ -243,7 +244,7 @@ def test_some_columns_in_any_order_on_any_number_of_threads(
     monkeypatch.setattr(cell_features, "_CELLS_PER_TASK", 100)
     grid = grid_of(corridor_with_rooms())
     features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
-    every = features.lookup(cells, n_threads=1)
+    every = on(1, features.lookup, cells)
     columns = np.random.default_rng(1).permutation(len(features.names))
     for chosen in (
         columns,
@@ -252,7 +253,7 @@ def test_some_columns_in_any_order_on_any_number_of_threads(
         np.array([3, 0, 0, 120]),
         columns[:0],
     ):
-        found = features.lookup(cells, chosen, n_threads=3)
+        found = on(3, features.lookup, cells, chosen)
         assert found.dtype == np.float32
         assert np.array_equal(found, every[:, chosen])
 
