@@ -335,7 +335,6 @@ def test_shape_hardly_depends_on_the_number_of_beams(n_beams: int) -> None:
         ({"invalid": "zero"}, "invalid"),
         ({"out": np.empty((4, 321))}, "float32"),
         ({"out": np.empty((5, 321), np.float32)}, "shape"),
-        ({"n_threads": 0}, "threads"),
     ],
 )
 def test_wrong_options_are_refused(options: dict[str, object], text: str) -> None:
