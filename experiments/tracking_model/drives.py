@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,7 @@ def observed(
         steps = np.arange(len(path)) if all_steps else Segments(path.poses, EVERY_M).first
         if not all_steps:
             steps = steps[path.labels[steps] >= 0]
-        shown = {
+        shown: dict[str, NDArray[Any]] = {
             "poses": path.poses[steps],
             "labels": path.labels[steps],
             "circles": seen.circles_m[steps],
@@ -169,9 +170,11 @@ def observed(
     networks = () if floor is None else (floor.networks[0].packed(), floor.shares)
     key = fingerprint(__version__, stem, BEAMS, SENSOR, all_steps, *networks)
     found = kept.arrays(f"{key}-drive", make)
-    parts = [found[name] for name in ("poses", "labels", "circles", "spaces")]
+    parts: list[Any] = [
+        found.get(name) for name in ("poses", "labels", "circles", "spaces", "floor")
+    ]
     building = str(item.building or item.name)
-    return Observed(item.name, building, group, laser, generated, *parts, floor=found.get("floor"))
+    return Observed(item.name, building, group, laser, generated, *parts)
 
 
 def simulated_drives(maps: Iterator[KnownMap], kept: KeptArrays) -> list[Observed]:

@@ -41,8 +41,8 @@ def log_of_79(data: Path, kept: KeptArrays, floor: FloorModel | None = None) -> 
     item = replace(found.map, name="log of building 79", building="Freiburg 79")
     path = found.path.with_labels(found.place, PLACES)
     stem = fingerprint("log of building 79", path.poses, path.labels)
-    group, ways = "building 79, real log", {"all_steps": True, "floor": floor}
-    return observed(item, group, laser, lambda: path, kept, stem, **ways)
+    group = "building 79, real log"
+    return observed(item, group, laser, lambda: path, kept, stem, all_steps=True, floor=floor)
 
 
 def cold_drives(
@@ -57,8 +57,7 @@ def cold_drives(
         for number, run in enumerate(runs):
             stem = fingerprint(number, FRONT, run.poses, known.grid.cells)
             drive = partial(_with_scans, known.grid, run, number)
-            ways = {"all_steps": True, "floor": floor}
-            yield observed(known, town, FRONT, drive, kept, stem, **ways)
+            yield observed(known, town, FRONT, drive, kept, stem, all_steps=True, floor=floor)
 
 
 def _with_scans(grid: OccupancyGrid, run: Trajectory, number: int) -> Trajectory:
