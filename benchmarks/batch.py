@@ -36,10 +36,9 @@ import psutil
 from pgm_places.batch.dask_workers import DaskWorkers
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import label_batch
-from pgm_places.batch.local_workers import LocalWorkers
+from pgm_places.batch.local_workers import LocalWorkers, Workers
 from pgm_places.batch.map_task import LabelledRow, MapTask, label_one
 from pgm_places.batch.ready_model import LabelOptions, ready_model
-from pgm_places.batch.workers import Workers
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -51,7 +51,7 @@ class DaskWorkers:
         *,
         limit_s: float | None = None,
     ) -> Iterator[tuple[Any, Any]]:
-        """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
+        """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
         if limit_s is not None:
             memory = self.memory_bytes
             function = partial(done_beside, function, limit_s=limit_s, memory_bytes=memory)

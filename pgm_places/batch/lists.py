@@ -27,6 +27,7 @@ LISTS = (INDEX_FILE, SUMMARY_FILE, FAILURE_FILE, "places.parquet")
 _FIRST = ("name", "map", "method", "places", "connections", "area_m2")
 _LAST = ("doubt", "doubtful_m2", "check_first", "warnings", "seconds", "time", "in_input")
 _FAILURE = ("name", "map", "error", "message", "time")
+"""Columns of the failures; times are in UTC."""
 
 _LEAST_PAUSE_S, _PAUSES = 30.0, 20
 """A page is written again after so long, and after so many times what writing it took."""
@@ -84,7 +85,8 @@ class Lists:
         if isinstance(outcome, LabelledRow):
             table, row, middle = self._summary, summary_row(outcome), _area_columns(outcome)
         else:
-            table, row, middle = self._failures, failure_row(outcome), ()
+            values = (outcome.name, outcome.map, outcome.kind, outcome.message, _time(None))
+            table, row, middle = self._failures, dict(zip(_FAILURE, values, strict=True)), ()
         if not _is_in(self._known, _content(row)):
             with locked(self.out):
                 table.append(row, middle)
@@ -209,17 +211,6 @@ def summary_row(row: LabelledRow, when: float | None = None) -> Row:
         "seconds": f"{row.seconds:.3f}",
         "time": _time(when),
         "in_input": "yes",
-    }
-
-
-def failure_row(failure: Failure) -> Row:
-    """The row of a failure: ``name``, ``map``, ``error``, ``message`` and ``time`` (UTC)."""
-    return {
-        "name": failure.name,
-        "map": failure.map,
-        "error": failure.kind,
-        "message": failure.message,
-        "time": _time(None),
     }
 
 

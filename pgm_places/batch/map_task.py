@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places._version import __version__
+from pgm_places.batch.local_workers import TimeIsUpError, time_limit
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
-from pgm_places.batch.workers import TimeIsUpError, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.far_files import address_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from pgm_places.batch.workers import Workers
+from pgm_places.batch.local_workers import Workers
 from pgm_places.errors import OutputError
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig

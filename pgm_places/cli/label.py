@@ -18,9 +18,9 @@ from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
+    from pgm_places.batch.local_workers import Workers
     from pgm_places.batch.overview import Overview
     from pgm_places.batch.ready_model import LabelOptions, ReadyModel
-    from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
 
 
@@ -59,8 +59,7 @@ def make_workers(
         The flags contradict each other, or name no size.
     """
     from pgm_places.batch.dask_workers import DaskWorkers
-    from pgm_places.batch.local_workers import LocalWorkers
-    from pgm_places.batch.workers import memory_bytes
+    from pgm_places.batch.local_workers import LocalWorkers, memory_bytes
     from pgm_places.kernels.threads import resolve_threads
 
     memory = None if options.memory is None else memory_bytes(options.memory)

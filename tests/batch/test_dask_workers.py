@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers, _unregister
-from pgm_places.batch.workers import OVERDUE
+from pgm_places.batch.local_workers import OVERDUE
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
 

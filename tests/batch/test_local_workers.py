@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.batch import local_workers
-from pgm_places.batch.local_workers import LocalWorkers
-from pgm_places.batch.workers import OVERDUE
+from pgm_places.batch.local_workers import OVERDUE, LocalWorkers
 from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
 
 
