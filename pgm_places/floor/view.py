@@ -90,9 +90,7 @@ class FloorScores:
 
 
 def floor_scores(
-    grid: OccupancyGrid,
-    networks: Sequence[FloorNetwork],
-    views: Sequence[View],
+    grid: OccupancyGrid, networks: Sequence[FloorNetwork], views: Sequence[View]
 ) -> FloorScores:
     """What the networks make of a map, tile after tile; the same bits for any number of threads."""
     raster = FloorRaster.of(grid)
