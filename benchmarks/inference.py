@@ -37,8 +37,9 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoding import decode
+from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.elimination import reduce_model
-from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
+from pgm_places.solvers.expansion import MoveSpace, alpha_expansion
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
@@ -137,9 +138,11 @@ def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
 def expansion_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     """One full alpha-expansion, ours and the peers'."""
     ours, found = timed(lambda: alpha_expansion(pairwise_model(*_arrays(model))), repeats)
-    graph = ExpansionGraph(len(model.unary), model.edges)
+    around = adjacency(len(model.unary), model.edges)
+    space = MoveSpace(around)
     again, _ = timed(
-        lambda: graph.expand(pairwise_model(model.unary, graph.around, model.agreement)), repeats
+        lambda: alpha_expansion(pairwise_model(model.unary, around, model.agreement), space=space),
+        repeats,
     )
 
     def row(name: str, seconds: float, score: float, inside: float | None) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _core
 from pgm_places._checks import frozen, require_at_least
 from pgm_places.errors import InputError
-from pgm_places.solvers.adjacency import Adjacency, Arcs, adjacency
+from pgm_places.solvers.adjacency import Adjacency, Arcs
 from pgm_places.solvers.max_flow import SINK, cut_space
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 
@@ -44,55 +44,12 @@ class Expansion:
     exact: bool
 
 
-class ExpansionGraph:
-    """A graph prepared for expansion, for many problems on it: arrays are laid out once.
-
-    One object must not be used by two threads at a time: it holds the working arrays.
-
-    Parameters
-    ----------
-    n_nodes : int
-        N.
-    edges : (E, 2) int
-        Node pairs.
-
-    Examples
-    --------
-    >>> from pgm_places.solvers.pairwise import pairwise_model
-    >>> graph = ExpansionGraph(3, [(0, 1), (1, 2)])
-    >>> unary = [[2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [1.0, 0.0, 0.0]]
-    >>> model = pairwise_model(unary, graph.around, [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
-    >>> graph.expand(model).labels.tolist()
-    [0, 0, 0]
-    """
-
-    def __init__(self, n_nodes: int, edges: ArrayLike | Adjacency) -> None:
-        self.around = edges if isinstance(edges, Adjacency) else adjacency(n_nodes, edges)
-        self._space = _MoveSpace(n_nodes, self.around.n_edges)
-
-    def expand(
-        self,
-        model: PairwiseModel,
-        initial: ArrayLike | None = None,
-        *,
-        max_sweeps: int = 100,
-        on_iteration: Callable[[int, float], None] | None = None,
-    ) -> Expansion:
-        """A labelling of potentials on ``around``; see :func:`alpha_expansion`."""
-        require_at_least("max_sweeps", max_sweeps, 1)
-        _require_regular(model)
-        labels = checked_labels(model, initial)
-        moves = _Moves(model, labels, self._space)
-        if model.n_labels <= 2:
-            return moves.solve_two_labels(on_iteration)
-        return moves.sweep(max_sweeps, on_iteration)
-
-
 def alpha_expansion(
     model: PairwiseModel,
     *,
     initial: ArrayLike | None = None,
     max_sweeps: int = 100,
+    space: "MoveSpace | None" = None,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Expansion:
     """A labelling that no single expansion move can improve, found by minimum cuts.
@@ -111,6 +68,8 @@ def alpha_expansion(
         Labelling to start from; the best unaries by default. Not used with two labels.
     max_sweeps : int
         Rounds over all labels after which to stop.
+    space : MoveSpace, optional
+        Of the model's graph, for many problems on it, one after the other.
     on_iteration : callable, optional
         Called after each round with its number and the score.
 
@@ -133,8 +92,13 @@ def alpha_expansion(
     >>> found.labels.tolist(), found.score, found.exact
     ([0, 0], 1.5, True)
     """
-    graph = ExpansionGraph(model.n_nodes, model.around)
-    return graph.expand(model, initial, max_sweeps=max_sweeps, on_iteration=on_iteration)
+    require_at_least("max_sweeps", max_sweeps, 1)
+    _require_regular(model)
+    labels = checked_labels(model, initial)
+    moves = _Moves(model, labels, space or MoveSpace(model.around))
+    if model.n_labels <= 2:
+        return moves.solve_two_labels(on_iteration)
+    return moves.sweep(max_sweeps, on_iteration)
 
 
 class _Move(NamedTuple):
@@ -166,10 +130,17 @@ class _Cut(NamedTuple):
     """(2 E,) capacity of each arc."""
 
 
-class _MoveSpace:
-    """Working arrays of the moves on one graph; the kernels say what they hold."""
+class MoveSpace:
+    """Working arrays of the moves on one graph; the kernels say what they hold.
 
-    def __init__(self, n_nodes: int, n_edges: int) -> None:
+    Parameters
+    ----------
+    around : Adjacency
+        The graph.
+    """
+
+    def __init__(self, around: Adjacency) -> None:
+        n_nodes, n_edges = around.n_nodes, around.n_edges
         self.move = _Move(
             members=np.empty(n_nodes, np.uint32),
             undecided=np.empty(n_nodes, np.bool_),
@@ -196,7 +167,7 @@ class _MoveSpace:
 class _Moves:
     """The labelling of one problem while it is being improved."""
 
-    def __init__(self, model: PairwiseModel, labels: NDArray[np.int32], space: _MoveSpace) -> None:
+    def __init__(self, model: PairwiseModel, labels: NDArray[np.int32], space: MoveSpace) -> None:
         self.model, self.labels, self.space = model, labels, space
         self.fresh = labels.copy()
         self.n_moves = 0

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.expansion import ExpansionGraph
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.expansion import MoveSpace, alpha_expansion
 from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, Oracle, hinge, objective
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.trws import trws
@@ -34,12 +35,14 @@ def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool 
         Start from the last call's answer instead of the best unaries: fewer moves while the
         weights change little, but what one call missed the next ones are likely to miss too.
     """
-    graph = ExpansionGraph(n_nodes, edges)
+    around = adjacency(n_nodes, edges)
+    space = MoveSpace(around)
     last: NDArray[np.int64] | None = None
 
     def best(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
         nonlocal last
-        labels = graph.expand(pairwise_model(unary, graph.around, agreement), last).labels
+        model = pairwise_model(unary, around, agreement)
+        labels = alpha_expansion(model, initial=last, space=space).labels
         if from_last:
             last = labels
         return labels
@@ -84,14 +87,13 @@ def certify_weights(
         They end after so many in any case.
     """
     unary, agreement = problem.augmented_potentials(weights)
-    graph = ExpansionGraph(problem.n_whole, problem.whole_edges)
-    model = pairwise_model(unary, graph.around, agreement)
-    quick = graph.expand(model)
+    model = pairwise_model(unary, problem.whole_edges, agreement)
+    quick = alpha_expansion(model)
     certificate = certify(
         problem, weights, model, quick.labels, accuracy=accuracy, max_iterations=max_iterations
     )
     # moves from there reach further than from the best unaries, where the quick oracle starts
-    labels = graph.expand(model, certificate.labels).labels
+    labels = alpha_expansion(model, initial=certificate.labels).labels
     return replace(certificate, labels=labels[: problem.n_nodes])
 
 

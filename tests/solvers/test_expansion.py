@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.expansion import Expansion, ExpansionGraph, alpha_expansion
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.expansion import Expansion, MoveSpace, alpha_expansion
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_move, best_score, score
 from tests.strategies import Kind, models
@@ -83,9 +84,11 @@ def test_without_edges_each_node_takes_its_best_label(model: Model) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_same_graph_serves_many_problems(seed: int) -> None:
     first, second = grid_model(seed, 3), grid_model(seed + 100, 3)
-    graph = ExpansionGraph(len(first.unary), first.edges)
+    around = adjacency(len(first.unary), first.edges)
+    space = MoveSpace(around)
     for model in (first, second, first):
-        again = graph.expand(pairwise_model(model.unary, graph.around, model.agreement))
+        checked = pairwise_model(model.unary, around, model.agreement)
+        again = alpha_expansion(checked, space=space)
         fresh = alpha_expansion(pairwise_model(*model.arrays))
         np.testing.assert_array_equal(again.labels, fresh.labels)
         assert again.score == fresh.score
