@@ -116,6 +116,9 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
     found.add_argument("--model", action="store_true", help="only the model")
     found.add_argument(
+        "--without-generated", action="store_true", help="no drives through generated buildings"
+    )
+    found.add_argument(
         "parts", nargs="*", choices=[*PARTS, []], metavar="table", help=", ".join(PARTS)
     )
     return found
@@ -130,7 +133,8 @@ def main() -> None:
     if chosen.kept is not None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
     kept = KeptArrays(chosen.kept)
-    table = Table.of(simulated_drives(known_maps(Path(data), kept), kept))
+    maps = known_maps(Path(data), kept, generated=not chosen.without_generated)
+    table = Table.of(simulated_drives(maps, kept))
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
     written = tables(table, Path(data), kept, chosen.networks)
