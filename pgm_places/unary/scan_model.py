@@ -273,10 +273,7 @@ class ScanModel:
         n_own = n_columns(self.features)
         own = self.needed[self.needed < n_own]
         values = feature_values(
-            np.asarray(circles_m),
-            self.features,
-            own,
-            max_range_m=self.sensor.max_range_m,
+            np.asarray(circles_m), self.features, own, max_range_m=self.sensor.max_range_m
         )
         columns = self.other_columns(spaces, extra, len(values))
         if len(own) < len(self.needed):
