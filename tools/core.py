@@ -57,6 +57,7 @@ def compiler(python: str = sys.executable) -> Iterator[None]:
     # CMake wants programs without arguments, and the same ones the next time.
     programs = {name: _program(python, name) for name in ("c++", "ar", "ranlib")}
     arguments = [f"-DCMAKE_AR={programs['ar']}", f"-DCMAKE_RANLIB={programs['ranlib']}"]
+    arguments.append("-DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON")  # zig keeps none
     before = {name: os.environ.get(name) for name in ("CXX", "CMAKE_ARGS", "CMAKE_GENERATOR")}
     os.environ["CXX"] = programs["c++"]
     if os.name == "nt":
