@@ -250,7 +250,17 @@ class HiddenMarkovModel(StepFilter, Options):
 
         See :func:`pgm_places.models.chain_statistics.transition_at` and
         :func:`pgm_places.models.evidence_weight.weights_at`.
+
+        Raises
+        ------
+        InputError
+            A distance is not above 0.
         """
+        if not (from_m > 0 and to_m > 0):
+            raise InputError(
+                f"transitions for updates every {from_m:g} m cannot be rescaled to every {to_m:g} "
+                "m; train the model at this distance"
+            )
         counted_m = RUNS_M if self.counted_m is None else float(self.counted_m[0])
         table, changed = transition_at(self._transitions[MOVE], counted_m, from_m, to_m)
         weights = weights_at(self.fitted_weights, from_m, to_m)

@@ -30,7 +30,7 @@ from experiments.paper.section import Finding, Outcome, Picture, Table
 from experiments.paper.setting import Setting
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
-from pgm_places.report.drawing import Panel, sheet
+from pgm_places.report.sheet import Panel, sheet
 
 ABLATION = {
     "laser, stumps": "laser, stumps",

@@ -9,8 +9,9 @@ from pathlib import Path
 from pgm_places.batch import batch_folder
 from pgm_places.batch.far_maps import is_done, label_anywhere, lists_of, lists_to_read
 from pgm_places.batch.found_maps import FoundMap, FoundMaps, Shard
+from pgm_places.batch.limits import TimeIsUpError
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.local_workers import TimeIsUpError, Unfinished, Workers
+from pgm_places.batch.local_workers import Unfinished, Workers
 from pgm_places.batch.map_task import Elsewhere, Failure, LabelledRow, MapTask, Outcome
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.ready_model import LabelOptions, ready_model

@@ -1,12 +1,8 @@
 """Who does the tasks of a batch: processes of this machine, renewed where they die, or others."""
 
-import ctypes
-import gc
 import multiprocessing
 import os
 import queue
-import re
-import signal
 import threading
 import time
 import warnings
@@ -17,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Literal, Protocol, TypeVar
 
-from pgm_places.errors import InputError
+from pgm_places.batch.limits import start_worker
 
 Task = TypeVar("Task")
 
@@ -52,106 +48,6 @@ class Workers(Protocol):
         seconds more is ended with its process, whatever that is doing.
         """
         ...
-
-
-_LEAST = 256 * 1000**2
-
-
-def memory_bytes(text: str) -> int:
-    """The bytes that a text names.
-
-    Raises
-    ------
-    InputError
-        It is no size, or less than any map needs.
-
-    Examples
-    --------
-    >>> memory_bytes("4GB"), memory_bytes("1.5 GiB")
-    (4000000000, 1610612736)
-    """
-    found = re.fullmatch(r"([0-9]{1,15}(?:\.[0-9]{1,9})?)\s*([kmgt]?)(i?)b?", text.strip().lower())
-    if found is None or (found[3] and not found[2]):
-        raise InputError(f"--memory expects a size such as 4GB or 500MiB, got {text!r}")
-    number, unit, binary = found.groups()
-    n_bytes = int(float(number) * (1024 if binary else 1000) ** ["", *"kmgt"].index(unit))
-    if n_bytes < _LEAST:
-        raise InputError(
-            f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"
-        )
-    return n_bytes
-
-
-class TimeIsUpError(BaseException):
-    """Raised inside work that has taken too long; nothing that catches errors stops it."""
-
-
-@contextmanager
-def time_limit(seconds: float | None) -> Iterator[None]:
-    """Raise :class:`TimeIsUpError` in this thread when the block has taken so long.
-
-    It is raised between two steps of Python: a kernel that runs is finished first, unless its
-    process is killed (:mod:`pgm_places.batch.local_workers`). It works in any thread, as a signal
-    would not.
-    """
-    if seconds is None:
-        yield
-        return
-    thread, lock, over = threading.get_ident(), threading.Lock(), False
-
-    def interrupt() -> None:
-        with lock:
-            if not over:
-                error = ctypes.py_object(TimeIsUpError)
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
-
-    timer = threading.Timer(seconds, interrupt)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        with lock:
-            over = True
-        timer.cancel()
-
-
-def start_worker(memory_bytes: int | None) -> None:
-    """Prepare this process: it ends with its parent, and takes no more memory than it may."""
-    # Ctrl-C reaches the whole group of processes; the parent ends its workers itself.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    gc.set_threshold(100_000, 50, 50)  # as on the command line
-    if memory_bytes is not None:
-        limit_memory(memory_bytes)
-
-
-def end_with_parent() -> None:
-    """End this process when the one that started it is gone, however that ended."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1)
-        os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def limit_memory(n_bytes: int) -> None:
-    """Let allocations fail beyond this many bytes, where the system can do that.
-
-    Private memory that can be written to is counted, as Linux does for ``RLIMIT_DATA``: address
-    space that libraries reserve and never use is not.
-    """
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    if most != resource.RLIM_INFINITY:
-        n_bytes = min(n_bytes, most)
-    resource.setrlimit(resource.RLIMIT_DATA, (n_bytes, most))
 
 
 GRACE_S = 10.0

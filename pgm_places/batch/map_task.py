@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places._version import __version__
-from pgm_places.batch.local_workers import TimeIsUpError, time_limit
+from pgm_places.batch.limits import TimeIsUpError, time_limit
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable

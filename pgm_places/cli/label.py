@@ -59,7 +59,8 @@ def make_workers(
         The flags contradict each other, or name no size.
     """
     from pgm_places.batch.dask_workers import DaskWorkers
-    from pgm_places.batch.local_workers import LocalWorkers, memory_bytes
+    from pgm_places.batch.limits import memory_bytes
+    from pgm_places.batch.local_workers import LocalWorkers
     from pgm_places.kernels.threads import resolve_threads
 
     memory = None if options.memory is None else memory_bytes(options.memory)

@@ -17,8 +17,9 @@ from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.options import AtLeastZero
 
 if TYPE_CHECKING:
-    from pgm_places.live.live_map import LiveLabels, PlaceMemory
+    from pgm_places.live.live_map import LiveLabels
     from pgm_places.live.place_finder import FoundPlace
+    from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.replay import Replay
 
 PLACES_FILE = "places.jsonl"
@@ -88,7 +89,7 @@ def live(asked: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
 def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
-    from pgm_places.live.live_map import PlaceMemory
+    from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.session_file import read_session, write_session
     from pgm_places.report.label_files import LIVE
 

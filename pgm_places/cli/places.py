@@ -49,7 +49,7 @@ def topology(
         List where places could be split at openings narrower than this (m), without splitting them.
     """
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.topology_files import SETTINGS_FILE, PlaceSettings, load_settings
+    from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
     from pgm_places.report.label_files import PLACES, SETTINGS, places_summary, write_places
 
     progress = make_progress(quiet=quiet)

@@ -21,7 +21,7 @@ from pgm_places.io.logs.pose_csv import with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import output_set
-from pgm_places.labelers.joint_labeler import label_map_and_drive
+from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.tracking import Track, map_of_scans

@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,18 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
-from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers import method as method_use
 from pgm_places.labelers.joint_graph import JointGraph, JointLabeling, JointScores
-from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelers.trajectory_learning import learn_labelers
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
-from pgm_places.progress import Progress, reported, warn
+from pgm_places.progress import Progress, reported
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
@@ -189,7 +188,7 @@ class JointLabeler(Labeler):
         grids = [item.map.grid for item in drives]
         with threads(n_threads), reported(progress):
             unary = places.learn(known, with_scores=True)
-            _, of_steps = steps.learn({"": steps.method}, known, paths, None, grids)
+            _, of_steps = learn_labelers(steps, {"": steps.method}, known, paths, None, grids)
             assert unary.scores is not None  # asked for
             examples = self._examples(places, steps, drives, known, unary.scores, of_steps)
             scores, truths = zip(*examples, strict=True)
@@ -375,73 +374,3 @@ class JointLabeler(Labeler):
         places.methods = {name: method_use.PlaceMethod(method_use.unfitted(backend), unary)}
         places.methods_ = {name: method_use.PlaceMethod(backend, unary)}
         return places
-
-
-class LabelledDrive(NamedTuple):
-    """A labelled map and the labelling of a drive through it.
-
-    Parameters
-    ----------
-    map : LabelledPlaces
-        On the map's own raster.
-    steps : Labeling
-        Of the drive's steps.
-    """
-
-    map: LabelledPlaces
-    steps: Labeling
-
-
-def label_map_and_drive(
-    labeler: JointLabeler,
-    grid: OccupancyGrid,
-    drive: Trajectory,
-    *,
-    n_threads: int | None = None,
-    progress: Progress | None = None,
-) -> LabelledDrive:
-    """The map and the drive labelled as one graph, the map on its own raster.
-
-    A map of another resolution than the training maps' is brought to theirs first, as
-    :func:`~pgm_places.labelers.label_map.label_map` does, and a warning says so.
-
-    Parameters
-    ----------
-    labeler : JointLabeler
-        Fitted.
-    grid : OccupancyGrid
-        In the frame of the drive's poses.
-    drive : Trajectory
-        With scans, or without them if the model casts them in the map.
-    n_threads, progress
-        As for every labeler: see :mod:`pgm_places.labelers.labeler`.
-
-    Raises
-    ------
-    MapError
-        The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells.
-    InputError
-        None of the drive's positions is on a free cell of the map.
-    NotFittedError
-        The labeler has not learned.
-    """
-    labeler.check_fitted()
-    with threads(n_threads), reported(progress):
-        used, warnings = at_model_resolution(labeler.places_, grid)
-        for message in warnings:
-            warn(message)
-        scores = labeler.scores(used, drive)
-        labeling = labeler.infer(scores)
-    cells, steps = labeling.cells, labeling.steps
-    assert cells is not None and steps is not None and scores.graph.cells is not None  # are given
-    places = on_own_raster(
-        grid,
-        used,
-        scores.graph.cells.grid_layout,
-        cells,
-        label_names=labeler.label_names_,
-        method=METHODS.name_of(type(labeler.method_)),
-        warnings=warnings,
-    )
-    return LabelledDrive(places, steps)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.labelers.map_prior import PositionPrior
+from pgm_places.labelers.map_prior import MapPrior, PositionPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
@@ -93,6 +93,18 @@ class BeliefFilter:
         info = {"impossible": np.flatnonzero(~possible).tolist()}
         labels = self._model.choose(beliefs)
         return Labeling(labels, Status.CONVERGED, beliefs=beliefs, info=info)
+
+
+def filter_of(labeler: Any, map_prior: MapPrior | None = None) -> BeliefFilter:
+    """The filter of a fitted TrajectoryLabeler, whose method is a hidden Markov model."""
+    if not isinstance(labeler.method_, HiddenMarkovModel):
+        raise InputError(
+            f"{type(labeler.method_).__name__} labels whole trajectories; online labelling needs "
+            "the method 'hmm'"
+        )
+    if map_prior is not None:
+        map_prior.check_labels(labeler.label_names_)
+    return BeliefFilter(labeler.method_, labeler.every_m, map_prior)
 
 
 class OnlineLabeler:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, NotFittedError
+from pgm_places.errors import NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -15,8 +15,8 @@ from pgm_places.kernels.threads import threads
 from pgm_places.labelers import trajectory_learning
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.method import as_backend, infer, infer_further, unfitted, with_edge_kinds
-from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
+from pgm_places.labelers.method import as_backend, infer, infer_further, unfitted
+from pgm_places.labelers.online import OnlineLabeler, filter_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_learning import KnownMaps
 from pgm_places.maps.labelled_map import LabelledMap
@@ -136,8 +136,6 @@ class TrajectoryLabeler(Labeler):
     stored_as: ClassVar[str] = "trajectory-labeler"
     _call_first: ClassVar[str] = "fit(maps, trajectories), or from_places(places)"
 
-    # ------------------------------------------------------------------ learning
-
     @classmethod
     def from_places(cls, places: PlaceLabeler, *, every_m: float = EVERY_M) -> Self:
         """One that uses the list of a fitted PlaceLabeler, and what it learned of moving robots.
@@ -242,7 +240,9 @@ class TrajectoryLabeler(Labeler):
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
         with threads(n_threads), reported(progress):
-            self.learn({"": self.method}, maps, trajectories, extra, known_map)
+            trajectory_learning.learn_labelers(
+                self, {"": self.method}, maps, trajectories, extra, known_map
+            )
         return self
 
     def fit_methods(
@@ -272,42 +272,9 @@ class TrajectoryLabeler(Labeler):
             As :meth:`fit`.
         """
         with threads(n_threads), reported(progress):
-            return self.learn(methods, maps, trajectories, None, known_map)[0]
-
-    def learn(
-        self,
-        methods: Mapping[str, Any],
-        maps: Sequence[LabelledMap],
-        trajectories: Sequence[Trajectory],
-        extra: Sequence[ArrayLike] | None,
-        known_map: KnownMaps,
-    ) -> tuple[dict[str, Self], list[NDArray[np.float64]]]:
-        """A labeler per method, the last of them this one, and the scores of held-out steps.
-
-        These are one (n, K) array per trajectory, of its steps whose place is known: what a further
-        method is to learn from.
-        """
-        self.check_options()
-        methods = {name: as_backend(method) for name, method in methods.items()}
-        if maps or trajectories:
-            for method in methods.values():
-                trajectory_learning.check_can_learn(method, trajectories)
-        examples = trajectory_learning.trajectory_examples(
-            self, maps, trajectories, extra, known_map
-        )
-        model, scores = trajectory_learning.learn_list(self, examples)
-
-        def learn(method: Any) -> dict[str, Any]:
-            seen = with_edge_kinds(method) if self.loop_m > 0 else method
-            fitted = trajectory_learning.learn_method(
-                self, seen, maps, trajectories, examples, scores
-            )
-            names = tuple(self.label_names)
-            return {"scan_model_": model, "method_": fitted, "label_names_": names}
-
-        return self.set_learned_with(methods, learn), examples.split(scores)[1]
-
-    # ------------------------------------------------------------------ labelling
+            return trajectory_learning.learn_labelers(
+                self, methods, maps, trajectories, None, known_map
+            )[0]
 
     def online(
         self,
@@ -327,7 +294,7 @@ class TrajectoryLabeler(Labeler):
         """
         self.check_fitted()
         observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map, self.floor)
-        belief_filter = self._filter(map_prior)
+        belief_filter = filter_of(self, map_prior)
         return OnlineLabeler(
             self.scan_model_, observer, belief_filter, self.label_names_, self.floor
         )
@@ -396,7 +363,7 @@ class TrajectoryLabeler(Labeler):
         """The method's labelling of given scores (T, K)."""
         self.check_fitted()
         if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
-            return self._filter(map_prior).run(trajectory.poses, scores)
+            return filter_of(self, map_prior).run(trajectory.poses, scores)
         segments = Segments(trajectory.poses, self.every_m)
         if truth is not None:
             truth = segments.majority(truth, len(self.label_names_))
@@ -419,32 +386,15 @@ class TrajectoryLabeler(Labeler):
         """A fitted copy for another distance between updates, its transitions rescaled.
 
         The second result is how far a probability had to be changed for that: see
-        :meth:`HiddenMarkovModel.rescaled <pgm_places.models.hmm.HiddenMarkovModel.rescaled>`. Other
-        methods stay as they are.
+        :meth:`.HiddenMarkovModel.rescaled`. Other methods stay as they are.
 
         Raises
         ------
         InputError
-            The transitions cannot be had for such a distance, or the distance is not a number above
-            0.
+            The transitions cannot be had for such a distance.
         """
         self.check_fitted()
         other, changed = self.with_options(every_m=every_m), 0.0
         if isinstance(self.method_, HiddenMarkovModel) and every_m != self.every_m:
-            if not (every_m > 0 and self.every_m > 0):
-                raise InputError(
-                    f"transitions for updates every {self.every_m:g} m cannot be rescaled to every "
-                    f"{every_m:g} m; train the model at this distance"
-                )
             other.method_, changed = self.method_.rescaled(self.every_m, every_m)
         return other, changed
-
-    def _filter(self, map_prior: MapPrior | None = None) -> BeliefFilter:
-        if not isinstance(self.method_, HiddenMarkovModel):
-            raise InputError(
-                f"{type(self.method_).__name__} labels whole trajectories; online labelling needs "
-                "the method 'hmm'"
-            )
-        if map_prior is not None:
-            map_prior.check_labels(self.label_names_)
-        return BeliefFilter(self.method_, self.every_m, map_prior)

@@ -1,6 +1,6 @@
 """Training a TrajectoryLabeler: the list on cells and steps, the method on held-out scores."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from pgm_places.evaluation.folds import fold_of_buildings, groups_of, map_buildi
 from pgm_places.features.own import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.method import as_backend, with_edge_kinds
 from pgm_places.labelers.place_learning import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -246,3 +247,33 @@ def _require_examples(truth: NDArray[np.int64], label_names: tuple[str, ...]) ->
         )
     if highest >= n_labels:
         raise LabelError(f"label index {highest} but there are only {n_labels} labels")
+
+
+def learn_labelers(
+    labeler: Any,
+    methods: Mapping[str, Any],
+    maps: Sequence[LabelledMap],
+    trajectories: Sequence[Trajectory],
+    extra: Sequence[ArrayLike] | None,
+    known_map: KnownMaps,
+) -> tuple[dict[str, Any], list[NDArray[np.float64]]]:
+    """A TrajectoryLabeler per method, the last of them the given one, and held-out scores.
+
+    These are one (n, K) array per trajectory, of its steps whose place is known: what a further
+    method is to learn from.
+    """
+    labeler.check_options()
+    methods = {name: as_backend(method) for name, method in methods.items()}
+    if maps or trajectories:
+        for method in methods.values():
+            check_can_learn(method, trajectories)
+    examples = trajectory_examples(labeler, maps, trajectories, extra, known_map)
+    model, scores = learn_list(labeler, examples)
+
+    def learn(method: Any) -> dict[str, Any]:
+        seen = with_edge_kinds(method) if labeler.loop_m > 0 else method
+        fitted = learn_method(labeler, seen, maps, trajectories, examples, scores)
+        names = tuple(labeler.label_names)
+        return {"scan_model_": model, "method_": fitted, "label_names_": names}
+
+    return labeler.set_learned_with(methods, learn), examples.split(scores)[1]

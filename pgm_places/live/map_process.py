@@ -27,8 +27,9 @@ from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.io.logs.bags import grid_of_message
 from pgm_places.io.places.place_bag import class_grid
 from pgm_places.io.places.place_markers import ROS, place_markers
-from pgm_places.live.live_map import LiveLabels, LiveMap, PlaceMemory
+from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.place_finder import MapView
+from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.ros_codec import SHOWN, TYPES, RosCodec
 from pgm_places.live.session_file import read_session, write_session
 from pgm_places.trained import trained_labeler

@@ -12,7 +12,7 @@ from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record, user_path
-from pgm_places.live.live_map import PlaceMemory, RememberedPlace
+from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
 

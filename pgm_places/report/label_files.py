@@ -18,6 +18,7 @@ from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places import topology_files
+from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.drawing import Packing
@@ -214,8 +215,8 @@ def write_places(
     """
     doorways = inputs.get("doorways")
     gates = doorways if doorways is not None and len(doorways) else None
-    settings = topology_files.PlaceSettings(rules, gates)
-    topology_files.save_settings(files.stage, settings)  # first: a huge map has room for it now
+    settings = PlaceSettings(rules, gates)
+    save_settings(files.stage, settings)  # first: a huge map has room for it now
     earlier = (files.folder / topology_files.TOPOLOGY_FILE).exists()
     topology = topological_map(
         rules=rules,

@@ -22,7 +22,8 @@ from pgm_places.palette import (
     label_swatches,
 )
 from pgm_places.report.canvas import label_canvas, value_canvas, view_of
-from pgm_places.report.drawing import INK, MUTED, ColourBar, Drawing, Panel, sheet, text_width
+from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.report.sheet import ColourBar, Panel, sheet
 
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pgm_places.batch.local_workers import memory_bytes
+from pgm_places.batch.limits import memory_bytes
 from pgm_places.errors import InputError
 
 

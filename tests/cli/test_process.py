@@ -224,7 +224,7 @@ def test_kernels_that_are_missing_or_old_are_one_line(state: str) -> None:
 def test_the_second_process_ends_with_the_first() -> None:
     helper = (
         "import time\n"
-        "from pgm_places.batch.local_workers import end_with_parent\n"
+        "from pgm_places.batch.limits import end_with_parent\n"
         "end_with_parent()\n"
         "print('watching', flush=True)\n"
         "time.sleep(60)\n"

@@ -10,7 +10,8 @@ from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.labelers.joint_labeler import JointLabeler, label_map_and_drive
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.coarsening import refine

@@ -24,7 +24,8 @@ from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.output_set import RECORD_FILE, claim
-from pgm_places.io.places.topology_files import load_settings, load_topology, read_own_names
+from pgm_places.io.places.place_settings import load_settings
+from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
 from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -21,9 +21,10 @@ from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.io.places.topology_files import PlaceSettings, save_settings, save_topology
+from pgm_places.io.places.place_settings import PlaceSettings, save_settings
+from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.live.live_map import PlaceMemory
+from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder

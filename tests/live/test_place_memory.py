@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgm_places.datasets import generate_building
-from pgm_places.live.live_map import PlaceMemory
+from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap

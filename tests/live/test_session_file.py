@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.live.live_map import PlaceMemory, RememberedPlace
+from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.live.session_file import read_session, write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.live.test_place_memory import Maps, ids, parted, whole

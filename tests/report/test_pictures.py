@@ -12,8 +12,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.drawing import round_length
 from pgm_places.report.map_pictures import entropy, label_map, overview
+from pgm_places.report.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
 

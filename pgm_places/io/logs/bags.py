@@ -202,8 +202,7 @@ def read_bag(
     scan_topic : str, optional
         Topic of ``LaserScan`` messages; the only one by default.
     pose_topic : str, optional
-        Topic of ``Odometry``, ``PoseStamped`` or ``PoseWithCovarianceStamped`` messages to take
-        the poses from.
+        Topic of ``Odometry``, ``PoseStamped`` or ``PoseWithCovarianceStamped`` poses.
     fixed_frame : str, optional
         Take the poses from the frames' tree (``/tf``, ``/tf_static``) instead: of the laser in
         this frame.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places._option_marks import Ge, Le
+from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.atomic import write_bytes, write_json, write_text
@@ -21,17 +21,13 @@ from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.maps.regions import read_regions
 from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
-from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
-from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gate import Gate
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region
-from pgm_places.topology.rules import TopologyOptions, stored_options
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
 MOST = 65535
@@ -239,13 +235,13 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
             f"{REGION_FILE} and {TOPOLOGY_FILE} hold other regions ({sorted(seen ^ ids)[:5]}); "
             "they come from different runs; write them again"
         )
-    connections = _items(Connection, record, "connections")
+    connections = items_of(Connection, record, "connections")
     for item in connections:
         if not {item.first, item.second} <= ids:
             raise InputError(
                 f"a connection joins {item.first} and {item.second}, but not both are regions"
             )
-    corrections = _items(Correction, record, "corrections")
+    corrections = items_of(Correction, record, "corrections")
     (doorway,) = plain_names("doorway_label", [record["doorway_label"]], InputError)
     next_id = check_option("next_id", int, record["next_id"])
     if next_id <= max(ids, default=0):
@@ -253,7 +249,8 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     return TopologicalMap(grid, region, regions, connections, names, doorway, corrections, next_id)
 
 
-def _items(cls: type[T], record: dict[str, Any], key: str) -> tuple[T, ...]:
+def items_of(cls: type[T], record: dict[str, Any], key: str) -> tuple[T, ...]:
+    """The records in a list, as instances of a class."""
     items = enumerate(record[key])
     return tuple(from_mapping(cls, item, path=f"{key}[{k}]") for k, item in items)
 
@@ -356,112 +353,3 @@ def write_checks(path: Path | str, topology: TopologicalMap) -> Path:
         Where the file cannot be written.
     """
     return write_text(path, check_table(topology))
-
-
-SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
-_FORMAT, _SCHEMA = "pgm-places settings of places", 1
-_SETTINGS = "the settings of places, as 'pgm-places label' and 'pgm-places topology' write them"
-
-
-@dataclass(frozen=True, eq=False)
-class PlaceSettings:
-    """How the places of a folder were found.
-
-    Parameters
-    ----------
-    rules : TopologyOptions
-    doorways : Doorways or None
-        The gates of the map that counted as doorways; None where labels said what is one.
-    """
-
-    rules: TopologyOptions
-    doorways: Doorways | None = None
-
-
-@dataclass(frozen=True)
-class _GateRecord:
-    """A gate with every digit: rounded, cells on the edge of its rectangle might fall out."""
-
-    centre_m: tuple[float, float]
-    heading_rad: float
-    width_m: Annotated[float, Ge(0)]
-    depth_m: Annotated[float, Ge(0)]
-    probability: Annotated[float, Ge(0), Le(1)]
-
-    @property
-    def gate(self) -> Gate:
-        """The rectangle."""
-        return Gate(self.centre_m, self.heading_rad, self.width_m, self.depth_m)
-
-
-def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
-    """Write the settings into a folder; the paths written.
-
-    ``places.json`` holds the rules and the gates, ``gate_places.png`` the place between gates at
-    each cell (16 bits, counted from 1, 0 for none, the top row first), if there are gates.
-
-    Raises
-    ------
-    OutputError
-        Where a file cannot be written, or there are more than 65535 places between gates.
-    """
-    record: dict[str, Any] = {
-        "format": _FORMAT,
-        "schema": _SCHEMA,
-        "settings": plain_values(settings.rules),
-    }
-    written = []
-    if settings.doorways is not None:
-        record["map"] = plain_values(Raster.of(settings.doorways.grid))
-        gates = zip(settings.doorways.gates, settings.doorways.probability, strict=True)
-        record["gates"] = [
-            plain_values(_GateRecord(g.centre_m, g.heading_rad, g.width_m, g.depth_m, float(p)))
-            for g, p in gates
-        ]
-        count = int(settings.doorways.place.max(initial=-1)) + 1
-        if count > MOST:
-            raise OutputError(
-                f"{folder / GATES_FILE}: the gates part {count} places, but the image holds only "
-                f"{MOST}; cut the map into parts"
-            )
-        written.append(write_numbers(folder / GATES_FILE, settings.doorways.place + 1))
-    return [write_json(folder / SETTINGS_FILE, record, indent=1), *written]
-
-
-def load_settings(folder: Path) -> PlaceSettings | None:
-    """The settings in a folder; None where there are none.
-
-    Raises
-    ------
-    InputError
-        Where a file is damaged, or they do not fit each other.
-    """
-    path = folder / SETTINGS_FILE
-    if not path.exists():
-        return None
-    again = "label the map again"
-    with read_record(
-        path, _SETTINGS, _FORMAT, _SCHEMA, max_bytes=MAX_BYTES, remedy=again
-    ) as record:
-        rules = stored_options(record["settings"], path="settings")
-        return PlaceSettings(rules, _doorways(folder, record) if "gates" in record else None)
-
-
-def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
-    """The gates, on a raster that may have other cells than the map."""
-    raster = from_mapping(Raster, record["map"], path="map")
-    gates = _items(_GateRecord, record, "gates")
-    numbers = raster.read_numbers(folder / GATES_FILE)
-    grid, place = raster.grid(numbers > 0), numbers - 1
-    for k, item in enumerate(gates):
-        _require_on_map(f"gates[{k}]", item.gate, grid)
-    probability = np.array([item.probability for item in gates], np.float64)
-    place = place.astype(number_type(int(place.max()) + 1))
-    return Doorways(grid, tuple(item.gate for item in gates), probability, place)
-
-
-def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:
-    longest_m = float(np.hypot(*grid.shape)) * grid.resolution_m
-    away_m = float(np.hypot(*np.subtract(gate.centre_m, grid.origin_xy_m)))
-    if max(gate.width_m, gate.depth_m, away_m) > longest_m:
-        raise InputError(f"{path} does not lie on the map; label the map again")

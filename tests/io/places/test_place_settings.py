@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.io.places.topology_files import (
+from pgm_places.io.places.place_settings import (
     GATES_FILE,
     SETTINGS_FILE,
     PlaceSettings,

@@ -1,0 +1,131 @@
+"""places.json: the rules and gates by which a folder's places were found, to find them again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from pgm_places._option_marks import Ge, Le
+from pgm_places.errors import InputError, OutputError
+from pgm_places.io.atomic import write_json
+from pgm_places.io.input_file import read_record
+from pgm_places.io.places.topology_files import MAX_BYTES, MOST, Raster, items_of, write_numbers
+from pgm_places.maps.components import number_type
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import from_mapping, plain_values
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gate import Gate
+from pgm_places.topology.rules import TopologyOptions, stored_options
+
+SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
+
+
+_FORMAT, _SCHEMA = "pgm-places settings of places", 1
+
+
+_SETTINGS = "the settings of places, as 'pgm-places label' and 'pgm-places topology' write them"
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceSettings:
+    """How the places of a folder were found.
+
+    Parameters
+    ----------
+    rules : TopologyOptions
+    doorways : Doorways or None
+        The gates of the map that counted as doorways; None where labels said what is one.
+    """
+
+    rules: TopologyOptions
+    doorways: Doorways | None = None
+
+
+@dataclass(frozen=True)
+class _GateRecord:
+    """A gate with every digit: rounded, cells on the edge of its rectangle might fall out."""
+
+    centre_m: tuple[float, float]
+    heading_rad: float
+    width_m: Annotated[float, Ge(0)]
+    depth_m: Annotated[float, Ge(0)]
+    probability: Annotated[float, Ge(0), Le(1)]
+
+    @property
+    def gate(self) -> Gate:
+        """The rectangle."""
+        return Gate(self.centre_m, self.heading_rad, self.width_m, self.depth_m)
+
+
+def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
+    """Write the settings into a folder; the paths written.
+
+    ``places.json`` holds the rules and the gates, ``gate_places.png`` the place between gates at
+    each cell (16 bits, counted from 1, 0 for none, the top row first), if there are gates.
+
+    Raises
+    ------
+    OutputError
+        Where a file cannot be written, or there are more than 65535 places between gates.
+    """
+    record: dict[str, Any] = {
+        "format": _FORMAT,
+        "schema": _SCHEMA,
+        "settings": plain_values(settings.rules),
+    }
+    written = []
+    if settings.doorways is not None:
+        record["map"] = plain_values(Raster.of(settings.doorways.grid))
+        gates = zip(settings.doorways.gates, settings.doorways.probability, strict=True)
+        record["gates"] = [
+            plain_values(_GateRecord(g.centre_m, g.heading_rad, g.width_m, g.depth_m, float(p)))
+            for g, p in gates
+        ]
+        count = int(settings.doorways.place.max(initial=-1)) + 1
+        if count > MOST:
+            raise OutputError(
+                f"{folder / GATES_FILE}: the gates part {count} places, but the image holds only "
+                f"{MOST}; cut the map into parts"
+            )
+        written.append(write_numbers(folder / GATES_FILE, settings.doorways.place + 1))
+    return [write_json(folder / SETTINGS_FILE, record, indent=1), *written]
+
+
+def load_settings(folder: Path) -> PlaceSettings | None:
+    """The settings in a folder; None where there are none.
+
+    Raises
+    ------
+    InputError
+        Where a file is damaged, or they do not fit each other.
+    """
+    path = folder / SETTINGS_FILE
+    if not path.exists():
+        return None
+    again = "label the map again"
+    with read_record(
+        path, _SETTINGS, _FORMAT, _SCHEMA, max_bytes=MAX_BYTES, remedy=again
+    ) as record:
+        rules = stored_options(record["settings"], path="settings")
+        return PlaceSettings(rules, _doorways(folder, record) if "gates" in record else None)
+
+
+def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
+    """The gates, on a raster that may have other cells than the map."""
+    raster = from_mapping(Raster, record["map"], path="map")
+    gates = items_of(_GateRecord, record, "gates")
+    numbers = raster.read_numbers(folder / GATES_FILE)
+    grid, place = raster.grid(numbers > 0), numbers - 1
+    for k, item in enumerate(gates):
+        _require_on_map(f"gates[{k}]", item.gate, grid)
+    probability = np.array([item.probability for item in gates], np.float64)
+    place = place.astype(number_type(int(place.max()) + 1))
+    return Doorways(grid, tuple(item.gate for item in gates), probability, place)
+
+
+def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:
+    longest_m = float(np.hypot(*grid.shape)) * grid.resolution_m
+    away_m = float(np.hypot(*np.subtract(gate.centre_m, grid.origin_xy_m)))
+    if max(gate.width_m, gate.depth_m, away_m) > longest_m:
+        raise InputError(f"{path} does not lie on the map; label the map again")

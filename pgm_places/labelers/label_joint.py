@@ -1,0 +1,82 @@
+"""Labelling a map together with a drive, whatever the resolution of the map."""
+
+from typing import NamedTuple
+
+from pgm_places.inference.backends import METHODS
+from pgm_places.inference.labeling import Labeling
+from pgm_places.kernels.threads import threads
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress, reported, warn
+from pgm_places.trajectories.trajectory import Trajectory
+
+
+class LabelledDrive(NamedTuple):
+    """A labelled map and the labelling of a drive through it.
+
+    Parameters
+    ----------
+    map : LabelledPlaces
+        On the map's own raster.
+    steps : Labeling
+        Of the drive's steps.
+    """
+
+    map: LabelledPlaces
+    steps: Labeling
+
+
+def label_map_and_drive(
+    labeler: JointLabeler,
+    grid: OccupancyGrid,
+    drive: Trajectory,
+    *,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> LabelledDrive:
+    """The map and the drive labelled as one graph, the map on its own raster.
+
+    A map of another resolution than the training maps' is brought to theirs first, as
+    :func:`~pgm_places.labelers.label_map.label_map` does, and a warning says so.
+
+    Parameters
+    ----------
+    labeler : JointLabeler
+        Fitted.
+    grid : OccupancyGrid
+        In the frame of the drive's poses.
+    drive : Trajectory
+        With scans, or without them if the model casts them in the map.
+    n_threads, progress
+        As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+
+    Raises
+    ------
+    MapError
+        The map has no free cell, or none that is left at the model's resolution, or would have to
+        be refined to too many cells.
+    InputError
+        None of the drive's positions is on a free cell of the map.
+    NotFittedError
+        The labeler has not learned.
+    """
+    labeler.check_fitted()
+    with threads(n_threads), reported(progress):
+        used, warnings = at_model_resolution(labeler.places_, grid)
+        for message in warnings:
+            warn(message)
+        scores = labeler.scores(used, drive)
+        labeling = labeler.infer(scores)
+    cells, steps = labeling.cells, labeling.steps
+    assert cells is not None and steps is not None and scores.graph.cells is not None  # are given
+    places = on_own_raster(
+        grid,
+        used,
+        scores.graph.cells.grid_layout,
+        cells,
+        label_names=labeler.label_names_,
+        method=METHODS.name_of(type(labeler.method_)),
+        warnings=warnings,
+    )
+    return LabelledDrive(places, steps)
