@@ -89,8 +89,7 @@ def floor_of_drives() -> FloorModel:
 def networks_of_towns(data: Path, folder: Path) -> dict[str, FloorModel]:
     """For each of the campaign's buildings, the network that was trained without it."""
     fold, items = fold_of(list(all_floors(data))), networks(folder)
-    one = FloorModel((), views_per_network=1)
-    return {name: replace(one, networks=(items[fold[name]],)) for name in TOWNS.values()}
+    return {name: FloorModel((items[fold[name]],), views_per_network=1) for name in TOWNS.values()}
 
 
 def tables(
@@ -98,15 +97,16 @@ def tables(
 ) -> Mapping[str, Callable[[], str]]:
     """The tables by their names; every figure is from buildings left out."""
     found = cache(lambda: list(floor_answers(table)))
-    return {
+    written = {
         "floors": lambda: floors_table(found()),
         "lasers": lambda: lasers_table(found()),
         "real": lambda: real_table(table, data, kept),
-        "real_networks": lambda: real_table(
-            table, data, kept, networks=networks_of_towns(data, folder or Path())
-        ),
         "options": lambda: options_table(table),
     }
+    if folder is None:
+        return written
+    known = networks_of_towns(data, folder)
+    return written | {"real_networks": lambda: real_table(table, data, kept, networks=known)}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -130,6 +130,14 @@ def main() -> None:
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
+    if "real_networks" in chosen.parts and chosen.networks is None:
+        sys.exit(
+            "the table real_networks needs --networks FOLDER, that of experiments.floor_network"
+        )
+    if chosen.without_generated and (chosen.model or not chosen.parts):
+        sys.exit(
+            "--without-generated is for tables that are named: the model learns from all drives"
+        )
     if chosen.kept is not None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
     kept = KeptArrays(chosen.kept)
@@ -138,8 +146,7 @@ def main() -> None:
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))
     written = tables(table, Path(data), kept, chosen.networks)
-    names = chosen.parts or (() if chosen.model else PARTS)
-    for name in names if chosen.networks else [n for n in names if n != "real_networks"]:
+    for name in chosen.parts or (() if chosen.model else written):
         text = written[name]()
         print(text, write_table(f"tracking_{name}", text), sep="\n", flush=True)
 

@@ -9,7 +9,7 @@ learned without the building. KEPT is the folder of ``python -m experiments.floo
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -187,8 +187,7 @@ def main() -> None:
     if data is None:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
     chosen.kept.mkdir(parents=True, exist_ok=True)
-    one = FloorModel((), views_per_network=1)
-    models = [replace(one, networks=(network,)) for network in networks(chosen.networks)]
+    models = [FloorModel((network,), views_per_network=1) for network in networks(chosen.networks)]
     seen = list(drives(data, KeptArrays(chosen.kept), models, chosen.every))
     print(tables(held_out(seen), chosen.share))
 

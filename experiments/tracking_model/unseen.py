@@ -53,10 +53,10 @@ def answers(found: Learned, drives: Sequence[Observed], ways: Sequence[str]) -> 
     labelers = {
         way: fitted[id(WAYS[way][0])].with_options(method__mode=WAYS[way][1]) for way in ways
     }
+    both = FloorModel((), share=SHARE, doorway_share=SHARE)
     for drive in drives:
         scores = found.model.log_proba(drive.circles_m, spaces=drive.spaces)
         if drive.floor is not None:
-            both = FloorModel((), share=SHARE, doorway_share=SHARE)
             scores = with_local_floor(scores, drive.floor, both)
         labels = {ALONE: scores.argmax(axis=1)}
         for way, labeler in labelers.items():

@@ -87,7 +87,10 @@ struct AddNoise {
         uint32_t kinds[BEAMS], anywhere[BEAMS], radii[BEAMS], turns[BEAMS];
         words.draw(0, kinds);
         words.draw(1, anywhere);
-        if constexpr (GAUSSIAN) words.draw(2, radii), words.draw(3, turns);
+        if constexpr (GAUSSIAN) {
+            words.draw(2, radii);
+            words.draw(3, turns);
+        }
         const auto top = static_cast<float>(noise.max_range_m);
         const std::int64_t at_top = words_below(noise.p_max);
         const std::int64_t replaced = words_below(noise.p_max + noise.p_random);
