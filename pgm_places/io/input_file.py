@@ -192,7 +192,7 @@ def read_record(
     try:
         yield record
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}; {remedy}") from None
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path} is damaged ({shown(error)}); {remedy}") from None
 
