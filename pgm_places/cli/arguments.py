@@ -36,3 +36,11 @@ Force = Annotated[
         "--force", help="Overwrite files that pgm-places did not write, or that were changed since."
     ),
 ]
+ForceMisfit = Annotated[
+    bool,
+    Option(
+        "--force",
+        help="Label a drive that does not fit its map; overwrite files that pgm-places did not "
+        "write, or that were changed since.",
+    ),
+]

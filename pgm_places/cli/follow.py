@@ -24,9 +24,12 @@ from pgm_places.io.output_set import output_set
 from pgm_places.labelers.online import OnlineLabeler
 from pgm_places.labelers.tracking import Track
 from pgm_places.live.place_finder import FoundPlace, PlaceOfMap
+from pgm_places.progress import Progress
 from pgm_places.report.label_files import TRACK
 
 POLL_S = 0.2
+FIRST_CHECK = 50
+"""Scans after which the drive is first compared with the map; then whenever they double."""
 
 
 def run_follow(options: TrackOptions) -> None:
@@ -46,7 +49,7 @@ def run_follow(options: TrackOptions) -> None:
     if log.suffix.lower() == ".csv":  # poses without scans
         beams = {"beams__missing": "known-map", "beams__all_from_map": True}
         given = given._replace(labeler=given.labeler.with_options(**beams))
-    follower = _Follower(given, options.jsonl)
+    follower = _Follower(given, options, progress)
     with ExitStack() as stack:
         files = None
         if options.out is not None:
@@ -70,8 +73,9 @@ def run_follow(options: TrackOptions) -> None:
 class _Follower:
     """Labels scans one by one, says each, and keeps them for the report."""
 
-    def __init__(self, given: TrackInputs, json_lines: bool) -> None:
-        self._given, self._labeler, self._json_lines = given, given.labeler, json_lines
+    def __init__(self, given: TrackInputs, options: TrackOptions, progress: Progress) -> None:
+        self._given, self._labeler, self._json_lines = given, given.labeler, options.jsonl
+        self._options, self._progress, self._next_check = options, progress, FIRST_CHECK
         self._online: OnlineLabeler | None = None
         self._scans: list[pp.Scan] = []
         self.beliefs: list[NDArray[np.float64]] = []
@@ -87,6 +91,13 @@ class _Follower:
         belief = self._online.step(scan, extra=extra)
         self._scans.append(scan)
         self.beliefs.append(belief)
+        if len(self._scans) == self._next_check:
+            self._next_check *= 2
+            name = str(self._options.log)
+            for message in given.misfit(
+                pp.Trajectory.from_scans(self._scans, name=name), self._options
+            ):
+                self._progress.warn(message)
         best = self._online.choose(belief)
         if self._json_lines:
             say(json.dumps(self._record(scan, belief, best), ensure_ascii=False))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
 from pgm_places._extras import needed
-from pgm_places.cli.arguments import Force, Method, Model, Quiet, Threads
+from pgm_places.cli.arguments import ForceMisfit, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option, grouped, option_flags
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import ConfigError
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from pgm_places.live.replay import Replay
 
 PLACES_FILE = "places.jsonl"
+
+FEWEST_STEPS = 10
+"""Steps needed to compare a drive with a map; with fewer before the map, all steps count."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ class LiveFlags:
     out: Annotated[Path | None, Option("--out", "-o")] = None
     max_range_m: AtLeastZero | None = None
     jsonl: bool = False
-    force: Force = False
+    force: ForceMisfit = False
     n_threads: Threads = None
     quiet: Quiet = False
 
@@ -149,13 +152,27 @@ def _replay(
     from pgm_places.live.live_map import LiveMap
     from pgm_places.live.place_finder import PlaceFinder
     from pgm_places.live.replay import Replay
+    from pgm_places.sensing.map_agreement import check_agreement
 
     progress, labeler = make_progress(quiet=asked.quiet), pp.trained_labeler(asked.model)
     with progress.stage("log"):
         maps = list(read_map_messages(log, map_topic))
         frame = maps[0].frame if maps else None
         loaded = read_trajectory(log, range_max_m=asked.max_range_m, fixed_frame=frame)
-    for message in loaded.warnings:
+    warnings = list(loaded.warnings)
+    if maps:
+        # The last map covers what was driven before it was sent.
+        last = max(maps, key=lambda item: item.time_s)
+        driven = int((loaded.trajectory.times_s <= last.time_s).sum())
+        poor = check_agreement(
+            last.grid,
+            loaded.trajectory[:driven] if driven >= FEWEST_STEPS else loaded.trajectory,
+            f"the map on {map_topic}",
+            force=asked.force,
+            otherwise="--force replays it all the same",
+        )
+        warnings += [] if poor is None else [poor]
+    for message in warnings:
         progress.warn(message)
     finder = PlaceFinder(pp.TrajectoryLabeler.from_places(labeler), options)
     live_map = LiveMap(labeler, method=asked.method, memory=memory, n_threads=asked.n_threads)

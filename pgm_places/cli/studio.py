@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from pgm_places.io.maps.map_server import MapFile
+    from pgm_places.progress import Progress
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.exports import ExportFolders
     from pgm_places.studio.layers import GivenLabels
@@ -92,7 +94,7 @@ def studio(
             model=model,
             given=_given(labels or (), loaded.grid),
             rules=None if stored is None else stored.rules,
-            drive_xy_m=None if drive is None else _path(drive),
+            drive_xy_m=None if drive is None else _path(drive, loaded, progress),
             n_threads=n_threads,
         )
         if desk.carried is not None:
@@ -159,11 +161,19 @@ def _given(paths: "Sequence[Path]", grid: "pp.OccupancyGrid") -> "list[GivenLabe
     return found
 
 
-def _path(drive: Path) -> "NDArray[np.float64]":
-    """The positions of a drive in metres."""
+def _path(drive: Path, loaded: "MapFile", progress: "Progress") -> "NDArray[np.float64]":
+    """The positions of a drive in metres; a drive that does not fit the map is refused."""
     from pgm_places.io.logs.trajectories import read_trajectory
+    from pgm_places.sensing.map_agreement import check_agreement
 
-    return read_trajectory(drive).trajectory.poses[:, :2]
+    path = read_trajectory(drive).trajectory
+    otherwise = "omit --drive to open the map without it"
+    message = check_agreement(
+        loaded.grid, path, str(loaded.yaml_path), force=False, otherwise=otherwise
+    )
+    if message is not None:
+        progress.warn(message)
+    return path.poses[:, :2]
 
 
 def _announce(address: str, *, browser: bool) -> None:

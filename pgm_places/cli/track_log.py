@@ -32,6 +32,7 @@ from pgm_places.persistence.stored import Stored, read
 from pgm_places.progress import Progress
 from pgm_places.report.label_files import TRACK, label_names, places_summary
 from pgm_places.report.track_page import write_track
+from pgm_places.sensing.map_agreement import check_agreement
 from pgm_places.trained import DEFAULT, TRACKING, model_folder
 from pgm_places.vision.object_counts import ObjectCounts
 
@@ -171,6 +172,18 @@ class TrackInputs(NamedTuple):
         """How probable each label is at positions, by the map that was labelled beforehand."""
         return None if self.known is None else self.known.prior
 
+    @property
+    def drawn_map(self) -> pp.OccupancyGrid | None:
+        """The map, or the one that was labelled beforehand."""
+        known = None if self.known is None else self.known.places.grid
+        return known if self.grid is None else self.grid
+
+    def misfit(self, drive: pp.Trajectory, options: TrackOptions) -> list[str]:
+        """A warning where the drive does not fit the map; a drive that fits it badly is refused."""
+        grid = self.drawn_map
+        name = options.map_yaml or options.map_labels
+        return [] if grid is None else misfit(grid, drive, f"{name}", options)
+
 
 def run_track(stored: Stored, options: TrackOptions) -> None:
     """Label a complete log with a model of drives, or one of maps."""
@@ -182,6 +195,15 @@ def run_track(stored: Stored, options: TrackOptions) -> None:
             write(track, given.grid, files.stage)
     say(summary(track))
     say_written(files)
+
+
+def misfit(
+    grid: OccupancyGrid, drive: pp.Trajectory, map_name: str, options: TrackOptions
+) -> list[str]:
+    """A warning where a drive does not fit a map; below half of it, only with --force."""
+    otherwise = "--force labels it all the same"
+    message = check_agreement(grid, drive, map_name, force=options.force, otherwise=otherwise)
+    return [] if message is None else [message]
 
 
 def folder_for(options: TrackOptions) -> Path:
@@ -212,6 +234,7 @@ def _track(given: TrackInputs, options: TrackOptions, progress: Progress) -> Tra
     labeler, names = given.labeler, tuple(given.labeler.label_names)
     read = read_log(options, names, progress)
     trajectory, warnings = read.trajectory, list(read.warnings)
+    warnings += given.misfit(trajectory, options)
     extra = None
     if given.counts is not None:
         extra = given.counts.columns(trajectory.times_s)
@@ -303,6 +326,9 @@ def _labelled(
         steps = labeler.label(drive=drive, progress=progress).steps
         assert steps is not None  # there is a drive
         return Track(drive, steps, names, tuple(read.warnings)), None
+    poor = misfit(source.grid, drive, f"{options.map_yaml}", options)
+    for message in poor:
+        progress.warn(message)
     labelled = label_map_and_drive(labeler, source.grid, drive, progress=progress)
-    warnings = (*read.warnings, *labelled.map.warnings)
+    warnings = (*read.warnings, *poor, *labelled.map.warnings)
     return Track(drive, labelled.steps, names, warnings), labelled.map

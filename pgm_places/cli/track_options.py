@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from pgm_places.cli.arguments import Force, Quiet, UnknownValue
+from pgm_places.cli.arguments import ForceMisfit, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.options import AtLeastZero
 
@@ -62,5 +62,5 @@ class TrackOptions:
     follow: Annotated[bool, Option("--follow", "-f")] = False
     jsonl: bool = False
     unknown_value: UnknownValue = None
-    force: Force = False
+    force: ForceMisfit = False
     quiet: Quiet = False

@@ -14,8 +14,9 @@ from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.map_process import MapDesk
-from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder, PlaceOfMap
+from pgm_places.live.place_finder import DIGITS, FoundPlace, MapView, PlaceFinder, PlaceOfMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
+from pgm_places.sensing.map_agreement import WARN_BELOW
 
 HEALTH_S = 1.0
 """How often the node says how it is doing."""
@@ -34,6 +35,9 @@ AGAIN_S = 10.0
 
 NO_MAP_AFTER_S = 5.0
 """How long scans come before a missing map is worth a word."""
+
+FIT_SCANS = 100
+"""Latest scans of which the share on free cells of the map is watched."""
 
 MOST_WAITING = 1000
 """Scans that wait for their transforms: more than any laser sends in the time that they may."""
@@ -79,6 +83,7 @@ class LiveNode:
         self._codec, self._frames = RosCodec(), FrameBuffer()
         self._scans = ScanMessages(self._options.scan_topic)
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=MOST_WAITING)
+        self._on_free: deque[bool] = deque(maxlen=FIT_SCANS)
         self._last_scan_s, self._clock_s, self._n_back = -np.inf, -np.inf, 0
         self._health, self._next_health_s = Health(silent_s=SILENT_S), -np.inf
         self._first_scan_s: float | None = None
@@ -248,6 +253,7 @@ class LiveNode:
     def _begin_anew(self, time_s: float, back_s: float) -> None:
         self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")
         self._waiting.clear()
+        self._on_free.clear()
         self._frames.forget_after(time_s)
         self._finder.forget()
         self._last_scan_s, self._n_back = -np.inf, 0
@@ -289,6 +295,8 @@ class LiveNode:
                 f"the robot at ({x:.2f}, {y:.2f}) is outside the map; are map_frame and the map's "
                 "origin right?",
             )
+        elif view is not None:
+            self._watch_fit(view, found)
         self._health.last, self._health.n_placed = found, self._health.n_placed + 1
         stamp = message.header.stamp
         self._publish("place", self._codec.text(_place_text(found, stamp), "place"))
@@ -296,6 +304,17 @@ class LiveNode:
         self._publish("current_place", typed)
         if self._on_place is not None:
             self._on_place(found)
+
+    def _watch_fit(self, view: MapView, found: FoundPlace) -> None:
+        """Warn where the robot's latest poses do not lie in the map's free space."""
+        self._on_free.append(view.is_labelled(*found.pose[:2]))
+        share = sum(self._on_free) / FIT_SCANS
+        if len(self._on_free) == FIT_SCANS and share < WARN_BELOW:
+            self._complain(
+                "fit",
+                f"{100 * share:.0f} % of the last {FIT_SCANS} scans were taken in free space of "
+                "the map; check the localisation and the map_frame",
+            )
 
     def _complain(self, kind: str, text: str) -> None:
         """Say it, unless that kind was said within the last seconds."""

@@ -120,6 +120,11 @@ class MapView:
         """Whether the position lies on the map, known or not."""
         return self.frame.cell_at(x_m, y_m) is not None
 
+    def is_labelled(self, x_m: float, y_m: float) -> bool:
+        """Whether the position lies on a labelled free cell."""
+        cell = self.frame.cell_at(x_m, y_m)
+        return cell is not None and bool(self.number[cell] >= 0)
+
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(T, K) probabilities at positions (T, 2); the labels' shares where nothing is known."""
         found = np.tile(self.shares, (len(np.asarray(positions_m)), 1))

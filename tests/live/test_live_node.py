@@ -1,6 +1,7 @@
 """The core of a node: messages in any order and of any quality, places out, plain words."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveMap
-from pgm_places.live.live_node import LiveNode
+from pgm_places.live.live_node import FIT_SCANS, LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions
 from pgm_places.live.place_finder import MapView, PlaceFinder
 from pgm_places.live.ros_codec import RosCodec
@@ -371,3 +372,15 @@ def test_updates_of_the_map_are_labelled() -> None:
     assert robot.said == []
     robot.node.take("map_updates", update(grid.shape[1], 0, [[1]]))
     assert "is no part of the map" in robot.said[0]
+
+
+def test_a_robot_that_drives_through_walls_is_reported() -> None:
+    path = drive(1)[: FIT_SCANS + 1]
+    for shift_m in (0.0, 2.0):
+        robot = Robot()
+        robot.node.take("map", raw_map(building()[0].grid))
+        robot.node.turn(0.0)
+        robot.node.turn(0.1)
+        robot.take(driven(replace(path, poses=path.poses + np.array([0.0, shift_m, 0.0]))))
+        said = [line for line in robot.said if "in free space" in line]
+        assert len(said) == (shift_m > 0)

@@ -202,7 +202,8 @@ def test_a_session_goes_on(tmp_path: Path, run: Run) -> None:
         bag.drive(path)
         (tmp_path / str(number)).mkdir()
         log = bag.write(tmp_path / str(number))
-        words = ("--replay", log, "--model", tmp_path / "model", "--session", session, "-q")
+        words = ["--replay", log, "--model", tmp_path / "model", "--session", session, "-q"]
+        words.append("--force")  # the first map shows another part of the building
         code, text, error = run("live", *words)
         assert code == 0, error
         found.append(text.splitlines()[0])
