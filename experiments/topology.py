@@ -15,7 +15,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
-from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.pictures.topology_pictures import topology_drawing
 
 
 def main() -> None:

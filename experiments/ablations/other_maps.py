@@ -17,7 +17,7 @@ from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.map_pictures import label_map as label_picture
+from pgm_places.pictures.map_pictures import label_map as label_picture
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory

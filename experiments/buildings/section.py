@@ -29,8 +29,8 @@ from experiments.paper.figures import percent
 from experiments.paper.section import Finding, Outcome, Picture, Table
 from experiments.paper.setting import Setting
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
-from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet
+from pgm_places.pictures.canvas import difference_canvas, label_canvas, view_of
+from pgm_places.pictures.sheet import Panel, sheet
 
 ABLATION = {
     "laser, stumps": "laser, stumps",

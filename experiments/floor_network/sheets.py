@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from experiments.buildings.maps import NAMES, KnownMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
-from pgm_places.report.canvas import label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet
+from pgm_places.pictures.canvas import label_canvas, view_of
+from pgm_places.pictures.sheet import Panel, sheet
 
 _PIXELS = 30_000
 _PAIRS_ACROSS = 3

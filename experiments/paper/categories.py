@@ -21,7 +21,7 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.report.map_pictures import path_map
+from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory

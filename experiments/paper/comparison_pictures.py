@@ -10,8 +10,8 @@ from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
-from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet
+from pgm_places.pictures.canvas import View, difference_canvas, label_canvas, view_of
+from pgm_places.pictures.sheet import Panel, sheet
 
 MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""

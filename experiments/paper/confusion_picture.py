@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pgm_places._checks import finite_array
-from pgm_places.report.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK, MUTED
 from pgm_places.report.line_chart import PixelFigure
 
 _TEXT = 10.0

@@ -20,7 +20,7 @@ from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.map_pictures import path_map
+from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along

@@ -13,7 +13,7 @@ from experiments.paper.setting import Setting
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
-from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap

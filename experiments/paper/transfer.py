@@ -10,8 +10,8 @@ from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.map_pictures import label_map as label_picture
-from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.pictures.map_pictures import label_map as label_picture
+from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.topology.from_labels import topological_map
 
 UNLABELLED = "intel"

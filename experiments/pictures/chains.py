@@ -17,7 +17,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.palette import ERROR
-from pgm_places.report.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK, MUTED
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 
 N_LEARNED = 10

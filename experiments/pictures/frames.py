@@ -14,7 +14,7 @@ from experiments.pictures.kept import draw_ground, figure, graph_paper, keep, pl
 from pgm_places import LabelGraph, save_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, UNKNOWN, WALL
-from pgm_places.report.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK, MUTED
 from pgm_places.sensing.ray_casting import cast_poses
 
 BEAM = "#1f5fa8"

@@ -4,7 +4,7 @@ import numpy as np
 
 from experiments.pictures.kept import NAMES, keep
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.topology.from_labels import topological_map
 
 CORRIDOR, ROOM, DOORWAY = (NAMES.index(name) for name in ("corridor", "room", "doorway"))

@@ -20,7 +20,7 @@ from pgm_places.datasets.building import LabelledBuilding
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import UNKNOWN, WALL, label_colours
-from pgm_places.report.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK, MUTED
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 NAMES = ("corridor", "room", "doorway")

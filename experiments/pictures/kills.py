@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from experiments.pictures.kept import figure, keep
 from pgm_places.io.output_set import output_set
 from pgm_places.palette import LABEL_COLOURS
-from pgm_places.report.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK, MUTED
 from tests.faults.steps import count_steps, killed_at
 
 FILES = ("labels.png", "labels.yaml", "overview.png", "summary.json")

@@ -26,7 +26,7 @@ from pgm_places.features.extraction import extract
 from pgm_places.features.laser import laser_feature_names
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.report.drawing import INK
+from pgm_places.pictures.drawing import INK
 from pgm_places.sensing.ray_casting import cast_cells
 
 ROUNDS = (1, 2, 5, 10, 20, 50, 100, 200)

@@ -30,12 +30,12 @@ from pgm_places.live.live_map import LiveMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import GROUND_SWATCHES, WALL, label_swatches, levels
-from pgm_places.report.canvas import label_canvas, view_of
-from pgm_places.report.drawing import INK, MUTED, Drawing
+from pgm_places.pictures.canvas import label_canvas, view_of
+from pgm_places.pictures.drawing import INK, MUTED, Drawing
+from pgm_places.pictures.map_pictures import entropy
+from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.report.explanation_picture import explanation_picture
-from pgm_places.report.map_pictures import entropy
-from pgm_places.report.sheet import Panel, sheet
-from pgm_places.report.topology_pictures import topology_drawing
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation

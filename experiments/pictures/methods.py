@@ -27,7 +27,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.datasets.building import LabelledBuilding
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import levels
-from pgm_places.report.drawing import INK
+from pgm_places.pictures.drawing import INK
 from pgm_places.unary.map_model import CellScores
 
 N_ROUNDS = 20

@@ -4,7 +4,7 @@ import re
 
 from experiments.pictures.kept import IMAGES, figure, graph_paper, keep
 from pgm_places.palette import LABEL_COLOURS
-from pgm_places.report.drawing import INK
+from pgm_places.pictures.drawing import INK
 
 ROW = re.compile(r"^\| (\w+, (?:plain Python|kernels)) \| \d+ \| (\d+) \| (\d+) \|", re.MULTILINE)
 NOTICED, MISSED = LABEL_COLOURS[1], "#d5dae1"

@@ -6,8 +6,8 @@ from experiments.pictures.kept import keep
 from pgm_places.datasets import STYLES, MapSimulation, generate_building, simulate_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
-from pgm_places.report.canvas import label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet
+from pgm_places.pictures.canvas import label_canvas, view_of
+from pgm_places.pictures.sheet import Panel, sheet
 
 NAMES = ("corridor", "room", "doorway", "hall")
 SEEDS = {

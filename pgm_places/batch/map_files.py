@@ -13,8 +13,8 @@ from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet
 from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.pictures.drawing import Packing
 from pgm_places.progress import Progress
-from pgm_places.report.drawing import Packing
 from pgm_places.report.label_files import Outputs, write_labels, write_places
 from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.rules import TopologyOptions

@@ -24,9 +24,9 @@ from pgm_places.io.output_set import has_all_files, output_set
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.io.staging import claimed
 from pgm_places.options import option_values
+from pgm_places.pictures.map_pictures import thumbnail
 from pgm_places.progress import Silent, duration
 from pgm_places.report.label_files import Outputs, label_names
-from pgm_places.report.map_pictures import thumbnail
 from pgm_places.topology.checks import doubtful_share, places_to_check
 
 

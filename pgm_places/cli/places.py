@@ -203,7 +203,7 @@ def _write_routes(
     for_nav2: dict[str, Any] | None = None,
 ) -> None:
     """The route graph and its picture; says what the robot cannot reach."""
-    from pgm_places.report.route_picture import routes_summary, write_routes
+    from pgm_places.pictures.route_picture import routes_summary, write_routes
     from pgm_places.topology.route_graph import ROBOT_RADIUS_M
 
     radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m

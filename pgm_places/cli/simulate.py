@@ -201,7 +201,7 @@ def _stem(out: Path) -> str:
 def _picture(place: "pp.LabelledMap", names: tuple[str, ...], driven: "pp.Trajectory") -> bytes:
     import numpy as np
 
-    from pgm_places.report.map_pictures import path_map
+    from pgm_places.pictures.map_pictures import path_map
 
     labels = np.full(len(driven), -1) if driven.labels is None else driven.labels
     wheels = None if driven.odometry is None else driven.odometry[:, :2]

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation.bootstrap import numbered_apart, square_blocks
 from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.pictures.graph_layout import GraphLayout
 from pgm_places.trajectories.path_layout import PathLayout
 from pgm_places.trajectories.trajectory import Trajectory
 

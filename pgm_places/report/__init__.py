@@ -1,1 +1,1 @@
-"""Pictures and the self-contained HTML report."""
+"""Self-contained HTML reports, their charts and layers."""

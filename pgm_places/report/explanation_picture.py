@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.palette import label_colours
-from pgm_places.report.canvas import label_canvas, view_of
-from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.pictures.canvas import label_canvas, view_of
+from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
 from pgm_places.teaching.reasons import CellExplanation, FeatureVote, Question
 from pgm_places.teaching.taught import Taught
 

@@ -21,8 +21,8 @@ from pgm_places.io.places import topology_files
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.drawing import Packing
-from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
+from pgm_places.pictures.drawing import Packing
+from pgm_places.pictures.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
@@ -143,7 +143,7 @@ def write_labels(
 def _write_overview(
     result: LabelledPlaces, source: MapFile, folder: Path, packing: Packing
 ) -> Path:
-    from pgm_places.report.map_pictures import overview
+    from pgm_places.pictures.map_pictures import overview
 
     drawing = overview(
         result.grid,

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.report.drawing import INK
+from pgm_places.pictures.drawing import INK
 from pgm_places.report.page import data_uri, template_text
 
 _DPI = 100

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.labelled_items import TestDrive, TestGraph, TestItem
 from pgm_places.labelers.tracking import Track
-from pgm_places.report.canvas import (
+from pgm_places.pictures.canvas import (
     Canvas,
     View,
     difference_canvas,
@@ -17,9 +17,9 @@ from pgm_places.report.canvas import (
     value_canvas,
     view_of,
 )
-from pgm_places.report.map_pictures import entropy
+from pgm_places.pictures.map_pictures import entropy
+from pgm_places.pictures.sheet import round_length
 from pgm_places.report.page import data_uri
-from pgm_places.report.sheet import round_length
 from pgm_places.report.track_page import belief_plot
 
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000

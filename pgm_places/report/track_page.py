@@ -13,9 +13,9 @@ from pgm_places.io.csv_table import csv_text
 from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours, label_swatches
-from pgm_places.report.drawing import INK, MUTED, text_width
+from pgm_places.pictures.drawing import INK, MUTED, text_width
+from pgm_places.pictures.map_pictures import label_map
 from pgm_places.report.line_chart import PixelFigure
-from pgm_places.report.map_pictures import label_map
 from pgm_places.report.page import data_uri, render
 from pgm_places.trajectories.path_layout import PathLayout
 

@@ -13,8 +13,8 @@ from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.pictures.map_pictures import entropy
 from pgm_places.progress import Progress
-from pgm_places.report.map_pictures import entropy
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher

@@ -12,8 +12,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.map_pictures import entropy, label_map, overview
-from pgm_places.report.sheet import round_length
+from pgm_places.pictures.map_pictures import entropy, label_map, overview
+from pgm_places.pictures.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
 
@@ -122,8 +122,8 @@ def test_entropy_is_a_share_of_the_largest() -> None:
 def test_pictures_of_maps_are_drawn_without_matplotlib() -> None:
     code = (
         "import sys; from pgm_places.report import comparison_page;"
-        "from pgm_places.report.map_pictures import label_map;"
-        "from pgm_places.report.topology_pictures import topology_drawing;"
+        "from pgm_places.pictures.map_pictures import label_map;"
+        "from pgm_places.pictures.topology_pictures import topology_drawing;"
         "from tests.topology.floors import floor_map;"
         "floor = floor_map();"
         "label_map(floor.grid, floor.labels, floor.label_names);"

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from pgm_places.report.drawing import Drawing, text_width
+from pgm_places.pictures.drawing import Drawing, text_width
 
 
 def darkness(drawing: Drawing) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.kernels.threads import resolve_threads
-from pgm_places.report.canvas import Canvas
+from pgm_places.pictures.canvas import Canvas
 
 if TYPE_CHECKING:
     from PIL import ImageDraw, ImageFont

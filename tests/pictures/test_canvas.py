@@ -12,7 +12,7 @@ from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
-from pgm_places.report.canvas import (
+from pgm_places.pictures.canvas import (
     Canvas,
     View,
     difference_canvas,
@@ -20,7 +20,7 @@ from pgm_places.report.canvas import (
     value_canvas,
     view_of,
 )
-from pgm_places.report.map_pictures import thumbnail
+from pgm_places.pictures.map_pictures import thumbnail
 
 NAMES = ("corridor", "room", "doorway")
 WHOLE = View(slice(0, 4), slice(0, 5))

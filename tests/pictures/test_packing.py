@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import OutputError
-from pgm_places.report.drawing import Drawing, Packing
+from pgm_places.pictures.drawing import Drawing, Packing
 
 
 class Slow(Drawing):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pgm_places.palette import Swatch, levels
-from pgm_places.report.canvas import Canvas
-from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.pictures.canvas import Canvas
+from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
 
 _LEAST_WIDTH = 420
 

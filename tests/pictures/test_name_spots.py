@@ -4,8 +4,8 @@ from itertools import combinations
 
 import numpy as np
 
-from pgm_places.report.drawing import text_width
-from pgm_places.report.topology_pictures import name_spots
+from pgm_places.pictures.drawing import text_width
+from pgm_places.pictures.topology_pictures import name_spots
 
 
 def overlap(first: np.ndarray, second: np.ndarray, name: str, other: str, size: float) -> bool:

@@ -11,10 +11,10 @@ from pgm_places.io.atomic import write_bytes
 from pgm_places.io.places.exports import ROUTE_FILE
 from pgm_places.io.places.nav2_folder import write_nav2, write_nav2_route
 from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swatches
-from pgm_places.report.canvas import view_of
-from pgm_places.report.drawing import INK, Drawing
-from pgm_places.report.sheet import Panel, sheet
-from pgm_places.report.topology_pictures import name_spots, paled_canvas
+from pgm_places.pictures.canvas import view_of
+from pgm_places.pictures.drawing import INK, Drawing
+from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.topology_pictures import name_spots, paled_canvas
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 

@@ -9,7 +9,7 @@ from PIL import Image
 from pgm_places import OccupancyGrid, Similarity
 from pgm_places.errors import InputError
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.map_pictures import path_map
+from pgm_places.pictures.map_pictures import path_map
 
 NAMES = ("corridor", "room")
 CELLS = np.zeros((30, 60), np.int8)

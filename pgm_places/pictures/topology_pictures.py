@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, label_colours, tinted
-from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
-from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
-from pgm_places.report.sheet import draw_scale_bar
+from pgm_places.pictures.canvas import Canvas, View, label_canvas, view_of
+from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.pictures.sheet import draw_scale_bar
 from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.regions import Region

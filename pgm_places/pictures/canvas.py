@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import palette
 from pgm_places._checks import finite_array, row_blocks
-from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.pictures.graph_layout import GraphLayout
 from pgm_places.trajectories.path_layout import PathLayout
 
 if TYPE_CHECKING:

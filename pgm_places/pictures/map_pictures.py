@@ -21,9 +21,9 @@ from pgm_places.palette import (
     label_colours,
     label_swatches,
 )
-from pgm_places.report.canvas import label_canvas, value_canvas, view_of
-from pgm_places.report.drawing import INK, MUTED, Drawing, text_width
-from pgm_places.report.sheet import ColourBar, Panel, sheet
+from pgm_places.pictures.canvas import label_canvas, value_canvas, view_of
+from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.pictures.sheet import ColourBar, Panel, sheet
 
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000

@@ -9,7 +9,7 @@ from PIL import Image
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.topology_pictures import topology_drawing
+from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_map, gated_floor_map
 

@@ -1,0 +1,1 @@
+"""Maps, topological maps and routes drawn as small palette images."""
