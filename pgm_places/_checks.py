@@ -10,6 +10,8 @@ from pgm_places.errors import InputError, LabelError, is_printable, shown
 
 LONGEST_NAME = 200
 """Characters of a name."""
+FARTHEST_M = 1e7
+"""Of a robot's pose: coordinates beyond (or headings of more radians) are damage, not a place."""
 ROWS_AT_ONCE = 262_144
 """Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
 
@@ -130,6 +132,21 @@ def finite_array(
             f" ({int(bad.sum())} such values)"
         )
     return array
+
+
+def pose_array(
+    name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
+) -> NDArray[np.float64]:
+    """``values`` as x, y in metres and heading in radians that a robot on earth can have."""
+    poses = finite_array(name, values, shape)
+    far = np.abs(poses) > FARTHEST_M
+    if far.any():
+        where = tuple(int(i) for i in np.argwhere(far)[0])
+        raise InputError(
+            f"{name} must hold metres and radians up to {FARTHEST_M:g}, got {poses[where]} at "
+            f"index {where}; leave that pose out"
+        )
+    return poses
 
 
 def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:

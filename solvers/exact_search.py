@@ -116,6 +116,9 @@ def search_factors(
         labels are zeros.
     """
     package = toulbar2()
+    wide = np.flatnonzero(np.asarray(sizes, np.int64) > 1)
+    if len(wide) < len(sizes):
+        return _of_wide_nodes(sizes, factors, wide, initial, max_backtracks)
     top = [float(factor.table.max()) for factor in factors]
     if -np.inf in top:
         raise InfeasibleError
@@ -139,6 +142,37 @@ def search_factors(
         labels = np.zeros(len(sizes), np.int64) if initial is None else initial
     slack = 4 * _EPSILON * (magnitudes + least / scale)
     return ExactSearch(frozen(labels), whole - least / scale + slack, done, backtracks)
+
+
+def _of_wide_nodes(
+    sizes: Sequence[int],
+    factors: Sequence[Factor],
+    wide: NDArray[np.int64],
+    initial: NDArray[np.int64] | None,
+    max_backtracks: int,
+) -> ExactSearch:
+    """The same without nodes of one label, on which toulbar2 ends the process."""
+    number = {node: new for new, node in enumerate(wide.tolist())}
+    inner = [[node for node in factor.scope if node in number] for factor in factors]
+    constants = [
+        float(f.table.item()) for f, nodes in zip(factors, inner, strict=True) if not nodes
+    ]
+    if -np.inf in constants:
+        raise InfeasibleError
+    kept = [
+        Factor(tuple(number[node] for node in nodes), table.reshape([sizes[n] for n in nodes]))
+        for (_, table), nodes in zip(factors, inner, strict=True)
+        if nodes
+    ]
+    labels = np.zeros(len(sizes), np.int64)
+    bound = math.fsum(constants) + 4 * _EPSILON * math.fsum(map(abs, constants))
+    if not len(wide):
+        return ExactSearch(frozen(labels), bound, complete=True, backtracks=0)
+    first = None if initial is None else initial[wide]
+    within = [sizes[node] for node in wide]
+    found = search_factors(within, kept, initial=first, max_backtracks=max_backtracks)
+    labels[wide] = found.labels
+    return ExactSearch(frozen(labels), bound + found.bound, found.complete, found.backtracks)
 
 
 def _cost(factors: Sequence[Factor], costs: Sequence[Array], labels: NDArray[np.int64]) -> float:

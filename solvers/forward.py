@@ -10,7 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, number_array, require_shape, row_blocks
+from pgm_places._checks import (
+    finite_array,
+    integer_array,
+    number_array,
+    require_shape,
+    row_blocks,
+)
 from pgm_places._core import filter_chain, smooth_chain, subtract_best, trace_back, viterbi_chain
 from pgm_places.errors import InputError
 from pgm_places.solvers.chains import (
@@ -174,13 +180,15 @@ class ForwardFilter:
             Belief at the step before; None at the first. A label of belief 0 stays at 0, also where
             it was more but too little for a float, until a transition leads back to it.
         action : int
-            Which of the transition's tables led here.
+            Which of the transition's A tables led here, from 0 to A - 1.
 
         Raises
         ------
         InputError
-            An array has another shape, the likelihood NaN or +inf, or the belief does not sum to 1.
+            An array has another shape, the likelihood NaN or +inf, the belief does not sum to 1,
+            or there is no such table.
         """
+        led = integer_array("action", [action], (1,), low=0, high=len(self._arrival))
         rows = number_array("log_likelihood", log_likelihood)[None]
         before = self._start if belief is None else number_array("belief", belief)
         for name, values in (("log_likelihood", rows[0]), ("belief", before)):
@@ -190,7 +198,7 @@ class ForwardFilter:
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
             raise InputError(f"belief must hold probabilities that sum to one, got {before}")
         beliefs, impossible = np.empty(rows.shape), np.empty(1, np.bool_)
-        chain = Chain(before, self._arrival, rows, np.array([action]))
+        chain = Chain(before, self._arrival, rows, led)
         _filter(chain, belief is not None, beliefs, impossible)
         return beliefs[0], not impossible[0]
 

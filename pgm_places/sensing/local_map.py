@@ -6,10 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, pose_array, require_at_least
 from pgm_places._core import cast_rays, coarse_cells, write_disc, write_scan
 from pgm_places.errors import InputError
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    OccupancyGrid,
+    check_resolution,
+)
 from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, check_options
 
 __all__ = ["LocalMap"]
@@ -26,6 +32,10 @@ SCAN_NUMBERS = 255
 
 MOST_CELLS = 20_000
 """Longest side of the window in cells; a larger one is a slip, such as a size in millimetres."""
+
+
+_FARTHEST = 2.0**40
+"""Cells, beyond every window: longer beams and radii end there, and fit an integer."""
 
 
 class Window(NamedTuple):
@@ -95,6 +105,7 @@ class LocalMap:
 
     def __post_init__(self) -> None:
         check_options(self)
+        check_resolution(self.resolution_m)
         n = round(self.size_m / self.resolution_m)
         if not 8 <= n <= MOST_CELLS:
             raise InputError(
@@ -140,9 +151,9 @@ class LocalMap:
         Raises
         ------
         InputError
-            Pose or angles are not finite, or shapes do not fit.
+            Pose or angles are not finite, the pose is more than 10^7 m away, or shapes do not fit.
         """
-        where = finite_array("pose", pose, (3,))
+        where = pose_array("pose", pose, (3,))
         self._move_to(where)
         self.write(where, ranges_m, angles_rad, max_range_m=max_range_m)
 
@@ -154,21 +165,21 @@ class LocalMap:
         Arguments are those of :meth:`update`, whose first call says where the window lies. What
         lies outside is left out, and so is a whole scan from outside.
         """
-        where = finite_array("pose", pose, (3,))
+        where = pose_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         ranges = np.asarray(ranges_m, np.float64)
         if ranges.shape != angles.shape:
             raise InputError(
                 f"ranges_m must have one value per angle ({len(angles)}), got {ranges.shape}"
             )
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             returned = (ranges > 0) & (ranges < max_range_m)
-        lengths = np.where(returned, ranges / self.resolution_m, 0.0)
+            lengths = np.minimum(np.where(returned, ranges / self.resolution_m, 0.0), _FARTHEST)
         x, y, window = self._place(where)
         steps = HIT, MISS, LOWEST, HIGHEST
         write_scan(window, Pose(x, y, float(where[2])), lengths, angles, steps, self._next_scan())
         if self.robot_radius_m > 0:
-            radius = self.robot_radius_m / self.resolution_m
+            radius = min(self.robot_radius_m / self.resolution_m, _FARTHEST)
             write_disc(window, x, y, radius, MISS)
 
     def cast(
@@ -188,7 +199,7 @@ class LocalMap:
         A ray that meets no obstacle ends where known space ends, or at ``max_range_m``. A pose
         inside an occupied cell reads 0 along every beam.
         """
-        where = finite_array("pose", pose, (3,))
+        where = pose_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         ranges, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
         x, y, window = self._place(where)
@@ -216,7 +227,8 @@ class LocalMap:
         factor : int
             Cells of the window along the side of a cell of the map.
         """
-        offset = finite_array("centre_m", centre_m, (2,)) - self._origin_m
+        require_at_least("factor", factor, 1)
+        offset = pose_array("centre_m", centre_m, (2,)) - self._origin_m
         middle = np.floor(offset / self.resolution_m).astype(np.int64)
         low = np.maximum(middle - n_cells, 0)
         high = np.minimum(middle + n_cells, self.n_cells)

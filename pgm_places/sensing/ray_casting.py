@@ -223,7 +223,11 @@ class PoseCaster:
         reach = Sensor(max_range_m=max_range_m).max_range_m
         height, width = grid.shape
         cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-        offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
+        # A position that far away along x or y is off the map, however the map is turned.
+        far = 2.0 * (height + width)
+        with np.errstate(over="ignore"):
+            offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
+        offset = np.clip(offset, -far, far)
         cells = offset @ np.array([[cos, -sin], [sin, cos]])  # turned back by the grid's yaw
         # Positions off the map are put on the blocked rim, where they read 0.
         x = np.clip(cells[:, 0], -1.0, width) + 1.0

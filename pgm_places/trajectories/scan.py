@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, set_fields
+from pgm_places._checks import finite_array, pose_array, set_fields
 from pgm_places.errors import InputError
 
 _ANGLE_TOLERANCE_RAD = 2e-4  # a hundredth of a degree
@@ -208,8 +208,8 @@ class Scan:
     odometry: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        set_fields(self, time_s=float(self.time_s), pose=finite_array("pose", self.pose, (3,)))
+        set_fields(self, time_s=float(self.time_s), pose=pose_array("pose", self.pose, (3,)))
         ranges = finite_array("ranges_m", self.ranges_m, (self.geometry.n_beams,), dtype=np.float32)
         set_fields(self, ranges_m=ranges)
         if self.odometry is not None:
-            set_fields(self, odometry=finite_array("odometry", self.odometry, (3,)))
+            set_fields(self, odometry=pose_array("odometry", self.odometry, (3,)))

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_names, require_shape, set_fields
+from pgm_places._checks import (
+    finite_array,
+    integer_array,
+    pose_array,
+    require_names,
+    require_shape,
+    set_fields,
+)
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import at_cells
@@ -51,8 +58,8 @@ class Trajectory:
     Raises
     ------
     InputError
-        Shapes do not fit together, a number is not finite, a range is outside
-        ``[0, range_max_m]``, or one of two fields that belong together is missing.
+        Shapes do not fit together, a number is not finite, a coordinate is beyond 10^7 m, a range
+        is outside ``[0, range_max_m]``, or one of two fields that belong together is missing.
 
     Examples
     --------
@@ -74,9 +81,9 @@ class Trajectory:
     def __post_init__(self) -> None:
         times = finite_array("times_s", self.times_s, ("T",))
         n_steps = len(times)
-        set_fields(self, times_s=times, poses=finite_array("poses", self.poses, (n_steps, 3)))
+        set_fields(self, times_s=times, poses=pose_array("poses", self.poses, (n_steps, 3)))
         if self.odometry is not None:
-            set_fields(self, odometry=finite_array("odometry", self.odometry, (n_steps, 3)))
+            set_fields(self, odometry=pose_array("odometry", self.odometry, (n_steps, 3)))
         self._check_scans(n_steps)
         self._check_labels(n_steps)
 

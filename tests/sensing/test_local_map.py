@@ -279,3 +279,34 @@ def test_what_stands_in_the_outermost_cells_is_met() -> None:
     cast_rays(window, Pose(4.5, 3.25, 0.0), quarters, 20.0, 0.0, length, met)
     np.testing.assert_allclose(length, [2.5, 3.75, 3.5, 2.25], rtol=0, atol=1e-12)
     assert met.all()
+
+
+class TestFarAway:
+    """Coordinates become whole cells: what does not fit is refused before."""
+
+    @pytest.mark.parametrize("far", [1.1e7, 1e19, -1e300])
+    def test_poses_are_refused(self, far: float) -> None:
+        local = LocalMap(size_m=4.0, resolution_m=0.1)
+        for take in (local.update, local.write):
+            with pytest.raises(InputError, match=r"pose must hold metres and radians up to 1e\+07"):
+                take([far, 0.0, 0.0], [1.0], [0.0], max_range_m=5.0)
+        with pytest.raises(InputError, match="pose must hold metres"):
+            local.cast([0.0, far, 0.0], [0.0], max_range_m=5.0)
+        with pytest.raises(InputError, match="centre_m must hold metres"):
+            local.square([0.0, far], 4, 1)
+
+    def test_beams_without_end_cross_the_window(self) -> None:
+        local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=0.0)
+        local.update([0.0, 0.0, 0.0], [1e300, np.inf], [0.0, 1.0], max_range_m=np.inf)
+        grid = local.to_grid()
+        assert grid.free[20, 20:].all()
+        assert grid.free.sum() == 20
+
+    def test_a_disc_of_any_size_fills_the_window(self) -> None:
+        local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=1e300)
+        local.update([0.0, 0.0, 0.0], [], [], max_range_m=5.0)
+        assert local.to_grid().free.all()
+
+    def test_cells_without_a_size_are_refused(self) -> None:
+        with pytest.raises(InputError, match="resolution_m must be positive metres per cell"):
+            LocalMap(size_m=1e-290, resolution_m=1e-291)

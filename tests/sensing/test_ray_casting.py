@@ -262,3 +262,11 @@ def test_wrong_poses_are_refused(
     with pytest.raises(InputError) as caught:
         cast_poses(grid, poses, angles, max_range_m=max_range_m)
     assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3])
+@pytest.mark.parametrize("far", [1e9, 1e18, -1e19, 1e300, 1e308])
+def test_a_pose_beyond_every_map_reads_nothing(yaw: float, far: float) -> None:
+    grid = OccupancyGrid(np.zeros((40, 50), np.int8), 0.1, (0.0, 0.0), yaw)
+    poses = [[far, far, 0.0], [far, 1.0, far], [1.0, far, 0.0], [far, -far, 0.0]]
+    assert not cast_poses(grid, poses, [0.0, 0.5], max_range_m=10.0).any()

@@ -84,3 +84,19 @@ class TestSearch:
             search_factors([2, 2, 2], factors)
         with pytest.raises(InfeasibleError, match="forbids every labelling"):
             search_factors([2], [Factor((0,), np.full(2, -np.inf))])
+
+    def test_nodes_of_one_label_take_part_in_factors(self) -> None:
+        """In a factor of four nodes one of them ended the process."""
+        rng = np.random.default_rng(3)
+        sizes, scopes = [4, 1, 1, 2, 2, 2], [(5, 1, 3, 0), (3, 1), (2, 1), (1,)]
+        factors = [Factor(s, rng.normal(size=[sizes[i] for i in s])) for s in scopes]
+        every = np.indices(sizes).reshape(len(sizes), -1)
+        scores = sum(f.table[tuple(every[list(f.scope)])] for f in factors)
+        found = search_factors(sizes, factors)
+        assert found.labels[[5, 3, 0]].tolist() == every[[5, 3, 0], scores.argmax()].tolist()
+        assert found.bound == pytest.approx(scores.max(), rel=1e-12)
+        alone = search_factors([1, 1], [Factor((0, 1), np.array([[2.5]]))])
+        assert alone.labels.tolist() == [0, 0]
+        assert alone.bound == pytest.approx(2.5, rel=1e-12)
+        with pytest.raises(InfeasibleError, match="forbids every labelling"):
+            search_factors([1, 2], [Factor((0,), np.array([-np.inf]))])

@@ -403,3 +403,11 @@ def test_any_number_of_labels_over_a_long_chain(k: int) -> None:
     for t in range(len(observed) - 1, -1, -1):
         assert path.labels[t] == label
         label = int(came[t, label])
+
+
+@pytest.mark.parametrize("action", [-1, 2, 10**6, 2**70])
+def test_a_filter_takes_only_actions_that_have_a_table(action: int) -> None:
+    chain = ForwardFilter([0.5, 0.5], [np.eye(2), np.full((2, 2), 0.5)])
+    belief, _ = chain.step([0.0, 0.0])
+    with pytest.raises(InputError, match="action must hold integers"):
+        chain.step([0.0, -1.0], belief, action=action)

@@ -8,6 +8,8 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import FARTHEST_M
+
 Lookup = Literal["interpolated", "nearest"]
 
 
@@ -108,7 +110,10 @@ class FrameTree:
 def at_times(
     chain: list[PoseTrack], times_s: NDArray[np.float64], lookup: Lookup, max_gap_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], bool]:
-    """Poses (T, 3) of a chain's last frame in its first, where known (T,), whether mirrored."""
+    """Poses (T, 3) of a chain's last frame in its first, where known (T,), whether mirrored.
+
+    A pose beyond 10^7 m, or not finite, is not known.
+    """
     poses = np.zeros((len(times_s), 3))
     known = np.ones(len(times_s), np.bool_)
     mirrored = False
@@ -118,14 +123,18 @@ def at_times(
         side = -1.0 if mirrored else 1.0
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         x, y = inner[:, 0], side * inner[:, 1]
-        poses = np.column_stack(
-            [
-                poses[:, 0] + cos * x - sin * y,
-                poses[:, 1] + sin * x + cos * y,
-                _half_turn(poses[:, 2] + side * inner[:, 2]),
-            ]
-        )
+        with np.errstate(over="ignore", invalid="ignore"):
+            poses = np.column_stack(
+                [
+                    poses[:, 0] + cos * x - sin * y,
+                    poses[:, 1] + sin * x + cos * y,
+                    _half_turn(poses[:, 2] + side * inner[:, 2]),
+                ]
+            )
         mirrored ^= track.mirrored
+    with np.errstate(invalid="ignore"):
+        known &= (np.abs(poses) <= FARTHEST_M).all(axis=1)
+    poses[~known] = 0.0
     return poses, known, mirrored
 
 

@@ -27,6 +27,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import FARTHEST_M
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.input_file import user_path
@@ -197,7 +198,7 @@ class CarmenReader:
             if kind == b"PARAM":
                 self._take_parameter(fields)
             elif kind == b"ODOM" and self.keep_odometry:
-                x, y, heading = _finite(fields[1:4])
+                x, y, heading = _pose(fields[1:4])
                 self.odometry.extend((_finite(fields[7:8])[0], x, y, heading))
         except (ValueError, IndexError):
             self.n_damaged += 1
@@ -241,8 +242,16 @@ def _finite(fields: list[bytes]) -> tuple[float, ...]:
     return numbers
 
 
+def _pose(fields: list[bytes]) -> tuple[float, ...]:
+    """Numbers that a robot's poses can have."""
+    numbers = _finite(fields)
+    if any(abs(number) > FARTHEST_M for number in numbers):
+        raise ValueError
+    return numbers
+
+
 def _scan(geometry: ScanGeometry, readings: list[bytes], poses: list[bytes], time: bytes) -> Scan:
-    place, wheels = np.array(_finite(poses)).reshape(2, 3)
+    place, wheels = np.array(_pose(poses)).reshape(2, 3)
     ranges = geometry.cleaned(list(map(float, readings)))
     return Scan(_finite([time])[0], place, ranges, geometry, wheels)
 

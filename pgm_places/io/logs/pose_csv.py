@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import plain_names
+from pgm_places._checks import FARTHEST_M, plain_names
 from pgm_places.errors import LabelError, LogError, shown
 from pgm_places.io.atomic import write_text
 from pgm_places.io.csv_table import CsvTable, csv_text, open_table
@@ -50,7 +50,7 @@ def read_pose_csv(
     ------
     LogError
         The file cannot be read or is not such a table: a column is missing or appears twice, a
-        row has a different number of fields, a field is not a number.
+        row has a different number of fields, a field is not a number, a pose is beyond 10^7 m.
     LabelError
         A place is not among ``label_names``.
     """
@@ -70,6 +70,9 @@ def read_pose_csv(
     else:
         headings = headings_along(numbers[:, :2])
     poses = np.column_stack([numbers[:, :2], headings])
+    far = np.flatnonzero((np.abs(poses) > FARTHEST_M).any(axis=1))
+    if len(far):
+        raise _too_far(path, int(far[0]) + 1, poses[far[0]])
     trajectory = Trajectory(times, poses, name=path.stem)
     if place is not None:
         trajectory = _labelled(trajectory, table, table.names[place], texts[0], label_names)
@@ -130,7 +133,19 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
             heading = float(np.arctan2(*(here - before)[::-1]))
         before = here
         time_s = float(number) if columns.time is None else values_of[columns.time]
-        yield time_s, np.array([*here, heading])
+        pose = np.array([*here, heading])
+        if (np.abs(pose) > FARTHEST_M).any():
+            raise _too_far(path, number + 1, pose)
+        yield time_s, pose
+
+
+def _too_far(path: Path, row: int, pose: NDArray[np.float64]) -> LogError:
+    """The refusal of a pose that no robot has."""
+    x, y, heading = pose
+    return LogError(
+        f"{path}, row {row} after the header: the pose ({x:g}, {y:g}, {heading:g}) must be metres "
+        f"and radians up to {FARTHEST_M:g}; correct or remove the row"
+    )
 
 
 def _fields(path: Path, lines: Iterable[bytes]) -> Iterator[list[str]]:

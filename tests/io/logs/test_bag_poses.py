@@ -78,6 +78,13 @@ def test_a_chain_multiplies_the_matrices(
     assert known.all()
 
 
+@pytest.mark.parametrize("far", [1.1e7, 1e308, -np.inf, np.nan])
+def test_a_place_that_no_robot_has_is_no_pose(far: float) -> None:
+    poses, known, _ = at_times([fixed(far, 0, 0), fixed(far, 0, 0)], np.zeros(2), "nearest", 1.0)
+    assert not known.any()
+    assert not poses.any()
+
+
 def test_a_chain_leads_from_an_ancestor_down() -> None:
     one, two = fixed(1, 0, 0), fixed(2, 0, 0)
     tree = FrameTree({("map", "odom"): one, ("odom", "laser"): two})

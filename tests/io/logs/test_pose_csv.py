@@ -7,7 +7,7 @@ import pytest
 
 from pgm_places import ScanGeometry
 from pgm_places.errors import LabelError, LogError
-from pgm_places.io.logs.pose_csv import read_pose_csv, write_pose_csv
+from pgm_places.io.logs.pose_csv import iter_pose_csv, read_pose_csv, write_pose_csv
 from tests.io.logs.log_files import drive
 from tests.real_data import real_data_folder
 
@@ -69,14 +69,25 @@ def test_an_unknown_place_is_refused_where_the_labels_are_given(tmp_path: Path) 
         ("x,y,x\n1,2,3\n", "the column 'x' appears twice"),
         ("x,y\n1\n", "row 1 after the header: 1 fields, but there are 2 columns"),
         ("x,y\n1,2\nnan,2\n", "row 2 after the header: x must be a finite number, got 'nan'"),
+        ("x,y\n1,2\n1,1e308\n", "row 2 after the header: the pose (1, 1e+308, "),
+        ("x,y,yaw\n1,-2e7,0\n", "must be metres and radians up to 1e+07; correct or remove"),
         ("x,y\n1,two\n", "y must be a finite number, got 'two'"),
         ('x,y\n"1,2\n', "not a table of comma-separated values"),
     ],
 )
 def test_what_is_no_such_table_is_one_message(tmp_path: Path, text: str, message: str) -> None:
+    path = write(tmp_path / "a.csv", text)
     with pytest.raises(LogError) as caught:
-        read_pose_csv(write(tmp_path / "a.csv", text))
+        read_pose_csv(path)
     assert message in str(caught.value)
+
+
+def test_a_growing_table_ends_at_a_pose_that_no_robot_has(tmp_path: Path) -> None:
+    lines = [b"t,x,y\n", b"0,1,2\n", b"1,1,1e308\n"]
+    rows = iter_pose_csv(tmp_path / "a.csv", lines)
+    assert next(rows)[1].tolist() == [1.0, 2.0, 0.0]
+    with pytest.raises(LogError, match="row 2 after the header: the pose"):
+        next(rows)
 
 
 def test_a_wanted_label_column_must_be_there(tmp_path: Path) -> None:
