@@ -172,7 +172,10 @@ def coarsen_labels(
     """(h, w) label of each cell of a coarsened map; -1 for none and for cells that are not free.
 
     The entry with the largest area among the free fine cells of the block, "no label" being one of
-    them; a label wins a tie against "no label", the first of several labels one among themselves.
+    them. A label wins a tie against "no label". Of tied labels, that of more of the fine cells at
+    the block's centre wins: the one that holds it, or the two or four that meet there; then the
+    label with fewer cells on the fine map; then the one whose first cell there comes first, row by
+    row. The result does not depend on how labels are numbered.
 
     Parameters
     ----------
@@ -203,17 +206,63 @@ def coarsen_labels(
     fine = label_raster("labels", labels, grid.shape)
     if factor == 1:
         return np.where(grid.free, fine, -1).astype(np.int16)
-    n_labels = int(fine.max()) + 1
     result = np.full(coarse.shape, -1, np.int16)
-    masked = np.where(grid.free, fine, n_labels).astype(np.int16)  # n_labels: not free
-    for rows, part in block_rows(masked, factor):
-        shape = result[rows].shape
-        areas = [block_areas(part == k, factor, shape) for k in (*range(n_labels), -1)]
-        best = np.argmax(np.stack(areas), axis=0)  # the first of the largest
-        nothing = (best == n_labels) | (np.max(np.stack(areas), axis=0) == 0)
-        result[rows] = np.where(nothing, -1, best)
+    n_labels = int(fine.max(initial=-1)) + 1
+    if n_labels:
+        masked = np.where(grid.free, fine, n_labels).astype(np.int16)  # n_labels: not free
+        precedence = _rarest_last(masked, n_labels)
+        for rows, part in block_rows(masked, factor):
+            result[rows] = _block_labels(part, factor, result[rows].shape, precedence)
     result[~coarse.free] = -1
     return result
+
+
+def _rarest_last(labels: NDArray[np.int16], n_labels: int) -> NDArray[np.int64]:
+    """(K,) place of each label from the most cells to the fewest; of equals, the last met first."""
+    inside = (labels >= 0) & (labels < n_labels)
+    n_cells = np.bincount(labels[inside], minlength=n_labels)
+    first = np.full(n_labels, labels.size)
+    met, at = np.unique(labels, return_index=True)
+    known = (met >= 0) & (met < n_labels)
+    first[met[known]] = at[known]
+    place = np.empty(n_labels, np.int64)
+    place[np.lexsort((-first, -n_cells))] = np.arange(n_labels)
+    return place
+
+
+def _block_labels(
+    labels: NDArray[np.integer],
+    factor: Fraction,
+    shape: tuple[int, ...],
+    precedence: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """(h, w) label of each block by area, then at its centre, then by precedence; -1 for none."""
+    n_labels = len(precedence)
+    central = _central(labels, factor, shape)
+    unlabelled = block_areas(labels == -1, factor, shape)
+    best, found = np.zeros(shape, np.int64), np.full(shape, -1, np.int64)
+    for k in range(n_labels):
+        area = block_areas(labels == k, factor, shape)
+        at_centre = (central == k).sum(axis=0)
+        # Orders by area, then by the 0 to 4 cells at the centre, then by precedence.
+        order = (area * 5 + at_centre) * n_labels + precedence[k]
+        better = (area > 0) & (area >= unlabelled) & (order >= best)
+        best[better], found[better] = order[better], k
+    return found
+
+
+def _central(
+    labels: NDArray[np.integer], factor: Fraction, shape: tuple[int, ...]
+) -> NDArray[np.integer]:
+    """(4, h, w) labels of the cells at each block's centre, a single one four times."""
+    doubled = [(2 * np.arange(n) + 1) * factor.numerator for n in shape]
+    per_cell = 2 * factor.denominator
+    before, after = ([(at - part) // per_cell for at in doubled] for part in (1, 0))
+    outside = np.pad(labels, ((0, 1), (0, 1)), constant_values=-1)
+    rows, columns = (
+        [np.minimum(side[axis], labels.shape[axis]) for side in (before, after)] for axis in (0, 1)
+    )
+    return np.stack([outside[np.ix_(r, c)] for r in rows for c in columns])
 
 
 @dataclass(frozen=True, eq=False)

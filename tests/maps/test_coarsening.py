@@ -114,11 +114,36 @@ def test_doorways_of_a_generated_corridor_stay_open_at_every_alignment() -> None
         assert doors == [True, True, True]
 
 
-def test_labels_need_a_majority_and_ties_go_to_labels_then_to_the_first() -> None:
+def test_labels_need_a_majority_and_ties_go_to_the_centre_then_to_the_rarer_label() -> None:
     grid = OccupancyGrid(np.zeros((2, 8), np.int8), 0.05)
     labels = [[2, 2, 1, 1, -1, -1, -1, -1], [2, 0, 2, 2, 1, 1, -1, 0]]
-    coarse = coarsen(grid, 0.1)
-    assert coarsen_labels(labels, grid, coarse).tolist() == [[2, 1, 1, -1]]
+    # 2 | 1 and 2 in equal parts: 1 is the rarer | 1 against nothing | nothing but a quarter of 0
+    assert coarsen_labels(labels, grid, coarsen(grid, 0.1)).tolist() == [[2, 1, 1, -1]]
+    grid = OccupancyGrid(np.zeros((3, 3), np.int8), 0.05)
+    ring = [[0, 1, 0], [1, 1, 2], [0, 2, 0]]
+    assert coarsen_labels(ring, grid, coarsen(grid, 0.15)).tolist() == [[0]]
+    ring[2][2] = -1  # now three of 0 and of 1, and 1 is at the centre
+    assert coarsen_labels(ring, grid, coarsen(grid, 0.15)).tolist() == [[1]]
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.05)
+    assert coarsen_labels([[1, 0], [0, 1]], grid, coarsen(grid, 0.1)).tolist() == [[1]]  # met first
+    assert coarsen_labels([[-1, -1], [-1, -1]], grid, coarsen(grid, 0.1)).tolist() == [[-1]]
+
+
+@given(
+    shape=shapes,
+    factor=st.builds(Fraction, st.integers(2, 10), st.integers(1, 4)).filter(lambda f: f > 1),
+    order=st.permutations(range(4)),
+    seed=st.integers(0, 1000),
+)
+def test_coarse_labels_do_not_depend_on_how_labels_are_numbered(
+    shape: tuple[int, int], factor: Fraction, order: list[int], seed: int
+) -> None:
+    grid = random_grid(shape, seed)
+    coarse = coarsen(grid, float(factor) * 0.05)
+    labels = np.random.default_rng(seed).integers(-1, 4, shape).astype(np.int16)
+    number = np.array([*order, -1], np.int16)
+    found = coarsen_labels(labels, grid, coarse)
+    assert (coarsen_labels(number[labels], grid, coarse) == number[found]).all()
 
 
 @pytest.mark.parametrize("resolution_m", [0.02, 0.0, -0.1, float("nan"), float("inf")])

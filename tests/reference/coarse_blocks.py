@@ -54,14 +54,26 @@ def coarse_labels(
     coarse_free: NDArray[np.bool_],
     factor: Fraction,
 ) -> NDArray[np.int16]:
-    """The label with the largest area among each block's free cells."""
+    """The label with the largest area among each block's free cells; ties as documented."""
     out = np.full(coarse_free.shape, -1, np.int16)
     areas = {int(k): block_areas(free & (labels == k), factor) for k in np.unique(labels)}
+    cells = {k: np.argwhere(free & (labels == k)).tolist() for k in areas}
     for r, c in np.argwhere(coarse_free):
         most = max(area[r, c] for area in areas.values())
         best = (k for k, area in areas.items() if area[r, c] == most)
-        out[r, c] = min(best, key=lambda k: (k < 0, k))
+        centre = [(2 * int(at) + 1) * factor / 2 for at in (r, c)]
+
+        def rank(k: int, centre: list[Fraction] = centre) -> tuple[object, ...]:
+            meeting = [cell for cell in cells[k] if _touches(cell, centre)]
+            return k < 0, -len(meeting), len(cells[k]), cells[k][:1]
+
+        out[r, c] = min(best, key=rank)
     return out
+
+
+def _touches(cell: list[int], point: list[Fraction]) -> bool:
+    """Whether a point lies in a cell or on its edge."""
+    return all(index <= at <= index + 1 for index, at in zip(cell, point, strict=True))
 
 
 def source_cell(
