@@ -52,7 +52,7 @@ def comparison_table(comparison: "Comparison") -> str:
     n_seeds = len(comparison.seeds)
     note += f"; ±: standard deviation over {n_seeds} seeds" if n_seeds else ""
     parts = _differences(comparison) + _table_by_split(comparison) + _table_by_unit(comparison)
-    return f"\n{text_table(rows)}\n({note}; stages: {stages}){parts}{_selected(comparison)}"
+    return f"\n{text_table(rows)}\n({note}; stages: {stages}){parts}{_chosen(comparison)}"
 
 
 def _differences(comparison: "Comparison") -> str:
@@ -119,18 +119,9 @@ def _table_by_unit(comparison: "Comparison") -> str:
     return f"\n\n{text_table(rows)}"
 
 
-def _selected(comparison: "Comparison") -> str:
-    """The options chosen on held-out training data, and their score there."""
-    found = comparison.selection
-    if found is None:
-        return ""
-    best = max(found["candidates"], key=lambda item: float(item["score"]))
-    options = ", ".join(f"{key} = {value}" for key, value in found["chosen"].items())
-    return (
-        f"\nselected on held-out training data: {options} ({found['criterion']} of "
-        f"{found['method']} {_percent(best['score'])} ± {_percent(best['spread'])} there; "
-        f"{len(found['candidates'])} combinations tried)"
-    )
+def _chosen(comparison: "Comparison") -> str:
+    """What was chosen on training data, a line each."""
+    return "".join(f"\n{option}: {words}" for option, words in comparison.all_choices.items())
 
 
 def _interval(method: "MethodResult") -> str:

@@ -29,7 +29,8 @@ def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: 
     for results in zip(*(part.methods for part in every), strict=True):
         merged = _side_by_side(results)
         intervals = score_intervals(maps, [merged.labelings], len(first.label_names))
-        methods.append(replace(merged, intervals=intervals))
+        choices = _choices(dict(zip(parts, [item.choices for item in results], strict=True)))
+        methods.append(replace(merged, intervals=intervals, choices=choices))
     return replace(
         _noted(experiment, every),
         title=f"{first.title}: {words}",
@@ -37,6 +38,7 @@ def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: 
         methods=tuple(methods),
         splits={name: range(*ends[k : k + 2]) for k, name in enumerate(parts)},
         selection=None,
+        choices=_choices({name: part.choices for name, part in parts.items()}),
     )
 
 
@@ -52,7 +54,10 @@ def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Compa
         pooled = _repeated(dict(zip(parts, results, strict=True)))
         labelings = [item.labelings for item in results]
         intervals = score_intervals(first.maps, labelings, len(first.label_names))
-        methods.append(replace(pooled, intervals=intervals))
+        choices = _choices(
+            {f"seed {seed}": item.choices for seed, item in zip(parts, results, strict=True)}
+        )
+        methods.append(replace(pooled, intervals=intervals, choices=choices))
     if all(_always_the_same(method) for method in methods):
         experiment.warn(
             f"all methods label alike with each of the {len(parts)} seeds: nothing in what they "
@@ -63,7 +68,20 @@ def over_seeds(experiment: Experiment, parts: Mapping[int, Comparison]) -> Compa
         title=f"{first.title}, {len(parts)} seeds",
         methods=tuple(methods),
         selection=None,
+        choices=_choices({f"seed {seed}": part.choices for seed, part in parts.items()}),
     )
+
+
+def _choices(parts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """What all parts chose, once where they agree, else with the name of each part."""
+    chosen: dict[str, str] = {}
+    for option in dict.fromkeys(option for found in parts.values() for option in found):
+        words = {name: found[option] for name, found in parts.items() if option in found}
+        if len(words) == len(parts) and len({*words.values()}) == 1:
+            chosen[option] = next(iter(words.values()))
+        else:
+            chosen |= {f"{option} ({name})": text for name, text in words.items()}
+    return chosen
 
 
 def _noted(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:

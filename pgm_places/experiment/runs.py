@@ -15,7 +15,7 @@ from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.overlap import warn_of_overlap
-from pgm_places.experiment.selection import select
+from pgm_places.experiment.selection import select, selected_words
 from pgm_places.experiment.setup import AnyMethod, resolved_config
 from pgm_places.experiment.sources import Source, Sources, load_sources
 from pgm_places.experiment.task import Labelers
@@ -112,6 +112,9 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
         result = method_result(name, method, names, *tested, seconds)
         results.append(replace(result, doors=labelled.doors[name], learned_with=shared.get(name)))
     config = experiment.config
+    choices = selected_words(experiment.selection)
+    for labeler in trained.labelers.values():
+        choices |= getattr(labeler, "choices", {})
     return Comparison(
         title=config.title or ("Node" if config.nodes == "graph" else "Place") + " labelling",
         label_names=names,
@@ -123,6 +126,7 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
         inputs=dict(experiment.inputs),
         warnings=tuple(experiment.warnings),
         selection=experiment.selection,
+        choices=choices,
     )
 
 
@@ -159,6 +163,7 @@ def method_result(
         intervals=comparison.score_intervals(items, [labelings], len(label_names)),
         histories=tuple(comparison.history_of(labeling) for labeling in labelings),
         learning=comparison.learning_of(method.backend),
+        choices=dict(getattr(method.backend, "choices", {})),
     )
 
 

@@ -1,7 +1,7 @@
 """Grid search over options on the training maps and drives, holding out buildings or stripes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
@@ -79,6 +79,17 @@ class Selection:
                 for item in self.candidates
             ],
         }
+
+
+def selected_words(record: Mapping[str, Any] | None) -> dict[str, str]:
+    """The options chosen by a selection, with their score on held-out training data, in words."""
+    if record is None:
+        return {}
+    best = max(record["candidates"], key=lambda item: float(item["score"]))
+    options = ", ".join(f"{key} = {value}" for key, value in record["chosen"].items())
+    score = f"{100 * best['score']:.1f} ± {100 * best['spread']:.1f}"
+    where = f"held-out {record['criterion'].replace('_', ' ')} of {record['method']}"
+    return {"select": f"{options} ({where} {score}; {len(record['candidates'])} tried)"}
 
 
 def select(experiment: Experiment, sources: Sources) -> Selection:

@@ -15,7 +15,7 @@ from pgm_places.spaces.door_truth import DoorScores
 
 SCHEMA = 1
 
-_AS_THEY_ARE = ("stage_seconds", "config", "selection", "versions", "inputs", "warnings")
+_AS_THEY_ARE = ("stage_seconds", "config", "selection", "choices", "versions", "inputs", "warnings")
 
 
 def write_comparison(comparison: Comparison, folder: Path) -> list[Path]:
@@ -38,7 +38,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     than the second, with its 95 % interval, in how many buildings it is ahead, even and behind, and
     which method is better beyond chance. ``best`` names a method that is better than all others.
     With several seeds, figures are of all of them together, and ``by_seed`` of each method and
-    difference has those of each. ``splits`` has what each split tested on, ``by_split`` of each
+    difference has those of each. ``choices`` of the whole and of each method say what was chosen on
+    training data. ``splits`` has what each split tested on, ``by_split`` of each
     method its accuracies there.
     """
     record = {
@@ -94,6 +95,7 @@ def _method_record(comparison: Comparison, method: MethodResult) -> dict[str, An
     if method.learned_with is not None:
         record["learned_with"] = method.learned_with
     record |= {"method": method.name, "options": method.options, "learned": method.learned}
+    record |= {"choices": method.choices} if method.choices else {}
     record["maps"] = {
         name: {**evaluation.to_dict(), **_labeling_record(labeling)}
         for name, evaluation, labeling in zip(

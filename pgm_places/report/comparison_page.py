@@ -128,6 +128,7 @@ def report_page(comparison: Comparison) -> str:
         unit=comparison.unit,
         n_nodes=comparison.n_evaluated,
         seeds=comparison.seeds,
+        all_choices=comparison.all_choices,
         by_split=_by_split(comparison),
         glance=glance_of(comparison),
         differences=_differences(comparison),

@@ -1,5 +1,6 @@
 """Runs on several splits and with several seeds are one comparison, whose parts can be seen."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.judgement import judge
 from pgm_places.experiment.labelled_items import blocks_of
+from pgm_places.experiment.pooling import over_seeds
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.splits import splits_of
 from pgm_places.report.comparison_files import comparison_record
@@ -180,3 +182,14 @@ def test_repetitions_are_drawn_with_replacement() -> None:
     assert values.tolist() == [0.0, 0.5, 1.0]
     np.testing.assert_allclose(times / 400, [0.25, 0.5, 0.25], atol=0.08)
     assert pooled([right]) is right
+
+
+def test_choices_of_several_runs_are_named_where_they_differ(
+    made: Experiment, found: Comparison
+) -> None:
+    parts = {
+        seed: replace(found, choices=choices)
+        for seed, choices in enumerate([{"a": "1", "b": "2"}, {"a": "1", "b": "3"}, {"a": "1"}])
+    }
+    pooled_run = over_seeds(made, parts)
+    assert pooled_run.choices == {"a": "1", "b (seed 0)": "2", "b (seed 1)": "3"}

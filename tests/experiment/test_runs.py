@@ -12,6 +12,7 @@ from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
 from pgm_places.experiment.setup import make_labeler
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.spaces.door_truth import match_doors, match_painted
 
@@ -137,3 +138,11 @@ def test_doors_are_counted_by_gates_where_a_method_sees_spaces_and_by_labels_els
 def test_doors_are_not_counted_without_a_label_for_them() -> None:
     [method] = compare(Experiment(config(topology={"doorway_label": "hatch"}), Path())).methods
     assert method.doors == ()
+
+
+def test_what_labelers_and_methods_chose_is_in_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = {"unary": "laser (the only one)"}
+    monkeypatch.setattr(PlaceLabeler, "choices", chosen, raising=False)
+    monkeypatch.setattr(Relaxation, "choices", {"max_iterations": "50"}, raising=False)
+    found = compare(Experiment(config(), Path()))
+    assert found.all_choices == {**chosen, "relaxation, max_iterations": "50"}

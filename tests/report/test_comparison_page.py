@@ -354,3 +354,20 @@ def test_differences_are_written_down_for_programs_and_listed_in_terminals() -> 
     assert "relaxation against  points" in table
     [row] = [line for line in table.splitlines() if line.startswith("plain  ") and "yes" in line]
     assert "+96.3" in row and "2/0/0" in row
+
+
+def test_what_was_chosen_on_training_data_is_said_everywhere() -> None:
+    found = small_comparison(choices={"unary": "context (held-out balanced accuracy 91.2)"})
+    chosen = replace(found.methods[1], choices={"C": "10 (held-out accuracy 90.0)"})
+    found = replace(found, methods=(found.methods[0], chosen))
+    lines = comparison_table(found).splitlines()
+    assert lines[-2:] == [
+        "unary: context (held-out balanced accuracy 91.2)",
+        "relaxation, C: 10 (held-out accuracy 90.0)",
+    ]
+    text = Reader(report_page(found)).text
+    assert "Chosen on training data" in text
+    assert "91.2" in text and "relaxation, C" in text
+    record = comparison_record(found)
+    assert record["choices"] == found.choices
+    assert record["methods"]["relaxation"]["choices"] == chosen.choices
