@@ -75,3 +75,19 @@ def test_what_does_not_fit_is_said_and_changes_nothing(raw: bytes, words: str) -
 def test_updates_before_the_map_are_dropped() -> None:
     with pytest.raises(InputError, match="came before the map"):
         LatestMap(CODEC, "map").update(update(0, 0, [[1]]))
+
+
+def test_a_map_without_a_frame_is_taken_and_one_of_another_frame_is_not() -> None:
+    found = LatestMap(CODEC, "/map")
+    for frame in ("", "map", "/map"):
+        message = CODEC.read(raw_map(GRID), "map")
+        message.header.frame_id = frame
+        raw = CODEC.write(message, "map")
+        found.take(raw)
+        assert found.raw() is raw
+    message.header.frame_id = "odom"
+    with pytest.raises(InputError, match="the map is in the frame 'odom'"):
+        found.take(CODEC.write(message, "map"))
+    assert found.raw() is raw
+    found.update(update(0, 0, [[5]], frame=""))
+    assert cells_of(found.raw())[0, 0] == 5

@@ -132,6 +132,22 @@ def test_of_two_places_that_fit_alike_the_one_of_more_maps_or_of_the_last_map_wi
     assert last.take(whole()).region[30, 0] == newest
 
 
+def test_a_place_of_very_many_maps_is_not_preferred_to_a_better_fit() -> None:
+    both, second, without, joined = whole(), whole(), whole(), whole()
+    both[22:, 30] = NONE
+    second[22:, :31] = NONE
+    without[22:] = NONE
+    joined[22:, 56:] = NONE
+    maps = Maps()
+    for _ in range(10):
+        better = maps.take(both).region[30, 0]
+    for _ in range(20):
+        maps.take(second)
+    maps.take(without)
+    # The overlap with the first place is larger by 0.12, more than ten further maps may count.
+    assert maps.take(joined).region[30, 0] == better
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("most_m", [0.2, 0.5])
 def test_places_that_a_closed_loop_has_moved_are_the_same(seed: int, most_m: float) -> None:
