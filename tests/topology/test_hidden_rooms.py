@@ -86,6 +86,36 @@ def test_an_opening_is_as_deep_as_a_wall_and_a_gap_beside_a_bed_is_none(
     assert [item.count for item in hidden_rooms(found)] == [2] * (n_rooms == 2)
 
 
+def cluttered_rooms(side: int, shelves: int, width: int, depth: int) -> TopologicalMap:
+    """Two rooms whose far ends are full of shelves, joined by an opening, all in cells of 0.1 m.
+
+    Each room is open for ``side`` cells; aisles of three cells lie between shelves beyond.
+    """
+    room = np.full((side + 4, side + shelves + 2), OCCUPIED, np.int8)
+    room[2:-2, 2:] = FREE
+    room[5:-2:4, 2 : 2 + shelves] = OCCUPIED
+    between = np.full((side + 4, depth), OCCUPIED, np.int8)
+    first = 2 + (side - width) // 2
+    between[first : first + width] = FREE
+    cells = np.hstack([room, between, room[:, ::-1]])
+    return topological_map(OccupancyGrid(cells, 0.1), np.where(cells == FREE, 0, -1), NAMES)
+
+
+@pytest.mark.parametrize(
+    ("found", "count"),
+    [
+        pytest.param(cluttered_rooms(28, 40, 10, 4), 2, id="a door, nearly as wide as the aisles"),
+        pytest.param(cluttered_rooms(28, 40, 10, 6), 1, id="deeper than a door"),
+        pytest.param(cluttered_rooms(36, 40, 13, 4), 1, id="wider than a door"),
+        pytest.param(cluttered_rooms(36, 20, 13, 4), 2, id="wider, but narrow for its rooms"),
+    ],
+)
+def test_only_an_opening_of_the_size_of_a_door_may_be_wide_for_its_rooms(
+    found: TopologicalMap, count: int
+) -> None:
+    assert [item.count for item in hidden_rooms(found)] == [count] * (count > 1)
+
+
 def test_two_doors_between_the_same_rooms_count_as_one() -> None:
     [hidden] = hidden_rooms(two_rooms(2))
     assert (hidden.count, len(hidden.lines_m)) == (2, 2)

@@ -1,6 +1,7 @@
 """Ways that a robot can drive: clear of obstacles, hardly longer than needed, honest about gaps."""
 
 import itertools
+from dataclasses import replace
 
 import networkx as nx
 import numpy as np
@@ -16,6 +17,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.roads import AS_FAR_AS_ENDS, ROOM_M
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.real_data import real_data_folder
@@ -71,6 +73,30 @@ def test_ways_of_a_building_are_clear_and_hardly_longer_than_needed() -> None:
     assert len(values) == 10
     assert np.median(values) < 1.06
     assert values.max() < 1.3
+
+
+def test_shortcuts_past_pillars_keep_most_of_the_clearance_of_their_ends() -> None:
+    labels = np.full((82, 82), -1, np.int16)
+    labels[1:81, 1:81] = 1
+    labels[12::19, 12::19] = labels[21::19, 21::19] = -1
+    topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES)
+    found = route_graph(topology, robot_radius_m=0.1)
+    ends_m = [
+        min(found.nodes[e.first].clearance_m, found.nodes[e.second].clearance_m)
+        for e in found.edges
+    ]
+    assert len(found.edges) > 10
+    assert min(ends_m) * AS_FAR_AS_ENDS > ROOM_M
+    assert min(edge.clearance_m for edge in found.edges) >= ROOM_M - 1e-9
+
+
+def test_an_anchor_that_lies_in_another_place_is_no_target() -> None:
+    topology = route_map()
+    corridor, room = topology.regions[0], topology.regions[1]
+    moved = replace(room, anchor_m=corridor.anchor_m)
+    regions = tuple(moved if region is room else region for region in topology.regions)
+    found = route_graph(replace(topology, regions=regions))
+    assert [n.region for n in found.nodes if n.is_anchor] == [r.id for r in regions]
 
 
 def test_a_ring_of_corridors_closes() -> None:
