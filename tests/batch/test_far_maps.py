@@ -99,6 +99,26 @@ def test_a_result_whose_copying_was_broken_off_is_not_done(
     assert bucket.cat_file("/out/floor1/map/place_names.yaml") == b"1: Reception\n"
 
 
+def test_a_result_whose_replacement_was_broken_off_is_not_done(
+    bucket: Any, model: Path, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    label(model, "memory://out")
+    bucket.pipe_file("/maps/floor1/map.png", bucket.cat_file("/maps/floor2/map.png"))
+    put_file = type(bucket).put_file
+
+    def until(self: Any, local: str, target: str, **options: Any) -> None:
+        if target.endswith("topology.json"):
+            raise KeyboardInterrupt
+        put_file(self, local, target, **options)
+
+    with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
+        changed.setattr(type(bucket), "put_file", until)
+        label(model, "memory://out")
+    assert not bucket.exists("/out/floor1/map/manifest.json")
+    bucket.put_file(str(maps / "floor1" / "map.png"), "/maps/floor1/map.png")
+    assert label(model, "memory://out").n_labelled == 1
+
+
 @pytest.mark.parametrize("out", ["memory://out", "near"])
 def test_what_would_be_done_is_said_without_writing(
     out: str, bucket: Any, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

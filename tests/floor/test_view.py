@@ -35,6 +35,15 @@ def test_probabilities_add_up_to_one() -> None:
     assert (seen.spread >= 0).all()
 
 
+def test_the_spread_is_that_of_circulation_against_rooms_over_the_views() -> None:
+    views = views_of(2, 3)
+    each = [floor_scores(blob(), NETWORKS, [view]).log_p.astype(np.float64) for view in views]
+    odds = [np.logaddexp(p[..., 0], p[..., 3]) - p[..., 1] for p in each]  # corridor, hall; room
+    spread = floor_scores(blob(), NETWORKS, views).spread
+    assert spread.max() > 0.1
+    np.testing.assert_allclose(spread, np.std(odds, axis=0), rtol=1e-2, atol=1e-2)
+
+
 def test_threads_give_the_same_bits() -> None:
     one, three = (on(n, floor_scores, blob(), NETWORKS, views_of(2, 3)) for n in (1, 3))
     np.testing.assert_array_equal(one.log_p, three.log_p)

@@ -101,6 +101,14 @@ def test_an_unlabelled_series_is_parted_by_its_spread() -> None:
     assert np.diag(found.transition).min() > 0.9
 
 
+def test_the_second_start_is_taken_where_it_leads_to_a_better_optimum() -> None:
+    truth, x = series(9, 200)
+    found = gaussian_em([LabelGraph.from_lattice((200,))], [x], 2)
+    assert found.objectives[-1] > -370  # -438.7 from the clusters of the values alone
+    calm = int(np.argmin(found.covariances[:, 0, 0]))
+    assert ((found.beliefs[0].argmax(axis=1) != calm) == truth).mean() > 0.9
+
+
 def test_few_known_labels_name_the_clusters() -> None:
     rng = np.random.default_rng(1)
     truth = np.repeat([0, 1, 2, 1, 0], 40)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.layers import TILE, Pyramid, n_levels
+from pgm_places.studio.layers import TILE, GivenLabels, Pyramid, n_levels
 from tests.studio.conftest import Client
 
 
@@ -51,6 +51,12 @@ def test_a_change_is_seen_at_every_level() -> None:
                 for column in range(whole.shape[1] // TILE):
                     part = whole[row * TILE :, column * TILE :][:TILE, :TILE]
                     assert (pyramid.tile(level, row, column) == part).all()
+
+
+def test_labels_of_a_file_keep_their_names_and_unlabelled_cells_stay_so() -> None:
+    labels = np.array([[0, 1, -1]], np.int16)
+    given = GivenLabels("truth.png", labels, ("room", "corridor"))
+    assert given.on(["corridor", "doorway", "room"]).tolist() == [[2, 0, -1]]
 
 
 def colours(client: Client, layer: str) -> NDArray[np.uint8]:

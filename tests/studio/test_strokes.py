@@ -15,6 +15,7 @@ from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.studio.runs import checked_runs, runs_of_mask
 from pgm_places.studio.strokes import Limits, Stroke, doorway_ends, parts, stroke_cells
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.topological_map import TopologicalMap
 from tests.reference.strokes import band
 from tests.studio.conftest import two_rooms
 
@@ -175,6 +176,43 @@ def test_a_doorway_that_is_drawn_again_is_not_stopped_by_itself() -> None:
     runs = stroke_cells(Stroke(tool="doorway", points=points), grid, Limits(paint, 2))
     assert runs[:, 0].tolist() == [13, 14, 15, 16]
     assert parts(runs, grid, Limits(paint, 2))
+
+
+def test_a_line_that_begins_in_a_doorway_runs_to_the_walls_on_both_sides() -> None:
+    cells = np.full((30, 30), 100, np.int8)
+    cells[5:25, 5:25] = 0
+    grid = OccupancyGrid(cells, 0.1)
+    paint = np.full(grid.shape, -1, np.int16)
+    paint[10:20, 15] = 2
+    ends = doorway_ends(((15.5, 14.5), (15.5, 15.5)), grid, Limits(paint, 2))
+    assert sorted(ends[:, 0].tolist()) == pytest.approx([5, 24], abs=0.6)
+
+
+def open_floor() -> TopologicalMap:
+    """No walls: columns 40 to 59 are a room, 45 to 49 a doorway in it, 60 to 64 nothing."""
+    labels = np.zeros((100, 100), np.int16)
+    labels[:, 40:60] = 1
+    labels[:, 45:50] = 2
+    labels[:, 60:65] = -1
+    grid = OccupancyGrid(np.zeros(labels.shape, np.int8), 0.1)
+    return topological_map(grid, labels, ("corridor", "room", "doorway"), correct=False)
+
+
+def test_a_line_from_a_doorway_far_from_walls_ends_at_the_outline_of_the_room_beside_it() -> None:
+    found = open_floor()
+    limits = Limits(np.full(found.grid.shape, -1, np.int16), 2, found)
+    ends = doorway_ends(((48.5, 50.0), (49.5, 50.0)), found.grid, limits)
+    # To the left another place begins at column 40; to the right lies unlabelled space first.
+    assert ends[:, 1].tolist() == pytest.approx([40.0, 64.0], abs=0.6)
+
+
+def test_a_doorway_of_the_map_that_is_painted_over_is_none() -> None:
+    found = open_floor()
+    paint = np.full(found.grid.shape, -1, np.int16)
+    paint[50:] = 1
+    doorways = Limits(paint, 2, found).doorways(slice(0, 100), slice(0, 100))
+    assert doorways[:50, 45:50].all()
+    assert doorways.sum() == 50 * 5
 
 
 @pytest.mark.parametrize(
