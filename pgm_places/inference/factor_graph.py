@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 # Allowed labellings of one factor, up to which it becomes a node of a pairwise model.
 MOST_STATES = 256
 
+MOST_LABELS = 1 << 20
+"""Of a node: more are a slip, such as a damaged file."""
+
+MOST_NODES = 32
+"""Of a factor: arrays of any NumPy have so many axes."""
+
 
 @dataclass(frozen=True, eq=False)
 class FactorGraph:
@@ -30,9 +36,9 @@ class FactorGraph:
     Parameters
     ----------
     n_labels : (N,) int
-        How many labels each node has, at least 1.
+        How many labels each node has, 1 to 1,048,576.
     scopes : tuple of F tuples of int
-        The nodes of each factor, all different; () for a constant.
+        The nodes of each factor, all different, at most 32; () for a constant.
     tables : tuple of F arrays of float
         Log-potentials, larger is better: an axis for each node of the scope, in that order; -inf
         forbids.
@@ -51,7 +57,7 @@ class FactorGraph:
     tables: tuple[Array, ...]
 
     def __post_init__(self) -> None:
-        sizes = integer_array("n_labels", self.n_labels, ("N",), low=1, high=2**31)
+        sizes = integer_array("n_labels", self.n_labels, ("N",), low=1, high=MOST_LABELS + 1)
         scopes, tables = list(self.scopes), list(self.tables)
         if len(scopes) != len(tables):
             raise InputError(
@@ -164,6 +170,11 @@ def _factor(
     number: int, scope: Iterable[int], table: ArrayLike, sizes: NDArray[np.int64]
 ) -> tuple[tuple[int, ...], Array]:
     nodes = tuple(int(node) for node in scope)
+    if len(nodes) > MOST_NODES:
+        raise InputError(
+            f"factor {number} is over {len(nodes)} nodes, more than the {MOST_NODES} that a table "
+            "can have; fix nodes of one label in smaller factors"
+        )
     outside = [node for node in nodes if not 0 <= node < len(sizes)]
     if outside or len(set(nodes)) < len(nodes):
         why = f"there is no node {outside[0]}" if outside else "a node comes twice"

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.csv_table import plain_number
 from pgm_places.io.input_file import read_text
 
 MAX_BYTES = 1 << 30
+_MOST_WITHOUT_ARCS = 1_000_000
+"""Nodes that no arc names; more are a slip in the number of nodes."""
+_DIGITS = 12
 _WHAT = "a cut problem (DIMACS max)"
 
 
@@ -69,8 +73,8 @@ def read_dimacs(path: Path | str) -> CutProblem:
     for number, line in enumerate(text.splitlines(), start=1):
         kind, *words = line.split() or ["c"]
         try:
-            if kind == "p" and words[0] == "max":
-                n_nodes = int(words[1])
+            if kind == "p" and words[0] == "max" and not n_nodes:
+                n_nodes = _whole(words[1])
             elif kind == "n":
                 ends[words[1]] = _node(words[0], n_nodes)
             elif kind == "a":
@@ -84,6 +88,13 @@ def read_dimacs(path: Path | str) -> CutProblem:
             ) from None
     if set(ends) != {"s", "t"} or ends["s"] == ends["t"]:
         raise InputError(f"{path}: {_WHAT} needs a source ('n NODE s') and another node as sink")
+    if n_nodes > 2 * len(arcs) + _MOST_WITHOUT_ARCS:
+        raise InputError(
+            f"{path}: {_WHAT} says that there are {n_nodes} nodes, but its {len(arcs)} arcs name "
+            f"{2 * len(arcs)} at most; correct the line 'p max NODES ARCS'"
+        )
+    if not np.isfinite(sum(capacity for _, _, capacity in arcs)):
+        raise InputError(f"{path}: the capacities of {_WHAT} add up to infinity; divide them")
     return _gathered(n_nodes, ends["s"], ends["t"], arcs)
 
 
@@ -107,15 +118,21 @@ def write_dimacs(path: Path | str, problem: CutProblem) -> Path:
     return write_text(path, "\n".join(lines) + "\n")
 
 
+def _whole(word: str) -> int:
+    if not (word.isascii() and word.isdigit() and len(word) <= _DIGITS):
+        raise ValueError
+    return int(word)
+
+
 def _node(word: str, n_nodes: int) -> int:
-    node = int(word) - 1
+    node = _whole(word) - 1
     if not 0 <= node < n_nodes:
         raise ValueError
     return node
 
 
 def _arc(words: list[str], n_nodes: int) -> tuple[int, int, float]:
-    capacity = float(words[2])
+    capacity = plain_number(words[2])
     if not 0 <= capacity < np.inf:
         raise ValueError
     return _node(words[0], n_nodes), _node(words[1], n_nodes), capacity
@@ -124,7 +141,9 @@ def _arc(words: list[str], n_nodes: int) -> tuple[int, int, float]:
 def _gathered(
     n_nodes: int, source: int, sink: int, arcs: list[tuple[int, int, float]]
 ) -> CutProblem:
-    place = np.cumsum([node not in (source, sink) for node in range(n_nodes)]) - 1
+    inner = np.ones(n_nodes, np.bool_)
+    inner[[source, sink]] = False
+    place = np.cumsum(inner) - 1
     to_sink, from_source = np.zeros(n_nodes - 2), np.zeros(n_nodes - 2)
     between: dict[tuple[int, int], list[float]] = {}
     constant = 0.0

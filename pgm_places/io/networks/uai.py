@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
-from pgm_places.inference.factor_graph import FactorGraph
+from pgm_places.inference.factor_graph import MOST_LABELS, MOST_NODES, FactorGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.io.input_file import read_text
 
 MAX_BYTES = 1 << 30
 _NETWORK = "a network (UAI)"
+_MOST_DIGITS = 12
 _LARGEST = 700.0
 """exp of more is beyond float64, exp of less is 0 or loses digits."""
 
@@ -55,11 +56,18 @@ def read_uai(path: Path | str) -> FactorGraph:
     kind = words.text("MARKOV or BAYES").upper()
     if kind not in ("MARKOV", "BAYES"):
         raise words.wrong(f"must begin with MARKOV or BAYES, got {kind[:20]!r}")
-    sizes = [words.whole("a number of labels", least=1) for _ in words.each("nodes")]
+    most = MOST_LABELS + 1
+    sizes = [words.whole("a number of labels", least=1, below=most) for _ in words.each("nodes")]
     scopes = [
-        [words.whole("a node", below=len(sizes)) for _ in words.each(f"nodes of factor {number}")]
+        [
+            words.whole("a node", below=len(sizes))
+            for _ in words.each(f"nodes of factor {number}", at_most=MOST_NODES)
+        ]
         for number, _ in enumerate(words.each("factors"))
     ]
+    for number, scope in enumerate(scopes):
+        if len(set(scope)) < len(scope):
+            raise words.wrong(f"names a node twice in factor {number}")
     tables = []
     for number, scope in enumerate(scopes):
         shape = [sizes[node] for node in scope]
@@ -118,6 +126,8 @@ def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
     for node, label in zip(numbers[1::2], numbers[2::2], strict=True):
         if node >= n_nodes:
             raise words.wrong(f"names node {node}, but the network has {n_nodes}")
+        if label >= MOST_LABELS:
+            raise words.wrong(f"gives node {node} the label {label}, more than any node has")
         if known[node] not in (-1, label):
             raise words.wrong(f"gives node {node} two labels, {known[node]} and {label}")
         known[node] = label
@@ -180,7 +190,10 @@ def read_uai_result(path: Path | str) -> UaiResult:
     words = _Words(Path(path), "a result (UAI)")
     task = words.text("MAP, MPE, MAR or PR").upper()
     if task == "PR":
-        return UaiResult(log_partition=float(words.rest()[-1]) * math.log(10))
+        value = float(words.rest()[-1])
+        if not value < np.inf:  # also true of NaN
+            raise words.wrong(f"must hold a logarithm (-inf for 0), got {value}")
+        return UaiResult(log_partition=value * math.log(10))
     if task not in ("MAP", "MPE", "MAR"):
         raise words.wrong(f"must begin with MAP, MPE, MAR or PR, got {task[:20]!r}")
     numbers = words.rest()
@@ -190,22 +203,29 @@ def read_uai_result(path: Path | str) -> UaiResult:
             if beliefs is not None:
                 return UaiResult(beliefs=beliefs)
         elif len(values) and len(values) == 1 + values[0]:
-            return UaiResult(labels=values[1:].astype(np.int64))
+            labels = values[1:]
+            bad = ~((labels >= 0) & (labels < MOST_LABELS) & (labels == np.floor(labels)))
+            if bad.any():
+                raise words.wrong(f"must hold labels from 0, got {labels[bad][0]:g}")
+            return UaiResult(labels=labels.astype(np.int64))
     raise words.wrong("must hold the number of nodes, then what is said of each")
 
 
 def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | None:
     """The rows behind their number and each behind its length; None where they do not end so."""
-    rows, at = [], 1
-    for _ in range(int(values[0]) if len(values) else -1):
-        if at >= len(values):
+    if not len(values):
+        return None
+    rows, at, left = [], 1, values[0]
+    while left > 0 and at < len(values):
+        size = values[at]
+        if not 1 <= size < len(values) - at or size != np.floor(size):
             return None
-        size = int(values[at])
-        rows.append(values[at + 1 : at + 1 + size])
-        at += 1 + size
+        rows.append(values[at + 1 : at + 1 + int(size)])
+        at += 1 + int(size)
+        left -= 1
     sums = [row.sum() for row in rows]
-    whole = at == len(values) and np.allclose(sums, 1, rtol=0, atol=1e-3)
-    return tuple(rows) if whole and len(values) else None
+    whole = left == 0 and at == len(values) and np.allclose(sums, 1, rtol=0, atol=1e-3)
+    return tuple(rows) if whole and (values[1:] >= 0).all() else None
 
 
 def _joined(values: "NDArray[np.float64] | NDArray[np.int64] | list[int]") -> str:
@@ -232,13 +252,15 @@ class _Words:
 
     def whole(self, wanted: str, *, least: int = 0, below: int = 2**31) -> int:
         word = self.text(wanted)
-        if not (word.isascii() and word.isdigit()) or not least <= int(word[:12]) < below:
+        digits = word.lstrip("0") or "0"
+        is_number = word.isascii() and word.isdigit() and len(digits) <= _MOST_DIGITS
+        if not is_number or not least <= int(digits) < below:
             raise self.wrong(f"has {word[:20]!r} where {wanted} should be")
-        return int(word)
+        return int(digits)
 
-    def each(self, wanted: str) -> Iterator[int]:
+    def each(self, wanted: str, *, at_most: int = 2**31) -> Iterator[int]:
         """As often as the next number says."""
-        count = self.whole(f"the number of {wanted}")
+        count = self.whole(f"the number of {wanted}", below=at_most + 1)
         if count > len(self._words):
             raise self.wrong(f"says that there are {count} {wanted}, but ends before")
         return iter(range(count))

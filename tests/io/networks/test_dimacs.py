@@ -75,6 +75,12 @@ def test_source_and_sink_may_stand_anywhere_and_arcs_add_up(tmp_path: Path) -> N
         ("n 6 t\n", "", "needs a source"),
         ("n 6 t\n", "n 1 t\n", "needs a source"),
         ("p max", "p min", "line 2: "),
+        ("p max 6 8", "p max 6_0 8", "line 2: "),
+        ("n 1 s", "n \u0661 s", "line 3: "),
+        ("a 1 2 5", "a 1 2 1_0", "line 5: "),
+        ("a 1 3 15\n", "p max 3 8\n", "line 6: "),
+        ("p max 6", "p max 20000000", "says that there are 20000000 nodes, but its 8 arcs name 16"),
+        ("5\na 1 3 15", "1e308\na 1 3 1e308", "add up to infinity"),
     ],
 )
 def test_damage_is_told_in_one_line(old: str, new: str, text: str, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
+from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.networks.opengm import read_opengm, write_opengm
 from tests.inference.test_factor_graph import random_factors
 
@@ -94,3 +95,52 @@ class TestFiles:
         with pytest.raises(InputError, match=expected) as caught:
             read_opengm(path, dataset=dataset)
         assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("part", "values"),
+        [
+            ("header", [2, 0, 2, -1, 1, 16000, -1, 1]),
+            ("header", [2.5, 0, 2, 1.5, 1, 16000, 1.2, 1]),
+            ("numbers-of-states", [b"a", b"b"]),
+            ("numbers-of-states", np.array([2, 2**64 - 1], np.uint64)),
+            ("factors", [-1, -1, 2, 0, 1]),
+            ("factors", [0, 0, 70, *range(70)]),
+            ("function-id-16000/indices", [2, -1, -4]),
+            ("function-id-16000/indices", [2, 2**32, 2**32]),
+            ("function-id-16000/indices", [70, *[1] * 70]),
+            ("function-id-16000/values", [np.nan] * 4),
+        ],
+    )
+    def test_no_number_stops_the_reader(
+        self, h5py: Any, tmp_path: Path, part: str, values: Any
+    ) -> None:
+        path = write_opengm(tmp_path / "g.h5", FactorGraph.of([2, 2], [(0, 1)], [np.eye(2)]))
+        with h5py.File(path, "r+") as file:
+            del file["gm"][part]
+            file["gm"][part] = np.array(values)
+        with pytest.raises(InputError, match=r"g\.h5: not a factor graph .* named 'gm' \("):
+            read_opengm(path)
+
+    @pytest.mark.parametrize("n", [10**9, 60_000])
+    def test_tables_larger_than_the_file_could_mean_are_not_written_out(
+        self, h5py: Any, tmp_path: Path, n: int
+    ) -> None:
+        path = tmp_path / "g.h5"
+        with h5py.File(path, "w") as file:
+            group = file.create_group("gm")
+            group["header"] = np.array([2, 0, 2, 1, 1, 16006, 1, 1])
+            group["numbers-of-states"] = np.array([n, n])
+            group["function-id-16006/indices"] = np.array([n, n])
+            group["function-id-16006/values"] = np.array([0.0, 1.0])
+            group["factors"] = np.array([0, 0, 2, 0, 1])
+        with pytest.raises(InputError, match=f"a table of {n * n} numbers and order 2"):
+            read_opengm(path)
+
+    def test_numbers_that_are_not_in_the_file_are_not_made(self, h5py: Any, tmp_path: Path) -> None:
+        path = write_opengm(tmp_path / "g.h5", FactorGraph.of([2, 2], [(0, 1)], [np.eye(2)]))
+        with h5py.File(path, "r+") as file:
+            inner = file["gm/function-id-16000"]
+            del inner["values"]
+            inner.create_dataset("values", shape=(10**9,), dtype="f8", chunks=(1_000_000,))
+        with pytest.raises(InputError, match="'values' must be a list of at most"):
+            read_opengm(path)

@@ -163,7 +163,7 @@ def test_results_of_others_are_read(text: str, labels: list[int], tmp_path: Path
     [
         ("MARKOV", "MARKET", "must begin with MARKOV or BAYES, got 'MARKET'"),
         ("2 0 1", "2 0 3", "has '3' where a node should be"),
-        ("2 0 1", "2 0 0", "a node comes twice"),
+        ("2 0 1", "2 0 0", "names a node twice in factor 0"),
         ("12\n", "11\n", "table 1 must have 12 entries, got 11"),
         (" 2.0000 2.0000 3.4000", " 2.0", "ends within table 1"),
         ("3.4000", "3.4 7", "goes on after its last table, with '7'"),
@@ -171,6 +171,9 @@ def test_results_of_others_are_read(text: str, labels: list[int], tmp_path: Path
         ("3.4000", "x", "holds words in table 1, where numbers should be"),
         ("3\n2 2 3", "900000 2 2 3", "says that there are 900000 nodes, but ends before"),
         ("2 2 3", "2 0 3", "has '0' where a number of labels should be"),
+        ("2 2 3", "2 2 2000000", "has '2000000' where a number of labels should be"),
+        ("2 2 3", "2 2 0000000000009999999999", "has '00000000000099999999' where a number"),
+        ("2 0 1", f"65 {' 0' * 65}", "has '65' where the number of nodes of factor 0 should be"),
     ],
 )
 def test_damage_is_told_in_one_line(old: str, new: str, text: str, tmp_path: Path) -> None:
@@ -179,14 +182,34 @@ def test_damage_is_told_in_one_line(old: str, new: str, text: str, tmp_path: Pat
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "2 1 0", "1 9 0", "2 1 0 1 1", "1 -1 0", "x"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "2 1 0",
+        "1 9 0",
+        "2 1 0 1 1",
+        "1 -1 0",
+        "x",
+        "1 1 2147483646",
+        "1 1 0000000000009999999999",
+    ],
+)
 def test_damaged_evidence_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "e").write_text(text)
     with pytest.raises(InputError, match="evidence"):
         read_evidence(tmp_path / "e", 3)
 
 
-@pytest.mark.parametrize("text", ["", "MAX 1 1", "MAP\n3 0 1", "MAR 2 2 0.5 0.5", "MAR x", "PR"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "MAX 1 1", "MAP\n3 0 1", "MAP 1 nan", "MAP 1 -3", "MAP 1 0.5", "MAP 1 1e300"),
+        *("MAR 2 2 0.5 0.5", "MAR x", "MAR nan", "MAR inf", "MAR 1 -5 0.5", "MAR 1e18 1 1"),
+        *("MAR 2 900000000000000000 1 1", "MAR 1 2 1.5 -0.5", "MAR 1 2 nan nan"),
+        *("PR", "PR nan", "PR inf"),
+    ],
+)
 def test_damaged_results_are_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "r").write_text(text)
     with pytest.raises(InputError, match="a result"):
