@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.map_task import MANIFEST_FILE, Failure, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import atomic_file, write_json
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
@@ -26,6 +27,7 @@ from pgm_places.progress import Progress
 
 _RECORD = ".pgm-places-batch.json"
 _CLAIMS = ".pgm-places-claims"
+_CLAIM = re.compile("[0-9a-f]{32}")
 _FORMAT, _SCHEMA = "pgm-places batch", 1
 _MAX_BYTES = 1 << 16
 
@@ -56,16 +58,23 @@ def claim_of(out: Path, name: str) -> Path:
 def tidy_after_the_dead(out: Path) -> None:
     """Remove what workers left that died on a map: their claims, and files that nobody completes.
 
+    Only what a batch leaves there is looked at: a folder of results may come from others.
+
     A worker that dies when it has just completed a map leaves an empty folder beside it, which no
     later run would find, because the map is done.
     """
     claims = out / _CLAIMS
+    if claims.is_symlink():
+        raise OutputError(f"cannot write {claims}: a symbolic link stands in its place; remove it")
     for path in list(claims.iterdir()) if claims.is_dir() else ():
+        if not _CLAIM.fullmatch(path.name) or path.is_symlink() or not path.is_file():
+            continue
         with claimed(path) as is_free:
             if is_free and path.stat().st_size <= _MAX_BYTES:
                 name = PurePosixPath(os.fsdecode(path.read_bytes()))
-                if name.name and not name.is_absolute() and ".." not in name.parts:
-                    remove_leftovers((out / name.parent).resolve(), name.name)
+                folder = (out / name.parent).resolve()
+                if name.name and folder.is_relative_to(out.resolve()):
+                    remove_leftovers(folder, name.name)
     with suppress(OSError):  # another batch holds claims
         claims.rmdir()
 

@@ -18,6 +18,7 @@ try:
 except ImportError:  # Windows: leftovers stay, and writers do not wait for each other
     fcntl = None  # type: ignore[assignment]
 
+_NO_LINKS = getattr(os, "O_NOFOLLOW", 0)
 _IN_USE: set[Path] = set()
 """The stages of this process that are being filled."""
 
@@ -98,8 +99,9 @@ def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
     lock = None
     while lock is None:
         with as_output_errors(path):
+            _refuse_link(path.parent)
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+            os.close(open_own(path, os.O_WRONLY | os.O_CREAT))
         try:
             lock = _lock(path, wait=False)
         except OSError as error:
@@ -112,17 +114,30 @@ def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
             return
     try:
         if note is not None:
-            with as_output_errors(path):
-                path.write_bytes(os.fsencode(note))
+            number = open_own(path, os.O_WRONLY | os.O_TRUNC)
+            with as_output_errors(path), os.fdopen(number, "wb") as file:
+                file.write(os.fsencode(note))
         yield True
     finally:
         path.unlink(missing_ok=True)
         os.close(lock)
 
 
+def open_own(path: Path, flags: int) -> int:
+    """A file of ours, opened only if no symbolic link stands in its place; its number."""
+    _refuse_link(path)
+    return os.open(path, flags | _NO_LINKS, 0o666)
+
+
+def _refuse_link(path: Path) -> None:
+    """What others left there may lead to files that are none of ours."""
+    if path.is_symlink():
+        raise OutputError(f"cannot write {path}: a symbolic link stands in its place; remove it")
+
+
 def _lock(path: Path, *, wait: bool = True) -> int | None:
     """An open file that holds the lock; None if another process holds it or the path has moved."""
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    flags = os.O_RDONLY | _NO_LINKS | getattr(os, "O_NONBLOCK", 0)
     if fcntl is None:
         return os.open(os.devnull, os.O_RDONLY)
     try:
@@ -249,6 +264,7 @@ def finish(target: Path) -> None:
     stage = target / UNFINISHED
     if not stage.is_dir() or stage.is_symlink():
         return
+    _refuse_link(stage / NEW)
     # All names are checked before anything is moved or removed: the folder may be somebody else's.
     removed = [_inside(target, name) for name in _removed(stage)]
     moved = [(stage / NEW / name, _inside(target, name)) for name in file_names(stage / NEW)]

@@ -11,7 +11,7 @@ from typing import IO, Any
 
 from pgm_places.errors import InputError, OutputError, shown
 from pgm_places.io.input_file import sha256_of
-from pgm_places.io.staging import as_output_errors
+from pgm_places.io.staging import as_output_errors, open_own
 
 try:
     import fcntl
@@ -46,7 +46,8 @@ class Journal:
         self.path = path
         with as_output_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file: IO[bytes] = path.open("a+b")
+            number = open_own(path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
+            self._file: IO[bytes] = os.fdopen(number, "a+b")
         try:
             self._lock()
             self.entries = self._read(subject)
@@ -64,10 +65,10 @@ class Journal:
         """
         if self.was_changed():
             raise OutputError(f"{self.path} was changed by another program; restart the studio")
-        line = json.dumps(entry, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        line = _line(entry)
         with as_output_errors(self.path):
             try:
-                self._file.write(line.encode() + b"\n")
+                self._file.write(line + b"\n")
                 self._file.flush()
                 os.fsync(self._file.fileno())
             except OSError:
@@ -110,16 +111,12 @@ class Journal:
             raise InputError(f"{self.path} has {self._size} bytes; at most {MAX_BYTES} are read")
         self._file.seek(0)
         whole, _, torn = self._file.read().rpartition(b"\n")
-        if torn:  # a kill came in the middle of a line, which nobody has seen the effect of
-            self._size -= len(torn)
-            os.ftruncate(self._file.fileno(), self._size)
         lines = whole.split(b"\n") if whole else []
         entries = [_entry(self.path, number, line) for number, line in enumerate(lines, 1)]
         header = {"format": FORMAT, "schema": SCHEMA, **subject}
-        if not entries:
-            self.append(header)
-            return []
-        first = entries[0]
+        if not entries and not _is_begun(torn, header):
+            raise InputError(f"{self.path} is not a journal of this studio; choose another --out")
+        first = entries[0] if entries else header
         if first.get("format") != FORMAT or first.get("schema") != SCHEMA:
             raise InputError(f"{self.path} is not a journal of this studio; choose another --out")
         for key, value in subject.items():
@@ -128,7 +125,22 @@ class Journal:
                     f"{self.path} belongs to another {key} ({shown(first.get(key))}, not "
                     f"{value!r}); choose another folder with --out"
                 )
+        if torn:  # a kill came in the middle of a line, which nobody has seen the effect of
+            self._size -= len(torn)
+            os.ftruncate(self._file.fileno(), self._size)
+        if not entries:
+            self.append(header)
         return entries[1:]
+
+
+def _line(entry: dict[str, Any]) -> bytes:
+    return json.dumps(entry, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _is_begun(torn: bytes, header: dict[str, Any]) -> bool:
+    """Whether a line without an end is the beginning of a journal's first one, whatever map."""
+    first = _line({"format": header["format"], "schema": header["schema"]})[:-1]
+    return torn.startswith(first) or first.startswith(torn)
 
 
 def subject_of(path: Path) -> dict[str, Any] | None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import secrets
 import socket
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pgm_places.errors import OutputError
+from pgm_places.io.staging import open_own
 from pgm_places.studio.app import application
 from pgm_places.studio.shelf import Shelf
 
@@ -66,6 +68,7 @@ HOST = "127.0.0.1"
 
 PORT_FILE = "port"
 FIRST_PORT, LAST_PORT = 1024, 65535
+_LONGEST_PORT = 8  # characters
 
 
 def serve(shelf: Shelf, *, port: int = 0, on_address: Callable[[str], None]) -> None:
@@ -108,12 +111,15 @@ def _listening_again(kept: Path) -> socket.socket:
     With the same port, pages of the last studio can tell their user where the new one is.
     """
     try:
-        port = int(kept.read_text(encoding="ascii"))
+        with os.fdopen(open_own(kept, os.O_RDONLY), encoding="ascii") as file:
+            port = int(file.read(_LONGEST_PORT))
         listener = _listening(port if FIRST_PORT <= port <= LAST_PORT else 0)
     except (OSError, ValueError, OutputError):
         listener = _listening(0)
-    with contextlib.suppress(OSError):  # it would only have been convenient
-        kept.write_text(f"{listener.getsockname()[1]}\n", encoding="ascii")
+    with contextlib.suppress(OSError, OutputError):  # it would only have been convenient
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        with os.fdopen(open_own(kept, flags), "w", encoding="ascii") as file:
+            file.write(f"{listener.getsockname()[1]}\n")
     return listener
 
 

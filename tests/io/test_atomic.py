@@ -10,9 +10,11 @@ from pgm_places.io.atomic import (
     atomic_file,
     atomic_folder,
     check_folder_target,
+    tidy,
     write_bytes,
     write_text,
 )
+from pgm_places.io.staging import NEW, UNFINISHED
 
 
 def names(folder: Path) -> list[str]:
@@ -124,3 +126,14 @@ def test_the_folder_one_stands_in_can_be_named(
     check_folder_target("new")
     write_text("x.txt", "x")
     assert names(tmp_path) == ["x.txt"]
+
+
+def test_an_interrupted_swap_takes_nothing_from_behind_a_link(tmp_path: Path) -> None:
+    home, target = tmp_path / "home", tmp_path / "results"
+    home.mkdir()
+    (home / "id_rsa").write_text("secret")
+    (target / UNFINISHED).mkdir(parents=True)
+    (target / UNFINISHED / NEW).symlink_to(home)
+    with pytest.raises(OutputError, match="new: a symbolic link stands in its place; remove it"):
+        tidy(target)
+    assert (home / "id_rsa").read_text() == "secret"

@@ -346,3 +346,28 @@ def test_a_deleted_class_takes_its_paint_along_and_comes_back(
         again.edit({"kind": "drop", "index": 0})
     with pytest.raises(InputError, match="two classes must be left"):
         again.edit({"kind": "drop", "index": 0})
+
+
+def test_a_link_in_place_of_the_journal_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("")
+    (tmp_path / "j").symlink_to("precious")
+    with pytest.raises(OutputError, match="j: a symbolic link stands in its place; remove it"):
+        Journal(tmp_path / "j", {"map": "one"})
+    assert (tmp_path / "precious").read_text() == ""
+
+
+@pytest.mark.parametrize("text", ["precious", '{"format":"other"}', "a\nb", '{"a":1}\nb'])
+def test_a_file_that_is_no_journal_stays_as_it_is(tmp_path: Path, text: str) -> None:
+    (tmp_path / "j").write_text(text)
+    with pytest.raises(InputError, match="j"):
+        Journal(tmp_path / "j", {"map": "one"})
+    assert (tmp_path / "j").read_text() == text
+
+
+@pytest.mark.parametrize("length", [1, 10, 40, 55])
+def test_a_first_line_that_was_cut_is_written_anew(tmp_path: Path, length: int) -> None:
+    Journal(tmp_path / "j", {"map": "one"}).close()
+    whole = (tmp_path / "j").read_text()
+    (tmp_path / "j").write_text(whole[:length])
+    Journal(tmp_path / "j", {"map": "one"}).close()
+    assert (tmp_path / "j").read_text() == whole
