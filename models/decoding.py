@@ -19,8 +19,10 @@ from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 if TYPE_CHECKING:
     pass
 
-# A gap below this share of the score and of the problem's size is rounding: it is closed.
-ROUNDING = 1e-12
+# A gap below this share of the score, and of the problem's size or of what the labelling loses
+# against the best value of every term, is rounding: it is closed. Some roundings of a number; the
+# loss does not grow with rules that are written as large negative numbers, the size may.
+ROUNDING = 64 * float(np.finfo(np.float64).eps)
 
 # A bound below its own score by more than this share of all magnitudes is no rounding: a lie.
 FALSE = 1e-9
@@ -81,7 +83,7 @@ def decode(
     -------
     Labeling
         ``EXACT`` where the labelling is proved best: by the method, or because nothing but rounding
-        (1e-12 of the score and of the problem's size) is left of its gap. ``CONVERGED`` at a local
+        (some units in the last place of the score) is left of its gap. ``CONVERGED`` at a local
         optimum or fixed point, ``RELAXED`` where a fractional solution was rounded, ``STOPPED`` at
         the limit. Where the method ends at a forbidden labelling (-inf), ``REPAIRED`` is one that
         is allowed, found by a search from there, and ``INFEASIBLE`` says that the search gave up.
@@ -185,7 +187,7 @@ def _check_bound(name: str, task: DecodingTask, status: Status, total: float, bo
             f"decoder {name!r} says that no labelling scores more than {bound:.12g}, but its own "
             f"scores {total:.12g}: its bound is wrong"
         )
-    if status is Status.EXACT and bound > total + slack:
+    if status is Status.EXACT and bound > total + FALSE * _magnitude(task, total):
         raise SolverError(
             f"decoder {name!r} calls its labelling exact, which scores {total:.12g}, but says that "
             f"another may score up to {bound:.12g}"
@@ -225,6 +227,11 @@ def _final_status(task: DecodingTask, status: Status, total: float, bound: float
     if bound is None or total == -np.inf or status is Status.EXACT:
         return status
     gap = bound - total
-    if gap > 0 and gap > ROUNDING * (abs(total) + task.model.size):
+    if gap > 0 and gap > ROUNDING * _magnitude(task, total):
         return status
     return Status.EXACT
+
+
+def _magnitude(task: DecodingTask, total: float) -> float:
+    """What roundings of a gap are multiples of."""
+    return abs(total) + min(task.model.size, max(task.model.top - total, 0.0))

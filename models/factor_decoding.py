@@ -193,4 +193,5 @@ def _rounding(graph: FactorGraph, total: float) -> float:
     ranges = np.array([np.ptp(values) for values in finite if len(values)])
     ranges = ranges[ranges > 0]
     unit = float(np.median(ranges)) if len(ranges) else 0.0
-    return ROUNDING * (abs(total) + unit * len(ranges))
+    lost = max(sum(float(table.max()) for table in graph.tables) - total, 0.0)
+    return ROUNDING * (abs(total) + min(unit * len(ranges), lost))

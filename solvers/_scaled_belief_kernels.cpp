@@ -93,7 +93,8 @@ void distribute_sums(Array<const double, N> gain, Arcs arcs, Order order, Order 
         }
         double total = 0.0;
         for (int64_t k = 0; k < n_labels; ++k) {
-            belief(i, k) = inner(i, k) * back[k];
+            // What is ruled out below may be told to be infinitely likely from above.
+            belief(i, k) = inner(i, k) > 0.0 ? inner(i, k) * back[k] : 0.0;
             total += belief(i, k);
         }
         const double factor = 1.0 / total;

@@ -9,15 +9,18 @@
 #include <vector>
 
 #include "pgm_places/kernels/registry.hpp"
+#include "solvers/_semi_markov.hpp"
 
 namespace {
 
 using pgm::Array;
 using std::int64_t;
-using Row = Array<double, 1>;
-using Matrix = Array<double, 2>;
-using ConstRow = Array<const double, 1>;
-using ConstMatrix = Array<const double, 2>;
+using pgm::semi_markov::ConstMatrix;
+using pgm::semi_markov::ConstRow;
+using pgm::semi_markov::Matrix;
+using pgm::semi_markov::Rates;
+using pgm::semi_markov::Row;
+using pgm::semi_markov::States;
 
 constexpr double INF = std::numeric_limits<double>::infinity();
 constexpr double SMALLEST_TOTAL = 1e-280;   // below, scaled products have lost digits: that step is done
@@ -26,42 +29,6 @@ constexpr double SMALLEST_MASS = 1e-300;    // of a label that an observation ca
                                             // as ruled out
 constexpr double LARGEST_EXPONENT = 700.0;  // of an exponential that is still a float
 constexpr double LARGEST_WORTH = 1e290;     // of a state that observations before it had all but excluded
-
-struct Rates {  // see semi_markov.py
-    ConstMatrix leaving;
-    ConstRow edges_m;
-    ConstMatrix rates, sums;
-    auto fields() { return std::tie(leaving, edges_m, rates, sums); }
-
-    int64_t n_labels() const { return rates.shape(0); }
-    int64_t n_rates() const { return rates.shape(1); }
-
-    // The rate at an age, looked for from the rate `b` on.
-    int64_t bin_of(double age_m, int64_t b) const {
-        while (b + 1 < n_rates() && age_m >= edges_m(b + 1)) ++b;
-        return b;
-    }
-
-    // The rate's integral from age 0 to an age in bin `b`.
-    double integral(int64_t label, int64_t b, double age_m) const {
-        return sums(label, b) + rates(label, b) * (age_m - edges_m(b));
-    }
-
-    // The rate's integral from one age to a later one, in bins `before` and `after`.
-    double over(int64_t label, int64_t before, double age_m, int64_t after, double aged_m) const {
-        const double through = integral(label, after, aged_m) - integral(label, before, age_m);
-        return std::max(through, 0.0);
-    }
-
-    double last_rate(int64_t label) const { return rates(label, n_rates() - 1); }
-};
-
-struct States {  // see semi_markov.py
-    ConstRow at_m;
-    Matrix recent;
-    Row old;
-    auto fields() { return std::tie(at_m, recent, old); }
-};
 
 // The shares that stay and that leave over a stretch.
 struct Shares {

@@ -108,6 +108,16 @@ class PairwiseModel:
         return self.unit * sum(map(len, self._ranges))
 
     @cached_property
+    def top(self) -> float:
+        """The sum of the largest value of each node and each edge: no labelling scores more."""
+        if self.agreement is not None:
+            at_edges = np.maximum(self.agreement.max(axis=1), 0.0)
+        else:
+            flat = self.tables.reshape(len(self.tables), -1)
+            at_edges = np.broadcast_to(flat.max(axis=1), self.around.n_edges)
+        return float(self.unary.max(axis=1).sum() + at_edges.sum()) + self.offset
+
+    @cached_property
     def _ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The ranges of the nodes, and edges, whose finite values are not the same but rounding."""
         n_edges = self.around.n_edges

@@ -20,7 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _core
 from pgm_places._checks import finite_array, require_at_least
 from pgm_places.errors import InputError
-from pgm_places.solvers.chains import check_start, require_distributions
+from pgm_places.solvers.chains import (
+    RARE_ARRIVAL,
+    RARE_BELIEF,
+    check_start,
+    require_distributions,
+)
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 
@@ -65,6 +70,23 @@ class _Found(NamedTuple):
     """(T,) the sum before normalising, 0 for an impossible observation."""
     scale: NDArray[np.float64]
     """(T,) the logarithm that the total is scaled by."""
+
+
+class _LogFound(NamedTuple):
+    """What the filter in logarithms writes, step by step."""
+
+    beliefs: NDArray[np.float64]
+    """(T, K)."""
+    factor: NDArray[np.float64]
+    """(T, K) what was added to each label's masses."""
+    entered: NDArray[np.float64]
+    """(T, K) mass that entered each label at the step, before the observation."""
+    old: NDArray[np.float64]
+    """(T, K) mass of each label entered before the recent steps."""
+    low: NDArray[np.int64]
+    """(T,) the first step whose entries are recent."""
+    impossible: NDArray[np.bool_]
+    """(T,) whether the observation was left out."""
 
 
 class _Origins(NamedTuple):
@@ -165,15 +187,11 @@ class SemiMarkovChain:
         InputError
             Shapes do not fit, a distance is negative, a likelihood is NaN or +inf.
         """
-        steps, _ = self._filter(moved_m, log_likelihood)
-        return _beliefs(steps)
+        return self._explained(moved_m, log_likelihood, smooth=False)
 
     def smoothed(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
         """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
-        steps, states = self._filter(moved_m, log_likelihood)
-        if len(steps.beliefs):
-            _core.smooth_stretches(self._model, states, steps)
-        return _beliefs(steps)
+        return self._explained(moved_m, log_likelihood, smooth=True)
 
     def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
         """The labels with the largest joint probability; arguments as of :meth:`filtered`."""
@@ -207,6 +225,9 @@ class SemiMarkovChain:
             That of the step before; None at the first.
         moved_m : float
             Distance driven since the step before.
+
+        A label of belief 0 stays at 0, also where it was more but too little for a float, until it
+        is entered anew.
         """
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
@@ -228,8 +249,55 @@ class SemiMarkovChain:
         total = _core.weigh_states(held, np.ascontiguousarray(rows), factor)
         return SemiMarkovState(age_m, recent * factor, old * factor), bool(total > 0.0)
 
-    def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[_Found, _States]:
+    def _explained(
+        self, moved_m: ArrayLike, log_likelihood: ArrayLike, *, smooth: bool
+    ) -> ChainBeliefs:
+        """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
         states, observed = self._checked(moved_m, log_likelihood)
+        steps = self._filter(states, observed)
+        if self._exceeds_floats(steps, observed):
+            return self._in_logs(states, observed, smooth=smooth)
+        if smooth and len(observed):
+            _core.smooth_stretches(self._model, states, steps)
+        return _beliefs(steps)
+
+    def _exceeds_floats(self, steps: _Found, observed: NDArray[np.float64]) -> bool:
+        """Whether a label fell so far behind that what floats leave of it may be missed later."""
+        leaving = self._model.leaving
+        if leaving.min(initial=1.0, where=leaving > 0) < RARE_ARRIVAL:
+            return True
+        rare = (steps.beliefs < RARE_BELIEF) & (
+            (observed > -np.inf) | (steps.total == 0.0)[:, np.newaxis]
+        )
+        if not rare.any():
+            return False
+        before = np.vstack([self._start, steps.beliefs[:-1]])
+        return bool((rare & ((before > 0) | (steps.entered > 0))).any())
+
+    def _in_logs(
+        self, states: _States, observed: NDArray[np.float64], *, smooth: bool
+    ) -> ChainBeliefs:
+        shape = observed.shape
+        found = _LogFound(
+            beliefs=np.empty(shape),
+            factor=np.empty(shape),
+            entered=np.empty(shape),
+            old=np.empty(shape),
+            low=np.empty(len(observed), np.int64),
+            impossible=np.empty(len(observed), np.bool_),
+        )
+        with np.errstate(divide="ignore"):
+            log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
+        evidence = _core.filter_stretches_in_logs(
+            log_start, log_leaving, self._model, states, observed, found
+        )
+        if smooth:
+            _core.smooth_stretches_in_logs(log_leaving, self._model, states, found)
+        beliefs = np.exp(found.beliefs)
+        beliefs /= beliefs.sum(axis=1, keepdims=True)
+        return ChainBeliefs(beliefs, evidence, np.flatnonzero(found.impossible))
+
+    def _filter(self, states: _States, observed: NDArray[np.float64]) -> _Found:
         shape = observed.shape
         steps = _Found(
             beliefs=np.zeros(shape),
@@ -242,7 +310,7 @@ class SemiMarkovChain:
         )
         if len(observed):
             _core.filter_stretches(self._start, self._model, states, observed, steps)
-        return steps, states
+        return steps
 
     def _checked(
         self, moved_m: ArrayLike, observed: ArrayLike

@@ -1,7 +1,7 @@
 """One contract for every decoder: what a labelling says about itself holds."""
 
 import importlib.util
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -415,3 +415,27 @@ def test_nodes_without_an_allowed_label_are_refused(method: str) -> None:
 def test_potentials_of_another_graph_are_refused(method: str) -> None:
     with pytest.raises(InputError, match="unary has 2 rows but the graph has 3 nodes"):
         decode(chain(3), Potentials(np.zeros((2, 2))), method)
+
+
+@pytest.mark.parametrize("rule", [1e6, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize("method", ["icm", "mean-field", "trw-s"])
+def test_rules_as_large_numbers_make_nothing_exact_that_is_not(method: str, rule: float) -> None:
+    """Most edges hold such a number: a gap of 5.9 was taken for rounding."""
+    x = -rule
+    rows = [[x, 0, 2], [1, x, -1], [0, -2, 2], [x, 2, x], [-1, -1, x], [1, 2, -2], [x, x, 2]]
+    rows += [[x, -2, 0], [1, 2, -1], [0, -2, -2], [0, 1, x], [x, -1, -2], [-2, -1, x], [-2, -2, 0]]
+    rows += [[x, 2, -1], [0, x, x], [0, 0, 2], [1, 2, -2], [-1, -1, 0], [x, 1, 1], [1, 0, 0]]
+    graph = LabelGraph.from_edges(7, list(combinations(range(7), 2)))
+    potentials = Potentials(np.zeros((7, 3)), agreement=np.array(rows, np.float64))
+    found = decode(graph, potentials, method, certify=True)
+    assert decode(graph, potentials, "exact").score == 10.0
+    assert (found.status is Status.EXACT) <= (found.score == 10.0)
+    assert found.gap is not None
+    assert (found.status is Status.EXACT) <= (found.gap <= 1e-9)
+
+
+def test_a_table_that_all_edges_share_may_hold_a_rule() -> None:
+    graph = LabelGraph.from_edges(3, [(0, 1), (1, 2), (0, 2)])
+    tables = np.array([[[1.0, -1e13], [-1e13, 2.0]]] * 3)
+    found = decode(graph, Potentials(np.zeros((3, 2)), pairwise=tables), "icm", certify=True)
+    assert (found.status is Status.EXACT) == (found.score == 6.0)

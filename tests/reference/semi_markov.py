@@ -17,6 +17,20 @@ def survival(edges_m: Array, rates: Array, age_m: float) -> float:
     return float(np.exp(-total))
 
 
+def log_joint(
+    initial: Array, leaving: Array, edges_m: Array, rates: Array, moved_m: Array, observed: Array
+) -> Array:
+    """(K, ..., K) logarithms of :func:`joint`, from log-likelihoods however far apart."""
+    n_steps, n_labels = observed.shape
+    table = np.zeros((n_labels,) * n_steps)
+    with np.errstate(divide="ignore"):
+        for labels in product(range(n_labels), repeat=n_steps):
+            chosen = np.where(np.arange(n_labels) == np.array(labels)[:, None], 1.0, 0.0)
+            prior = joint(initial, leaving, edges_m, rates, moved_m, chosen)[labels]
+            table[labels] = np.log(prior) + sum(observed[t, k] for t, k in enumerate(labels))
+    return table
+
+
 def joint(
     initial: Array, leaving: Array, edges_m: Array, rates: Array, moved_m: Array, likelihood: Array
 ) -> Array:

@@ -1,3 +1,4 @@
+from itertools import combinations
 from typing import Any
 
 import networkx as nx
@@ -68,3 +69,25 @@ def test_edges_are_split_among_forests() -> None:
     assert sorted(np.concatenate(parts).tolist()) == list(range(21))
     for part in parts:
         assert is_forest(adjacency(7, around.edges[part]))
+
+
+@pytest.mark.parametrize("weight", [60.0, 94.61268293162985, 300.0, 1e4])
+def test_known_labels_and_strong_edges_give_bounds(weight: float) -> None:
+    """An edge of 360 between two nodes of known labels that differ made NaN of the beliefs."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        n, k = int(rng.integers(3, 6)), int(rng.integers(2, 4))
+        pairs = list(combinations(range(n), 2))
+        unary = rng.normal(size=(n, k))
+        known = np.where(rng.random(n) < 0.5, rng.integers(0, k, n), -1)
+        for node, label in enumerate(known):
+            if label >= 0:
+                unary[node, np.arange(k) != label] = -np.inf
+        agreement = np.full((len(pairs), k), weight)
+        found = bound_log_partition(pairwise_model(unary, pairs, agreement))
+        every = np.indices((k,) * n).reshape(n, -1)
+        score = sum(unary[i, every[i]] for i in range(n))
+        score = score + sum(weight * (every[i] == every[j]) for i, j in pairs)
+        truth = score.max() + np.log(np.exp(score - score.max()).sum())
+        assert found.lower - 1e-9 * weight <= truth <= found.upper + 1e-9 * weight
+        np.testing.assert_allclose(found.beliefs.sum(axis=1), 1, rtol=1e-9)

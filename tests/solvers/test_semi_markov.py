@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers import semi_markov
 from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
 from pgm_places.solvers.semi_markov import SemiMarkovChain
 from tests.reference.chains import marginals
-from tests.reference.semi_markov import joint
+from tests.reference.semi_markov import joint, log_joint
 
 Array = NDArray[np.float64]
 Parts = tuple[Array, Array, Array, Array]
@@ -73,10 +74,53 @@ def test_everything_is_the_full_enumeration(seed: int, n_steps: int, k: int, zer
 @pytest.mark.parametrize("behind", [680.0, 740.0, 900.0])
 def test_a_label_that_fell_far_behind_leaves_beliefs_finite(behind: float) -> None:
     chain = SemiMarkovChain([0.5, 0.5], OTHER, [0.0], [[0.0], [0.0]])
-    found = chain.filtered([0.5], [[0.0, -behind], [-behind - 60.0, 0.0]])
-    is_lost = behind > 700.0
-    assert not len(found.impossible)
-    np.testing.assert_allclose(found.beliefs[1], [is_lost, 1 - is_lost], rtol=0, atol=1e-9)
+    seen = [[0.0, -behind], [-behind - 60.0, 0.0]]
+    filtered, smoothed = chain.filtered([0.5], seen), chain.smoothed([0.5], seen)
+    same = markov_chain([0.5, 0.5], np.eye(2), seen)
+    for found, hidden in (
+        (filtered, filtered_beliefs(same)),
+        (smoothed, smoothed_beliefs(same)),
+    ):
+        assert not len(found.impossible)
+        np.testing.assert_allclose(found.beliefs, hidden.beliefs, rtol=0, atol=1e-9)
+        assert found.log_evidence == pytest.approx(hidden.log_evidence, rel=1e-12)
+    np.testing.assert_allclose(smoothed.beliefs, [[0, 1], [0, 1]], rtol=0, atol=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(2, 3))
+def test_likelihoods_hundreds_of_nats_apart_are_the_full_enumeration(
+    seed: int, n_steps: int, k: int
+) -> None:
+    parts, moved, likelihood = a_chain(seed, n_steps, k, zeros=0.0)
+    rng = np.random.default_rng(seed + 1)
+    parts[3][rng.random(parts[3].shape) < 0.4] = 0.0
+    observed = 1000.0 * rng.normal(size=likelihood.shape)
+    observed[rng.random(observed.shape) < 0.1] = -np.inf
+    table = log_joint(*parts, moved, observed)
+    chain = SemiMarkovChain(*parts)
+    filtered, smoothed = chain.filtered(moved, observed), chain.smoothed(moved, observed)
+    if table.max() == -np.inf:
+        assert len(filtered.impossible)
+        return
+    wanted = marginals(np.exp(table - table.max()))
+    np.testing.assert_allclose(smoothed.beliefs, wanted, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(filtered.beliefs[-1], wanted[-1], rtol=0, atol=1e-9)
+    evidence = table.max() + np.log(np.exp(table - table.max()).sum())
+    assert filtered.log_evidence == pytest.approx(evidence, rel=1e-12)
+
+
+def test_logarithms_and_floats_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    chain = SemiMarkovChain([0.3, 0.7], OTHER, [0.0, 0.5, 1.5], [[0.1, 0.3, 0.2], [0.1, 4.0, 4.0]])
+    moved, observed = rng.random(300) * 0.4, rng.normal(0, 2, (301, 2))
+    observed[40, 0] = -np.inf
+    found = chain.filtered(moved, observed), chain.smoothed(moved, observed)
+    monkeypatch.setattr(semi_markov, "RARE_BELIEF", 2.0)
+    again = chain.filtered(moved, observed), chain.smoothed(moved, observed)
+    for one, other in zip(found, again, strict=True):
+        np.testing.assert_allclose(one.beliefs, other.beliefs, rtol=0, atol=1e-11)
+        assert one.log_evidence == pytest.approx(other.log_evidence, rel=1e-12)
 
 
 @pytest.mark.parametrize("n_edges", [1, 3])
