@@ -11,8 +11,7 @@ from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.maps.map_pixels import FREE_THRESH
-from pgm_places.io.maps.map_server import MapFile, correct_free_thresh
+from pgm_places.io.maps.map_server import MapFile, correct_thresholds
 from pgm_places.labelers.label_map import at_model_resolution
 from pgm_places.options import UnknownGrey
 from pgm_places.progress import duration
@@ -163,9 +162,10 @@ def _row(
 
 
 def _corrected(path: Path, loaded: MapFile) -> MapFile:
-    """The map with another threshold in its file, if its own calls unknown cells free."""
-    if not loaded.corrects_free_thresh:
+    """The map with other thresholds in its file, if its own misread unknown cells or walls."""
+    if not loaded.corrections:
         return loaded
-    kept = correct_free_thresh(path)
-    say(f"corrected {path}: free_thresh {FREE_THRESH}; the file as it was is {kept.name}")
+    kept = correct_thresholds(path, loaded.corrections)
+    changes = ", ".join(f"{key} {value}" for key, value in loaded.corrections.items())
+    say(f"corrected {path}: {changes}; the original file is {kept.name}")
     return pp.load_map(path, unknown_value=loaded.unknown_value)

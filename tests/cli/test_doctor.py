@@ -13,6 +13,7 @@ from pgm_places.cli.track_options import TrackOptions
 from pgm_places.io.maps.map_server import load_map
 from tests.cli.conftest import Run
 from tests.io.files import write_map
+from tests.io.maps.test_missing_walls import flat
 
 
 def a_room() -> np.ndarray:
@@ -63,13 +64,24 @@ def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
     assert path.read_text() == before
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
-    assert f"corrected {path}: free_thresh 0.196; the file as it was is map.yaml.orig" in text
+    assert f"corrected {path}: free_thresh 0.196; the original file is map.yaml.orig" in text
     assert text.splitlines()[-1] == "no problems found"
     assert (tmp_path / "map.yaml.orig").read_text() == before
     assert path.read_text() == before.replace("0.25", "0.196")
     code, text, _ = run("doctor", path, "--fix")  # there is nothing left to correct
     assert code == 0
     assert "corrected" not in text
+
+
+def test_grey_walls_are_named_and_the_threshold_corrected(tmp_path: Path, run: Run) -> None:
+    path = write_map(tmp_path, flat(116))
+    code, text, _ = run("doctor", path)
+    assert code == 0
+    assert "walls look like grey 116: read with occupied_thresh 0.5 instead of 0.65" in text
+    code, text, _ = run("doctor", path, "--fix")
+    assert code == 0
+    assert f"corrected {path}: occupied_thresh 0.5; the original file is map.yaml.orig" in text
+    assert text.splitlines()[-1] == "no problems found"
 
 
 @pytest.mark.parametrize("value", ["206.5", "256", "any"])

@@ -13,6 +13,7 @@ from pgm_places.errors import InputError, LogError, MapError
 from pgm_places.io.logs.bag_access import is_bag, open_bag, stamp_s
 from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
 from pgm_places.io.logs.loaded_log import LoadedLog, ScanColumns, code_warnings, order_warnings
+from pgm_places.io.maps.missing_walls import lacks_walls, with_walls
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.options import AtLeastZero, check_option
 from pgm_places.trajectories.scan import Scan, ScanGeometry
@@ -110,7 +111,8 @@ class MapMessage(NamedTuple):
 def grid_of_message(message: Any) -> OccupancyGrid:
     """The map of a ``nav_msgs/OccupancyGrid``.
 
-    Cells of up to 25 % are free, of 65 % and more occupied, all others unknown.
+    Cells of up to 25 % are free, of 65 % and more occupied, all others unknown. In a map without
+    walls, unknown cells beside free ones are walls, as for ``load_map``.
 
     Raises
     ------
@@ -123,12 +125,15 @@ def grid_of_message(message: Any) -> OccupancyGrid:
             f"the map says {info.width} x {info.height} cells, but {len(data)} came; check its "
             "publisher"
         )
-    cells = np.full(len(data), UNKNOWN, np.int8)
+    data = data.reshape(info.height, info.width)
+    cells = np.full(data.shape, UNKNOWN, np.int8)
     cells[(data >= 0) & (data <= FREE_BELOW)] = FREE
     cells[data >= OCCUPIED_FROM] = OCCUPIED
     x, y, yaw, _ = planar(info.origin.position, info.origin.orientation)
     resolution = float(str(np.float32(info.resolution)))  # 0.05, not 0.05000000074505806
-    return OccupancyGrid(cells.reshape(info.height, info.width), resolution, (x, y), yaw)
+    if resolution > 0 and lacks_walls(cells, resolution):
+        cells = with_walls(cells)
+    return OccupancyGrid(cells, resolution, (x, y), yaw)
 
 
 def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessage]:

@@ -145,6 +145,8 @@ FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 
+NO_WALLS = "no cell is occupied: a map without walls; check negate and the thresholds"
+
 # A smaller share of pixels with grey 205 is edges of walls, not the outside of a building.
 _MANY = 0.01
 
@@ -162,6 +164,14 @@ class Fractions(NamedTuple):
     free: float
     occupied: float
     unknown: float
+
+    @classmethod
+    def of(cls, cells: NDArray[np.int8]) -> "Fractions":
+        """The shares of cells (H, W)."""
+        n_free = int(np.count_nonzero(cells == FREE))
+        n_occupied = int(np.count_nonzero(cells == OCCUPIED))
+        size = cells.size
+        return cls(n_free / size, n_occupied / size, (size - n_free - n_occupied) / size)
 
 
 @dataclass
@@ -228,26 +238,16 @@ class MapPixels:
         chosen = UNKNOWN_GREY if is_meant else unknown_value
         return cls(cells, occupancy, counts, rules, chosen, is_meant, image.is_lossy)
 
-    @property
-    def fractions(self) -> Fractions:
-        """Shares of the cells."""
-        n_free = int(np.count_nonzero(self.cells == FREE))
-        n_occupied = int(np.count_nonzero(self.cells == OCCUPIED))
-        size = self.cells.size
-        return Fractions(n_free / size, n_occupied / size, (size - n_free - n_occupied) / size)
-
     def suspicions(self, yaml_path: Path) -> list[str]:
         """What looks wrong: grey 205 read as free, noise, nothing free, no walls."""
         lines = [*self._of_grey_205(yaml_path), *self._of_noise()]
-        shares = self.fractions
+        shares = Fractions.of(self.cells)
         if shares.free == 0:
             lines.append(
                 "no cell is free, so there is nothing to label; check negate and the thresholds"
             )
         elif shares.occupied == 0:
-            lines.append(
-                "no cell is occupied: a map without walls; check negate and the thresholds"
-            )
+            lines.append(NO_WALLS)
         elif shares.occupied > max(0.5, shares.free):
             lines.append(
                 f"{100 * shares.occupied:.0f} % of the cells are occupied, more than are free; "

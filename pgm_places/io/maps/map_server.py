@@ -3,9 +3,12 @@
 import logging
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +20,7 @@ from pgm_places.io.input_file import read_bytes, user_path
 from pgm_places.io.maps.map_pixels import (
     FREE_GREY,
     FREE_THRESH,
+    NO_WALLS,
     OCCUPIED_GREY,
     OCCUPIED_THRESH,
     UNKNOWN_GREY,
@@ -26,47 +30,63 @@ from pgm_places.io.maps.map_pixels import (
     Mode,
     PixelRules,
 )
-from pgm_places.io.maps.raster_image import MAX_PIXELS, encoded, open_image
+from pgm_places.io.maps.missing_walls import (
+    ENOUGH_WALLS,
+    lacks_walls,
+    wall_share,
+    wall_threshold,
+    with_walls,
+)
+from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, encoded, open_image
 from pgm_places.io.strict_yaml import MAX_BYTES, YamlFile, YamlValue, read_yaml
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.options import UnknownGrey, check_option
 
-__all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_free_thresh", "load_map", "save_map"]
+__all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_thresholds", "load_map", "save_map"]
 
 
 KEPT_SUFFIX = ".orig"
 """What the name of the file as it was ends with; no search for maps finds it."""
 
-_LINE = re.compile(rb"^(?P<key>free_thresh[ \t]*:[ \t]+)(?P<value>[^\s]+)", re.MULTILINE)
+Threshold: TypeAlias = Literal["free_thresh", "occupied_thresh"]
 
 
-def correct_free_thresh(path: Path | str) -> Path:
-    """Set ``free_thresh: 0.196`` in a map's YAML file; the path of the file as it was.
+def correct_thresholds(path: Path | str, corrections: Mapping[Threshold, float]) -> Path:
+    """Change thresholds in a map's YAML file; the path of the original file.
 
-    Nothing else of the file changes, comments included. The file as it was stays beside it, under
+    Nothing else of the file changes, comments included. The original file stays beside it, under
     its name with ``.orig`` appended.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML file.
+    corrections : mapping of str to float
+        The new value of ``free_thresh``, ``occupied_thresh`` or both.
 
     Raises
     ------
     MapError
-        The file is no map's description, or does not have the key on a line of its own.
+        The file is no map's description, or does not have a key on a line of its own.
     OutputError
         There is an earlier ``.orig``, or a file cannot be written.
     """
     yaml_path, what = user_path(path, MapError), "the map description (YAML)"
-    stated = read_yaml(yaml_path, MapError, "map description").text("free_thresh")
-    old = read_bytes(yaml_path, MapError, what, max_bytes=MAX_BYTES)
-    values = [line["value"] for line in _LINE.finditer(old)]
-    if values != [stated.encode()]:
-        raise MapError(
-            f"{yaml_path}: the key free_thresh is not on a line of its own; set free_thresh: "
-            f"{FREE_THRESH} by hand"
-        )
+    file = read_yaml(yaml_path, MapError, "map description")
+    old = new = read_bytes(yaml_path, MapError, what, max_bytes=MAX_BYTES)
+    for key, value in corrections.items():
+        line = re.compile(rb"^(%s[ \t]*:[ \t]+)([^\s]+)" % key.encode(), re.MULTILINE)
+        if [stated for _, stated in line.findall(new)] != [file.text(key).encode()]:
+            raise MapError(
+                f"{yaml_path}: the key {key} is not on a line of its own; set {key}: {value} by "
+                "hand"
+            )
+        new = line.sub(rb"\g<1>" + str(value).encode(), new)
     kept = yaml_path.with_name(yaml_path.name + KEPT_SUFFIX)
     if kept.exists() or kept.is_symlink():
         raise OutputError(f"{kept} exists and would be lost; move it away first")
     write_bytes(kept, old)
-    write_bytes(yaml_path, _LINE.sub(rb"\g<key>" + str(FREE_THRESH).encode(), old))
+    write_bytes(yaml_path, new)
     return kept
 
 
@@ -95,6 +115,8 @@ class MapFile:
     unknown_value : int or "none", optional
         The grey that was read as unknown whatever the thresholds say; "none" where the thresholds
         alone were to decide.
+    wall_threshold : float, optional
+        The ``occupied_thresh`` that was used in place of the file's, which read walls as unknown.
     """
 
     grid: OccupancyGrid
@@ -105,11 +127,17 @@ class MapFile:
     occupancy: NDArray[np.int8]
     rules: PixelRules
     unknown_value: UnknownGrey | None = None
+    wall_threshold: float | None = None
 
     @property
-    def corrects_free_thresh(self) -> bool:
-        """Whether grey 205 was read as unknown although the file's ``free_thresh`` says free."""
-        return self.unknown_value == UNKNOWN_GREY and self.rules.is_free(UNKNOWN_GREY)
+    def corrections(self) -> dict[Threshold, float]:
+        """The thresholds that the map was read by where they differ from the file's."""
+        corrections: dict[Threshold, float] = {}
+        if self.unknown_value == UNKNOWN_GREY and self.rules.is_free(UNKNOWN_GREY):
+            corrections["free_thresh"] = FREE_THRESH
+        if self.wall_threshold is not None:
+            corrections["occupied_thresh"] = self.wall_threshold
+        return corrections
 
     @property
     def name(self) -> str:
@@ -161,10 +189,16 @@ def load_map(
     except MapError as error:
         raise file.fail(str(error)) from None
     image_path = _image_path(file)
-    with open_image(image_path, MapError, max_pixels=max_pixels, lossy=True) as image:
+    opened = partial(open_image, image_path, MapError, max_pixels=max_pixels, lossy=True)
+    with opened() as image:
         pixels = MapPixels.read(image, rules, unknown_value)
     warnings += pixels.suspicions(yaml_path)
-    grid = OccupancyGrid(pixels.cells, resolution_m, (x, y), yaw)
+    cells, threshold = pixels.cells, None
+    may_lack = rules.mode == "trinary" and unknown_value != "none"  # other modes are for masks
+    if may_lack and lacks_walls(cells, resolution_m):
+        cells, threshold, message = _with_walls(pixels, yaml_path, opened, resolution_m)
+        warnings = [line for line in warnings if line != NO_WALLS] + [message]
+    grid = OccupancyGrid(cells, resolution_m, (x, y), yaw)
     occupancy = grid.cells if pixels.occupancy is None else frozen(pixels.occupancy)
     for message in warnings:
         _log.info("%s: %s", yaml_path, message)
@@ -172,11 +206,44 @@ def load_map(
         grid,
         yaml_path,
         image_path,
-        pixels.fractions,
+        Fractions.of(cells),
         tuple(warnings),
         occupancy,
         rules,
         pixels.unknown_value,
+        threshold,
+    )
+
+
+def _with_walls(
+    pixels: MapPixels,
+    yaml_path: Path,
+    opened: Callable[[], AbstractContextManager[RasterImage]],
+    resolution_m: float,
+) -> tuple[NDArray[np.int8], float | None, str]:
+    """Cells with walls for a map that lacks them, the threshold that found them, and a warning."""
+    rules, share = pixels.rules, wall_share(pixels.cells, resolution_m)
+    lack = f"only {100 * share:.0f} % of the border of free space has a wall"
+    with opened() as image:
+        grey = wall_threshold(image, rules, pixels.cells, resolution_m)
+    if grey is not None:
+        changed = replace(rules, occupied_thresh=grey[1])
+        with opened() as image:
+            cells = MapPixels.read(image, changed, pixels.unknown_value).cells
+        if wall_share(cells, resolution_m) >= ENOUGH_WALLS:
+            return (
+                cells,
+                grey[1],
+                f"{lack}, and walls look like grey {grey[0]}: read with occupied_thresh "
+                f"{grey[1]:g} instead of {rules.occupied_thresh:g}. 'pgm-places doctor "
+                f"{yaml_path.name} --fix' corrects the file; to rely on the file's thresholds, "
+                'pass unknown_value = "none" (--unknown-value none)',
+            )
+    return (
+        with_walls(pixels.cells),
+        None,
+        f"{lack}: unknown cells beside free ones are read as walls; to rely on the file's "
+        'thresholds, pass unknown_value = "none" (--unknown-value none)',
     )
 
 
