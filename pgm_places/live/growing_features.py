@@ -125,6 +125,9 @@ class GrowingFeatures:
         shift = None if seen is None else raster_shift(seen.grid, grid)
         if seen is None or shift is None or self.sensor.noise is not None:
             return np.full(len(cells_rc), -1, np.int64), grid.cells.size
+        if (shift + seen.grid.shape <= 0).any() or (shift >= grid.shape).any():
+            # Of a map that lies elsewhere nothing is the same, and what both cover may be huge.
+            return np.full(len(cells_rc), -1, np.int64), grid.cells.size
         old_rc = np.argwhere(seen.grid.free)
         entered, n_changed = _changed(seen.grid, grid, shift, self.sensor)
         stale = np.zeros(len(old_rc), np.bool_)

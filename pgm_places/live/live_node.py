@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.errors import InputError
-from pgm_places.io.logs.bag_poses import FrameBuffer, SoughtPose, planar
+from pgm_places.io.logs.bag_poses import FrameBuffer, Place, SoughtPose, check_place, planar
 from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
@@ -144,6 +144,7 @@ class LiveNode:
         if isinstance(answer, str):
             self._complain("map", answer)
         elif answer is not None:
+            self._tell_of_distance(answer.view)
             self._finder.use(answer.view)
             self._health.n_maps += 1
             for what, raw in answer.messages.items():
@@ -163,6 +164,16 @@ class LiveNode:
             )
         self._map_is_new, self._n_skipped, self._submitted_s = False, 0, self._now_s
         self._desk.submit(self._map.raw())
+
+    def _tell_of_distance(self, view: MapView) -> None:
+        """Say so if a map lies elsewhere than the one before."""
+        before = self._finder.view
+        if before is not None and (far_m := before.frame.distance_m(view.frame)) > 0:
+            self._complain(
+                "elsewhere",
+                f"the map lies {far_m:.0f} m from the one before, and shares no cell with it; is "
+                "its origin right? Its places are new ones",
+            )
 
     def where(self, x_m: float, y_m: float) -> PlaceOfMap | None:
         """The place of the labelled map at a position in its frame, or None."""
@@ -195,6 +206,8 @@ class LiveNode:
             time_s = _stamp_s(item.header)
             place = planar(item.transform.translation, item.transform.rotation)
             parent, child = item.header.frame_id, item.child_frame_id
+            if not self._is_place(place, parent, child):
+                continue
             if clock_s is not None and clock_s < time_s and not self._frames.knows(child):
                 # Dated ahead, so that it may be used until then: it already holds.
                 self._frames.add(parent, child, clock_s, place, is_static=is_static)
@@ -204,9 +217,20 @@ class LiveNode:
         parent, child = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
         if self._frames.knows(child) and child not in self._from_odometry:
             return  # a transform says it better
-        self._from_odometry.add(child)
         place = planar(message.pose.pose.position, message.pose.pose.orientation)
+        if not self._is_place(place, parent, child):
+            return
+        self._from_odometry.add(child)
         self._frames.add(parent, child, _stamp_s(message.header), place)
+
+    def _is_place(self, place: Place, parent: str, child: str) -> bool:
+        """Whether a robot's frame can lie there; said where it cannot."""
+        try:
+            check_place(place, parent, child)
+        except InputError as error:
+            self._complain("place", str(error))
+            return False
+        return True
 
     def _on_scan(self, message: Any, clock_s: float | None) -> None:
         time_s = _stamp_s(message.header)

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, floor, isfinite, sin
+from math import cos, floor, hypot, sin
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -46,13 +46,23 @@ class MapFrame(NamedTuple):
     def cell_at(self, x_m: float, y_m: float) -> tuple[int, int] | None:
         """Row and column of the cell at a position, or None outside the map."""
         dx, dy = x_m - self.x_m, y_m - self.y_m
-        if not (isfinite(dx) and isfinite(dy)):
-            return None
         c, s = cos(self.yaw_rad), sin(self.yaw_rad)
-        row = floor((c * dy - s * dx) / self.resolution_m)
-        column = floor((c * dx + s * dy) / self.resolution_m)
-        inside = 0 <= row < self.n_rows and 0 <= column < self.n_columns
-        return (row, column) if inside else None
+        row = (c * dy - s * dx) / self.resolution_m
+        column = (c * dx + s * dy) / self.resolution_m
+        inside = 0 <= row < self.n_rows and 0 <= column < self.n_columns  # false for NaN
+        return (floor(row), floor(column)) if inside else None
+
+    def distance_m(self, other: "MapFrame") -> float:
+        """How far the circles around both rasters are apart; negative where they overlap."""
+        (x, y, radius), (x2, y2, radius2) = self._circle(), other._circle()
+        return hypot(x2 - x, y2 - y) - radius - radius2
+
+    def _circle(self) -> tuple[float, float, float]:
+        """Centre and radius of the circle through the corners."""
+        width, height = self.n_columns * self.resolution_m, self.n_rows * self.resolution_m
+        c, s = cos(self.yaw_rad), sin(self.yaw_rad)
+        x, y = (c * width - s * height) / 2, (s * width + c * height) / 2
+        return self.x_m + x, self.y_m + y, hypot(width, height) / 2
 
 
 class PlaceOfMap(NamedTuple):

@@ -133,3 +133,12 @@ def test_threads_do_not_matter(building: OccupancyGrid) -> None:
 def test_a_map_without_free_cells_is_refused() -> None:
     with pytest.raises(InputError, match="the map has no free cell"):
         GrowingFeatures(SENSORS["stops"])(OccupancyGrid(np.array([[-1, 100]], np.int8), 0.1))
+
+
+def test_a_map_far_away_is_started_over(building: OccupancyGrid) -> None:
+    """What both cover would be a raster of 10^14 cells."""
+    features = GrowingFeatures(SENSORS["stops"])
+    features(building)
+    far = OccupancyGrid(building.cells, building.resolution_m, (1e6, -1e6), building.yaw_rad)
+    features(far)
+    assert features.last.n_cast == features.last.n_cells

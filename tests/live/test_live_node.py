@@ -384,3 +384,70 @@ def test_a_robot_that_drives_through_walls_is_reported() -> None:
         robot.take(driven(replace(path, poses=path.poses + np.array([0.0, shift_m, 0.0]))))
         said = [line for line in robot.said if "in free space" in line]
         assert len(said) == (shift_m > 0)
+
+
+def changed(raw: bytes, what: str, part: str, value: float) -> bytes:
+    """A message with another number in a field such as ``transforms.0.transform.x``."""
+    codec = RosCodec()
+    message = item = codec.read(raw, what)
+    *way, name = part.split(".")
+    for step in way:
+        item = item[int(step)] if step.isdigit() else getattr(item, step)
+    object.__setattr__(item, name, value)
+    return codec.write(message, what)
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        *(("translation.x", value) for value in (1e308, -1.1e7, np.inf, np.nan)),
+        *(("rotation.z", value) for value in (np.inf, np.nan)),
+    ],
+)
+def test_a_transform_that_leads_nowhere_is_refused_and_the_next_one_taken(
+    part: str, value: float
+) -> None:
+    messages, robot = driven(drive(1)[:2]), Robot()
+    (_, transform), (_, scan), *rest = messages
+    spoiled = changed(transform, "tf", f"transforms.0.transform.{part}", value)
+    robot.take([("map", raw_map(building()[0].grid)), ("tf", spoiled), ("scan", scan), *rest])
+    robot.node.turn(100.0)
+    assert len(robot.places()) == 1
+    assert robot.said[0].startswith("the transform from 'map' to 'laser' is (")
+    assert "must be metres and radians up to 1e+07; it is not used" in robot.said[0]
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        *(("angle_increment", value) for value in (0.0, 1e-9, np.nan, np.inf, 1e9, -1.0)),
+        *(("angle_min", value) for value in (np.nan, np.inf, 1e9)),
+    ],
+)
+def test_beams_without_directions_are_refused_and_the_next_scan_taken(
+    part: str, value: float
+) -> None:
+    messages, robot = driven(drive(1)[:2]), Robot()
+    (_, transform), (_, scan), *rest = messages
+    robot.take([("tf", transform), ("scan", changed(scan, "scan", part, value)), *rest])
+    robot.node.turn(100.0)
+    assert len(robot.places()) == 1
+    assert "a scan is dropped: scan: a scan of" in robot.said[0]
+    assert "and go round once; check the laser's driver" in robot.said[0]
+
+
+@pytest.mark.parametrize("far_m", [1e3, 1e4, 1e6])
+def test_a_map_that_lies_elsewhere_is_taken_and_said(far_m: float) -> None:
+    grid, robot = building()[0].grid, Robot()
+    small = OccupancyGrid(grid.cells[:60, :80], grid.resolution_m)
+    for number, x_m in enumerate((0.0, far_m)):
+        robot.node.take("map", raw_map(OccupancyGrid(small.cells, small.resolution_m, (x_m, x_m))))
+        for step in range(3):
+            robot.node.turn(30.0 * number + step)
+    assert robot.node.map_seq == 2
+    (said,) = robot.said
+    assert "from the one before, and shares no cell with it; is its origin right?" in said
+    assert robot.node.where(far_m + 3.0, far_m + 3.0) == robot.finder.view.place_at(
+        far_m + 3.0, far_m + 3.0
+    )
+    assert robot.node.where(1e308, -1e308) is None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import FARTHEST_M
+from pgm_places.errors import LogError, shown
 
 Lookup = Literal["interpolated", "nearest"]
 
@@ -149,6 +150,22 @@ def planar(position: Any, orientation: Any) -> tuple[float, float, float, bool]:
     size = x * x + y * y + z * z + w * w
     heading = np.arctan2(2 * (x * y + w * z), size - 2 * (y * y + z * z))
     return float(position.x), float(position.y), float(heading), bool(size < 2 * (x * x + y * y))
+
+
+def check_place(place: tuple[float, float, float, bool], parent: str, child: str) -> None:
+    """Refuse a transform that no robot's frames have.
+
+    Raises
+    ------
+    LogError
+        A number is not finite, or a coordinate beyond 10^7 m.
+    """
+    x, y, heading, _ = place
+    if not max(abs(x), abs(y), abs(heading)) <= FARTHEST_M or np.isnan([x, y, heading]).any():
+        raise LogError(
+            f"the transform from {shown(parent)} to {shown(child)} is ({x:g}, {y:g}, {heading:g}), "
+            f"which must be metres and radians up to {FARTHEST_M:g}; it is not used"
+        )
 
 
 def _half_turn(angles: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -303,7 +320,10 @@ class FrameBuffer:
             chain.append(edge.around(time_s))
             seen.add(edge.parent)
             child = edge.parent
-        poses, _, mirrored = at_times(chain[::-1], np.array([time_s]), "interpolated", np.inf)
+        poses, known, mirrored = at_times(chain[::-1], np.array([time_s]), "interpolated", np.inf)
+        if not known[0]:
+            problem = f"the transforms from {ancestor} to {frame} lead beyond {FARTHEST_M:g} m"
+            return SoughtPose(None, problem=problem)
         return SoughtPose(poses[0], mirrored)
 
     def _unconnected(self, ancestor: str, frame: str) -> SoughtPose:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +52,7 @@ class ScanMessages:
         Raises
         ------
         LogError
-            The message has no beams or no limits of a range.
+            The message has no beams, no limits of a range, or no directions of its beams.
         """
         geometry = self._geometry(message, mirrored)
         ranges = geometry.cleaned(message.ranges)
@@ -62,9 +63,12 @@ class ScanMessages:
         low, high = _shortest(message.range_min), _shortest(message.range_max)
         reach = high if self._range_max_m is None else self._range_max_m
         start, spacing = float(message.angle_min), float(message.angle_increment)
+        self._check_directions(n_beams, start, spacing)
         # Drivers compute the angles for each message; a thousandth of a radian is the same beam.
         key = (n_beams, round(start, 3), round(spacing * n_beams, 3), low, reach, mirrored)
         if key not in self._known:
+            if len(self._known) >= _MOST_KINDS:
+                self._known.clear()
             angles = start + spacing * np.arange(n_beams, dtype=np.float64)
             try:
                 geometry = ScanGeometry(angles, reach, low)
@@ -77,6 +81,24 @@ class ScanMessages:
                 geometry = replace(geometry, angles_rad=-geometry.angles_rad[::-1])
             self._known[key] = geometry
         return self._known[key]
+
+    def _check_directions(self, n_beams: int, start: float, spacing: float) -> None:
+        """Refuse beams that all point the same way, or go round more than once."""
+        span = abs(spacing) * (n_beams - 1)
+        is_wide = n_beams < 2 or abs(spacing) >= _LEAST_SPACING
+        if not (abs(start) <= _MOST_TURNED and is_wide and span <= _FULL_CIRCLE):
+            raise LogError(
+                f"{self._source}: a scan of {n_beams} beams says angle_min {start:g} and "
+                f"angle_increment {spacing:g}: beams must lie {_LEAST_SPACING:g} rad apart or more "
+                "and go round once; check the laser's driver"
+            )
+
+
+_LEAST_SPACING = 1e-5
+_MOST_TURNED, _FULL_CIRCLE = 4 * pi, 2.1 * pi
+"""Radians; some drivers count the first direction twice."""
+
+_MOST_KINDS = 1000
 
 
 def _shortest(value: float) -> float:
