@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
+from pgm_places.experiment.config_presets import with_preset
 from pgm_places.experiment.floor_teaching import FloorOptions
 from pgm_places.experiment.source_config import SourceConfig, SplitConfig, given_options
 from pgm_places.experiment.source_patterns import without_patterns
@@ -23,6 +24,7 @@ from pgm_places.inference.backends import METHODS
 from pgm_places.io.input_file import read_toml
 from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
+from pgm_places.labelers.presets import Preset
 from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -38,7 +40,7 @@ _OF_MAPS = frozenset(
 )
 """What says nothing of graphs of one's own."""
 
-_OF_TRAINING = _OF_MAPS | {"nodes", "classifier", "select", "methods"}
+_OF_TRAINING = _OF_MAPS | {"preset", "nodes", "classifier", "select", "methods"}
 """What a model that was trained before has already."""
 
 Nodes = Literal["cells", "steps", "both", "graph"]
@@ -115,6 +117,8 @@ class MethodConfig:
 class ExperimentConfig:
     """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
 
+    ``preset`` names a set of options that the file's own ones replace
+    (:mod:`pgm_places.labelers.presets`); validated values have it applied already.
     ``nodes`` says what is labelled: the cells of maps, the steps of drives, both as one graph, or
     the nodes of graphs of one's own. With ``base_model``, an existing model is trained further on
     the training maps, as ``teaching`` says; its methods and the options of its training are kept.
@@ -122,6 +126,7 @@ class ExperimentConfig:
     """
 
     title: str | None = None
+    preset: Preset | None = None
     nodes: Nodes = "cells"
     resolution_m: Positive | None = None
     connectivity: Connectivity = 8
@@ -272,8 +277,8 @@ def _sources(config: ExperimentConfig) -> Iterator[tuple[str, SourceConfig]]:
         yield from ((f"{part}[{index}]", item) for index, item in enumerate(sources))
 
 
-def load_config(path: Path) -> ExperimentConfig:
-    """The checked configuration in a TOML file.
+def load_config(path: Path, *, preset: str | None = None) -> ExperimentConfig:
+    """The checked configuration in a TOML file, with a preset in place of the file's if given.
 
     Raises
     ------
@@ -281,12 +286,14 @@ def load_config(path: Path) -> ExperimentConfig:
         The file cannot be read, is not TOML, or contains an unknown key, value or method.
     """
     content = read_toml(path, ConfigError, "a configuration (TOML)")
+    if preset is not None:
+        content["preset"] = preset
     return parse_config(without_patterns(content, path.resolve().parent, str(path)), str(path))
 
 
 def parse_config(content: Mapping[str, Any], where: str = "config") -> ExperimentConfig:
     """The checked configuration from a mapping such as ``tomllib`` returns."""
-    content = dict(content)
+    content = with_preset(content)
     if "methods" in content:
         content["methods"] = _split(content["methods"], "methods", ("id", "unary"), where)
         for item in content["methods"]:

@@ -45,6 +45,8 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> Expe
 
 def _replace(content: dict[str, Any], key: str, value: Any) -> None:
     part, _, rest = key.partition(".")
+    if part == "preset":
+        raise ConfigError("a preset is merged when the file is read; write it into the file")
     if part == "methods" and rest:
         name, _, option = rest.rpartition(".")
         methods = {method["id"]: method for method in content["methods"]}

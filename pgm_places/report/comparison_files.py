@@ -8,6 +8,7 @@ import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.judgement import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_json
@@ -37,6 +38,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     the figures of each. ``differences`` has how much more of a figure the first of two methods has
     than the second, with its 95 % interval, in how many buildings it is ahead, even and behind, and
     which method is better beyond chance. ``best`` names a method that is better than all others.
+    ``preset`` has the name of the configuration's preset, what it set, and what was given instead.
     With several seeds, figures are of all of them together, and ``by_seed`` of each method and
     difference has those of each. ``choices`` of the whole and of each method say what was chosen on
     training data. ``splits`` has what each split tested on, ``by_split`` of each
@@ -46,6 +48,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "schema": SCHEMA,
         "title": comparison.title,
         "labels": comparison.label_names,
+        "preset": preset_record(comparison.config),
         "seeds": comparison.seeds,
         "splits": {
             name: [comparison.maps[k].name for k in items]

@@ -11,6 +11,7 @@ import numpy as np
 from pgm_places.evaluation.bootstrap import Interval
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.judgement import Difference
 from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
 from pgm_places.inference.labeling import Labeling, Status
@@ -121,6 +122,7 @@ def report_page(comparison: Comparison) -> str:
         "comparison.html",
         script="viewer.js",
         **vars(comparison) | {"config": config},
+        preset=preset_record(comparison.config),
         labels=labels,
         n_maps=units.count("cell"),
         n_drives=units.count("step"),

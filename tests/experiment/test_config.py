@@ -7,7 +7,8 @@ import pytest
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import load_config, parse_config
-from pgm_places.experiment.setup import make_labeler
+from pgm_places.experiment.config_presets import preset_record
+from pgm_places.experiment.setup import make_labeler, resolved_config
 
 
 def minimal() -> dict[str, Any]:
@@ -151,3 +152,80 @@ def test_the_classifier_takes_the_options_of_its_trees() -> None:
     assert classifier is not None
     options = classifier.get_params()
     assert (options["n_rounds"], options["max_depth"], options["shrinkage"]) == (7, 3, 0.3)
+
+
+def test_a_preset_sets_what_the_file_leaves_open() -> None:
+    methods = [
+        {"name": "relaxation", "max_iterations": 7},
+        {"name": "amn"},
+        {"name": "independent"},
+    ]
+    given = changed(preset="paper", methods=methods, classifier={"prior_weight": 1.0})
+    config = parse_config(given)
+    assert (config.classifier.order, config.classifier.prior_weight) == ("heuristic", 1.0)
+    assert [item.unary for item in config.methods] == ["laser"] * 3
+    assert [item.options for item in config.methods] == [
+        {"max_iterations": 7},
+        {"node_features": "raw", "C": 100.0},
+        {},
+    ]
+    assert given["classifier"] == {"prior_weight": 1.0}  # as it was
+    assert given["methods"][1] == {"name": "amn"}
+
+
+def test_a_preset_sets_nothing_that_the_nodes_do_not_have() -> None:
+    log = {"log": "a.csv", "truth": "b.csv"}
+    given = changed(preset="paper", nodes="steps", train=[log], methods=[{"name": "hmm"}])
+    config = parse_config(given)
+    assert (config.steps.every_m, config.steps.n_runs) == (0.35, 1000)
+    assert config.methods[0].unary == "auto"
+    assert config.methods[0].options == {"observation": "hard", "evidence_weight": 1.0}
+    graph = changed(preset="paper", nodes="graph", train=[{"graph": "a.graphml"}])
+    assert parse_config(graph).classifier.order == "heuristic"
+
+
+def test_noise_is_a_preset_of_its_own() -> None:
+    config = parse_config(changed(preset="paper-noise", sensor={"noise": {"sigma_m": 0.1}}))
+    assert config.sensor.noise is not None
+    noise = config.sensor.noise
+    assert (noise.sigma_m, noise.p_random, noise.p_max) == (0.1, 0.01, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            changed(preset="article"),
+            "preset must be 'paper' or 'paper-noise' or None, got 'article'",
+        ),
+        (
+            {
+                "labels": {"names": ["corridor", "room"]},
+                "train": [{"map": "a.yaml", "labels": "a.png"}],
+                "base_model": "default",
+                "preset": "paper",
+            },
+            "preset is for training from scratch",
+        ),
+    ],
+)
+def test_a_bad_preset_gets_one_line(content: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        parse_config(content)
+    assert message in str(raised.value)
+
+
+def test_what_a_preset_set_is_told_from_what_was_given() -> None:
+    methods = [{"name": "relaxation", "max_iterations": 7}, {"id": "b", "name": "relaxation"}]
+    config = parse_config(changed(preset="paper", methods=methods, classifier={"order": ["room"]}))
+    resolved = resolved_config(config, make_labeler(config).resolved_methods())
+    assert preset_record(resolved) == {
+        "name": "paper",
+        "set": {
+            "classifier.prior_weight": 0.0,
+            "methods.*.unary": "laser",
+            "methods.relaxation.max_iterations": 10,
+        },
+        "given": {"classifier.order": ["room"], "methods.relaxation.max_iterations": 7},
+    }
+    assert preset_record({"preset": None}) is None

@@ -1,0 +1,51 @@
+"""Labelers with the options of the paper."""
+
+import pytest
+
+from pgm_places.errors import ConfigError
+from pgm_places.labelers.presets import (
+    preset_place_labeler,
+    preset_trajectory_labeler,
+    preset_values,
+)
+from pgm_places.labelers.trajectory_labeler import REACH_M
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+
+NAMES = ("corridor", "room", "doorway")
+
+
+def test_maps_are_labelled_as_in_the_paper() -> None:
+    labeler = preset_place_labeler("paper", NAMES, ["independent", "relaxation", "amn"])
+    methods = labeler.resolved_methods()
+    assert {item.unary for item in methods.values()} == {"laser"}
+    assert methods["relaxation"].backend.max_iterations == 10
+    assert methods["amn"].backend.node_features == "raw"
+    assert methods["amn"].backend.C == 100.0
+    assert labeler.classifier is not None
+    assert (labeler.classifier.order, labeler.classifier.prior_weight) == ("heuristic", 0.0)
+    assert labeler.sensor == Sensor()
+
+
+def test_drives_are_labelled_as_in_the_paper() -> None:
+    labeler = preset_trajectory_labeler("paper", NAMES)
+    assert (labeler.every_m, labeler.n_runs) == (0.35, 1000)
+    assert (labeler.method.observation, labeler.method.evidence_weight) == ("hard", 1.0)
+    assert labeler.sensor.max_range_m == REACH_M
+    assert labeler.classifier is not None
+    assert (labeler.classifier.order, labeler.classifier.prior_weight) == ("heuristic", 0.0)
+
+
+def test_noise_is_a_preset_of_its_own() -> None:
+    labeler = preset_place_labeler("paper-noise", NAMES)
+    assert labeler.sensor.noise == SensorNoise(0.05, 0.01, 0.01)
+    assert preset_trajectory_labeler("paper-noise", NAMES).sensor.noise == labeler.sensor.noise
+
+
+def test_options_of_the_call_come_first() -> None:
+    assert preset_trajectory_labeler("paper", NAMES, every_m=0.2).every_m == 0.2
+    assert preset_place_labeler("paper", NAMES, connectivity=4).connectivity == 4
+
+
+def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
+    with pytest.raises(ConfigError, match=r"no preset 'papper'.*'paper'.*paper, paper-noise"):
+        preset_values("papper")
