@@ -16,7 +16,14 @@ from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import (
+    whole_doorways,
+    whole_layout,
+    whole_unentered,
+    window_to_label,
+)
 from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
+from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, reported, staged, warn
 from pgm_places.spaces.doorways import Doorways
@@ -125,6 +132,17 @@ class LabelledPlaces:
     doorways: Doorways | None = None
     unentered: Unentered | None = None
 
+    def on_whole(self, grid: OccupancyGrid, window: KnownWindow) -> "LabelledPlaces":
+        """The labels of a window of a map, which holds all that is known of it, on the map."""
+        return replace(
+            self,
+            grid=grid,
+            labels=window.paste(self.labels, -1),
+            layout=whole_layout(self.layout, window, grid),
+            doorways=whole_doorways(self.doorways, self.grid, window, grid),
+            unentered=whole_unentered(self.unentered, window),
+        )
+
     def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
         """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
         raster = _painted(self.grid, self.layout, values, fill)
@@ -195,6 +213,20 @@ def label_map(
     LabelError
         Known labels that do not fit the map or the labels.
     """
+    window = window_to_label(grid, labeler.resolution_m_)
+    if window is not None:
+        part = label_map(
+            labeler,
+            window.crop(grid),
+            method=method,
+            known=None if known is None else window.cut(np.asarray(known)),
+            entered=entered,
+            features_of=features_of,
+            max_cells=max_cells,
+            n_threads=n_threads,
+            progress=progress,
+        )
+        return part.on_whole(grid, window)
     with threads(n_threads), reported(progress):
         used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
         for message in warnings:

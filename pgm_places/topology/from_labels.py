@@ -1,6 +1,7 @@
 """A topological map from the labels of a map's cells."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +11,11 @@ from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.pages import leave_in_file
+from pgm_places.maps._blocks import factor_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -138,6 +141,24 @@ def topological_map(
     names = tuple(str(name) for name in label_names)
     raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
     rules = rules or CorrectionRules()
+    window = KnownWindow.of(grid, multiple=_cells_of_blocks(grid, layout))
+    if window is not None:
+        part = window.crop(grid)
+        found = topological_map(
+            part,
+            window.cut(raster),
+            names,
+            rules=rules,
+            correct=correct,
+            beliefs=beliefs,
+            layout=None if layout is None else _part_of_layout(layout, window, part),
+            known=known,
+            own_names=own_names,
+            tolerance=tolerance,
+            min_width_m=min_width_m,
+            doorways=None if doorways is None else _part_of_doorways(doorways, grid, window, part),
+        )
+        return _on_whole(found, grid, window)
     if doorways is not None and len(doorways) and rules.doorway_label in names:
         divided = pieces_between(raster, grid, names, doorways, rules, correct=correct)
     else:
@@ -182,6 +203,41 @@ def topological_map(
         divided.corrections,
         next_id,
     )
+
+
+def _cells_of_blocks(grid: OccupancyGrid, layout: GridLayout | None) -> int:
+    """After how many cells a border of the map's is one of the layout's map, too."""
+    if layout is None or not isinstance(layout.source, OccupancyGrid):
+        return 1
+    return factor_between(grid.resolution_m, layout.source.resolution_m).numerator
+
+
+def _part_of_layout(layout: GridLayout, window: KnownWindow, part: OccupancyGrid) -> GridLayout:
+    """The same nodes on the raster of a window that holds them all."""
+    source = layout.source
+    if layout.shape == window.shape or not isinstance(source, OccupancyGrid):
+        return GridLayout.of_mask(window.cut(layout.mask()), part)
+    coarse = window.coarser(source.resolution_m / part.resolution_m)
+    cells, mask = coarse.cut(source.cells), coarse.cut(layout.mask())
+    held = OccupancyGrid(cells, source.resolution_m, part.origin_xy_m, part.yaw_rad)
+    return GridLayout.of_mask(mask, held)
+
+
+def _part_of_doorways(
+    doorways: Doorways, grid: OccupancyGrid, window: KnownWindow, part: OccupancyGrid
+) -> Doorways:
+    return replace(doorways, grid=part, place=window.cut(doorways.place_on(grid)))
+
+
+def _on_whole(found: TopologicalMap, grid: OccupancyGrid, window: KnownWindow) -> TopologicalMap:
+    """The places of a window of a map on the map itself."""
+    first = window.rows.start, window.columns.start
+    corrections = tuple(
+        replace(each, cell_rc=(each.cell_rc[0] + first[0], each.cell_rc[1] + first[1]))
+        for each in found.corrections
+    )
+    region = sealed(window.paste(found.region, 0))
+    return replace(found, grid=grid, region=region, corrections=corrections)
 
 
 def _labelled_pieces(

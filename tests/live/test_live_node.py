@@ -447,6 +447,7 @@ def test_a_map_that_lies_elsewhere_is_taken_and_said(far_m: float) -> None:
     assert robot.node.map_seq == 2
     (said,) = robot.said
     assert "from the one before, and shares no cell with it; is its origin right?" in said
+    assert robot.finder.view is not None
     assert robot.node.where(far_m + 3.0, far_m + 3.0) == robot.finder.view.place_at(
         far_m + 3.0, far_m + 3.0
     )
