@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places._core import grow_pieces, label_components, open_cells, sum_pieces
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.relief import open_space
 
@@ -34,12 +34,20 @@ NARROW_DEPTH = 2.0
 # so large and no more of its border is at unknown space.
 ROOM_M2, ROOM_UNKNOWN = 4.0, 0.5
 
+# So was a larger one with more of its border at unknown space: the other half of a floor, behind a
+# gap that the disc does not pass or a wall that somebody has drawn.
+FLOOR_M2, FLOOR_UNKNOWN = 10.0, 0.6
+
 # So was one that is walled in: the outline of a piece of furniture.
 BOX_UNKNOWN = 0.1
 
 # What is cut off and smaller belongs to what is beside it, where less of its border is at unknown
 # space: corners between chairs, and specks in walls.
 SCRAP_M2, SCRAP_UNKNOWN = 1.0, 0.7
+
+# Where at least so much of the edge of the map is free, the free space along it lies outside the
+# building, as far as a disc gets that is wider than doors, and unless nearly all would be outside.
+EDGE_FREE, OUTSIDE_RADIUS_M, LEAST_INSIDE = 0.4, 0.6, 0.1
 
 # Where less was never entered in all, it is not worth a word.
 LEAST_M2 = 0.1
@@ -57,20 +65,26 @@ class Unentered:
         Their area.
     free_m2 : float
         Area of all free space.
+    outside_m2 : float
+        Part of ``area_m2`` that lies outside the building, along the edge of the map.
     """
 
     cells: NDArray[np.bool_]
     area_m2: float
     free_m2: float
+    outside_m2: float = 0.0
 
     def __bool__(self) -> bool:
         return self.area_m2 > 0
 
     def __str__(self) -> str:
         share = 100 * self.area_m2 / self.free_m2 if self.free_m2 else 0.0
+        outside = ""
+        if self.outside_m2:
+            outside = f"{self.outside_m2:.1f} m² outside the building at the edge of the map, "
         return (
-            f"{self.area_m2:.1f} m² of free space ({share:.1f} %) was never entered: rays through "
-            "windows, glimpses through doors, and what a robot cannot reach"
+            f"{self.area_m2:.1f} m² of free space ({share:.1f} %) was never entered: {outside}rays "
+            "through windows, glimpses through doors, and what a robot cannot reach"
         )
 
 
@@ -87,8 +101,9 @@ def find_unentered(
     their borders are at unknown space, and narrow ones if they also reach farther than the disc is
     wide: rays and fans of them. Discs of one and two radii are used in turn. What then does not
     hang together with the largest part was not entered either. A disc of half the radius decides,
-    so that a narrow door is one as long as it has walls on both sides; rooms of their own, boxes
-    and scraps are let be.
+    so that a narrow door is one as long as it has walls on both sides; rooms of their own, other
+    parts of a floor, boxes and scraps count as entered. If much of the map's edge is free, the free
+    space along it is outside the building.
 
     Time and memory are linear in the cells: about 33 bytes a cell at most.
 
@@ -111,18 +126,48 @@ def find_unentered(
     """
     cell_m2 = grid.resolution_m**2
     cells = np.zeros(grid.shape, np.bool_)
-    n_free = int(np.count_nonzero(grid.free))
+    n_free, n_outside = int(np.count_nonzero(grid.free)), 0
     if disc_radius_m > 0 and n_free:
-        raster = _Raster(grid, disc_radius_m)
+        outside, inside = outside_space(grid), grid
+        if outside is not None:
+            inside = grid.with_cells(np.where(outside, np.int8(UNKNOWN), grid.cells))
+        raster = _Raster(inside, disc_radius_m)
         raster.close_rays()
         raster.close_cut_off()
         cells[raster.part] = raster.closed()
+        if outside is not None:
+            cells |= outside
         if except_at is not None:
             cells &= ~except_at
+        if outside is not None:
+            n_outside = int(np.count_nonzero(outside & cells))
     area_m2 = int(np.count_nonzero(cells)) * cell_m2
     if area_m2 < LEAST_M2:
         cells, area_m2 = np.zeros(grid.shape, np.bool_), 0.0
-    return Unentered(sealed(cells), area_m2, n_free * cell_m2)
+    return Unentered(sealed(cells), area_m2, n_free * cell_m2, n_outside * cell_m2)
+
+
+def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
+    """(H, W) the free cells outside a building whose surroundings are free on the map, or None.
+
+    They are what a disc of 0.6 m can reach from the edge of the map without passing a door. Maps
+    with less than 40 % of their edge free have no outside, nor have those that it would leave
+    hardly anything of.
+    """
+    free = grid.free
+    edge = np.concatenate([free[0], free[-1], free[1:-1, 0], free[1:-1, -1]])
+    if edge.mean() < EDGE_FREE:
+        return None
+    radius = OUTSIDE_RADIUS_M / grid.resolution_m
+    margin = 2 * ceil(radius) + 2  # free space around the map, in which the disc begins
+    wider = np.pad(free, margin, constant_values=True)
+    standing = squared_clearance(~wider) >= _standing(radius)
+    _, piece, _ = _numbered(_kind(standing))
+    around = piece == piece[margin // 2, margin // 2]
+    covered = squared_clearance(around) < _standing(radius)
+    outside = covered[margin:-margin, margin:-margin] & free
+    n_inside = np.count_nonzero(free & ~outside)
+    return outside if n_inside >= LEAST_INSIDE * np.count_nonzero(free) else None
 
 
 class _Sums(NamedTuple):
@@ -200,7 +245,10 @@ class _Raster:
             return
         sums = self._sums(piece, count, self.squared)
         unknown, area_m2 = _shares(sums), sums.n_free * self.cell_m2
-        entered = (area_m2 >= ROOM_M2) & (unknown <= ROOM_UNKNOWN) | (unknown <= BOX_UNKNOWN)
+        entered = (area_m2 >= ROOM_M2) & (unknown <= ROOM_UNKNOWN)
+        entered |= (area_m2 >= FLOOR_M2) & (unknown <= FLOOR_UNKNOWN)
+        entered |= unknown <= BOX_UNKNOWN
+        entered &= sums.largest >= _standing(self.radius)
         entered |= (area_m2 < SCRAP_M2) & (unknown < SCRAP_UNKNOWN)
         entered[np.argmax(sums.n_free)] = True
         beside = np.zeros(count, np.bool_)

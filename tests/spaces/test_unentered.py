@@ -179,7 +179,70 @@ def test_shadows_of_furniture_are_no_unknown_space() -> None:
 
 def test_a_cropped_room_was_entered() -> None:
     assert not found_in(two_rooms(16)[:60, :60]).cells.any()
-    assert not found_in(two_rooms(0)[:, :100]).cells.any()
+    assert not found_in(two_rooms(0)[:, :110]).cells.any()
+
+
+def test_a_sliver_in_which_no_disc_fits_is_no_place() -> None:
+    cells = two_rooms(0)[:, :100]
+    np.testing.assert_array_equal(found_in(cells).cells[:, 94:], (cells == FREE)[:, 94:])
+    assert not found_in(cells).cells[:, :94].any()
+
+
+def large_floor(gap: int, known_to: int) -> np.ndarray:
+    """Two halves of a floor of 8 x 8 m each; walls beyond a column are not on the map."""
+    cells = blank(200, 360)
+    add_room(cells, slice(20, 180), slice(10, 170))
+    add_room(cells, slice(20, 180), slice(174, 334))
+    cells[20:180, 170:173] = OCCUPIED
+    cells[90 : 90 + gap, 169:174] = FREE
+    cells[:, known_to:][cells[:, known_to:] == OCCUPIED] = UNKNOWN
+    return cells
+
+
+@pytest.mark.parametrize("gap", [0, 2, 4])
+def test_the_other_half_of_a_floor_is_kept_behind_a_gap_or_a_drawn_wall(gap: int) -> None:
+    assert not found_in(large_floor(gap, 230)).cells.any()  # 58 % of its border has no wall
+    assert found_in(large_floor(gap, 180)).cells[20:180, 174:334].mean() > 0.9
+
+
+def in_a_garden(margin: int, door: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two rooms with free space around their walls and an outer door; and what lies outside."""
+    cells = two_rooms(18)[19:101, 9:175]
+    cells = np.where(cells == FREE, FREE, OCCUPIED)
+    outside = np.pad(np.zeros(cells.shape, np.bool_), margin, constant_values=True)
+    cells = np.pad(cells, margin, constant_values=FREE)
+    middle = cells.shape[0] // 2
+    cells[middle : middle + door, : margin + 1] = FREE
+    return cells, outside
+
+
+@pytest.mark.parametrize("margin", [2, 10, 40])
+@pytest.mark.parametrize("door", [0, 18])
+def test_free_space_around_a_building_is_outside(margin: int, door: int) -> None:
+    cells, outside = in_a_garden(margin, door)
+    found = found_in(cells)
+    assert found.cells[outside].all()
+    within = found.cells & ~outside
+    assert not within[:, margin + 5 :].any()  # but for cells in the outer door
+    assert within.sum() <= 5 * door
+    assert found.outside_m2 == pytest.approx(found.area_m2)
+    assert "m² outside the building at the edge of the map" in str(found)
+
+
+def test_the_corners_of_a_turned_picture_are_outside() -> None:
+    cells = np.pad(two_rooms(18), 30, constant_values=UNKNOWN)
+    row, column = np.indices(cells.shape)
+    corners = (row + column < 60) | (row - column > 100) | (row + column > 380)
+    corners |= (column - row > 200) | (row < 2)
+    cells[corners] = FREE
+    found = found_in(cells)
+    assert found.cells[corners].all() and not found.cells[~corners].any()
+
+
+def test_a_hall_without_walls_has_no_outside() -> None:
+    cells = np.full((100, 150), FREE, np.int8)
+    cells[40:60, 70:80] = OCCUPIED
+    assert not found_in(cells).cells.any()
 
 
 def test_a_radius_of_zero_takes_everything_as_entered() -> None:

@@ -154,6 +154,9 @@ _MANY = 0.01
 # with many shades has as many of each, while a line that an editor has smoothed has a few.
 _NEAR, _FEW = 10, 0.01
 
+# A grey with at least this share of the pixels is no accident.
+_OFTEN = 0.05
+
 _UNDECIDED = 1
 """Stands for grey 205 among the cells until all pixels have been counted."""
 
@@ -240,7 +243,7 @@ class MapPixels:
 
     def suspicions(self, yaml_path: Path) -> list[str]:
         """What looks wrong: grey 205 read as free, noise, nothing free, no walls."""
-        lines = [*self._of_grey_205(yaml_path), *self._of_noise()]
+        lines = [*self._of_grey_205(yaml_path), *self._of_second_grey(), *self._of_noise()]
         shares = Fractions.of(self.cells)
         if shares.free == 0:
             lines.append(
@@ -276,6 +279,27 @@ class MapPixels:
             ]
         return []
 
+    def _of_second_grey(self) -> list[str]:
+        """A frequent grey that reads as free beside a freer one: it may mean unknown."""
+        if self.unknown_value is not None or self.rules.mode != "trinary":
+            return []
+        free = np.flatnonzero(self.rules.tables()[1] == FREE)
+        share = self.grey_counts / self.cells.size
+        often = free[share[free] >= _OFTEN]
+        if len(often) < 2:
+            return []
+        freest = int(often.min() if self.rules.negate else often.max())
+        others = [g for g in often.tolist() if abs(g - freest) > _NEAR and g != UNKNOWN_GREY]
+        alone = [g for g in others if _stands_out(self.grey_counts, g)]
+        if not alone:
+            return []
+        grey = max(alone, key=lambda g: share[g])
+        return [
+            f"{100 * share[grey]:.0f} % of the pixels have grey {grey} and read as free, as grey "
+            f"{freest} does. If grey {grey} means unknown, pass unknown_value = {grey} "
+            f"(--unknown-value {grey})"
+        ]
+
     def _of_noise(self) -> list[str]:
         if not self.is_lossy:
             return []
@@ -289,9 +313,13 @@ class MapPixels:
         ]
 
 
+def _stands_out(counts: NDArray[np.int64], grey: int) -> bool:
+    """Whether the greys around a grey have less than a hundredth of its pixels together."""
+    around = counts[max(grey - _NEAR, 0) : grey + _NEAR + 1]
+    return bool(around.sum() - counts[grey] < _FEW * counts[grey])
+
+
 def _stands_alone(counts: NDArray[np.int64]) -> bool:
     """Whether grey 205 is one of the three that map savers write, and no shade among others."""
-    n_near = int(counts[UNKNOWN_GREY - _NEAR : UNKNOWN_GREY + _NEAR + 1].sum())
-    n_near -= int(counts[UNKNOWN_GREY])
     others = counts[OCCUPIED_GREY] > 0 and counts[FREE_GREY] > 0
-    return bool(others and n_near < _FEW * counts[UNKNOWN_GREY])
+    return bool(others and _stands_out(counts, UNKNOWN_GREY))

@@ -242,3 +242,16 @@ def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="is a file, not a folder"):
         save_map(grid, tmp_path / "file" / "map")
+
+
+@pytest.mark.parametrize(("grey", "named"), [(216, True), (250, False), (120, False)])
+def test_a_frequent_grey_beside_a_freer_one_is_named(
+    tmp_path: Path, grey: int, named: bool
+) -> None:
+    pixels = np.full((100, 100), grey, np.uint8)
+    pixels[20:80, 20:80], pixels[22:78, 22:78] = 0, 254
+    found = load_map(write_map(tmp_path, pixels)).warnings
+    line = "64 % of the pixels have grey 216 and read as free, as grey 254 does. If grey 216 means"
+    assert any(message.startswith(line) for message in found) is named
+    asked = load_map(tmp_path / "map.yaml", unknown_value=grey)
+    assert asked.warnings == () and asked.fractions.unknown == pytest.approx(0.64)
