@@ -1,8 +1,11 @@
 """The configuration by which wheels are built for all platforms."""
 
+import runpy
 import tomllib
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -26,3 +29,14 @@ def test_five_platforms_are_built_and_what_tries_them_is_there() -> None:
     words = " ".join(wheels["test-command"]).split()
     paths = [*wheels["test-sources"], *(word for word in words if word.startswith("tests/"))]
     assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+def test_a_checkout_without_symbolic_links_is_refused_in_one_line(tmp_path: Path) -> None:
+    check_links = runpy.run_path(str(ROOT / "tools" / "core.py"))["check_links"]
+    check_links(ROOT)
+    (tmp_path / "pgm_places" / "solvers").mkdir(parents=True)
+    (tmp_path / "pgm_places" / "models").write_text("../models")  # as git writes it on Windows
+    with pytest.raises(SystemExit, match="pgm_places/models must be a symbolic link") as ended:
+        check_links(tmp_path)
+    assert "git checkout -- pgm_places/models'" in str(ended.value)
+    assert len(str(ended.value).splitlines()) == 1

@@ -51,6 +51,7 @@ def build_wheel(
     wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
 ) -> str:
     """Compile the extension module into a wheel."""
+    core.check_links()
     core.announce()
     with core.compiler():
         return scikit.build_wheel(wheel_directory, config_settings, metadata_directory)
@@ -62,6 +63,7 @@ def build_editable(
     metadata_directory: str | None = None,  # noqa: ARG001  part of the interface
 ) -> str:
     """Compile the extension module in place; the wheel only says where the checkout is."""
+    core.check_links()
     if not core.is_current():
         core.compile_in_place(sys.executable)
     with tempfile.TemporaryDirectory() as name:

@@ -181,6 +181,19 @@ def tools_python() -> str:
     return str(python)
 
 
+def check_links(root: Path = ROOT) -> None:
+    """End in one line where the links to models/ and solvers/ were checked out as text files."""
+    broken = [name for name in ("models", "solvers") if not (root / "pgm_places" / name).is_dir()]
+    if broken:
+        paths = " and ".join(f"pgm_places/{name}" for name in broken)
+        links = "a symbolic link" if len(broken) == 1 else "symbolic links"
+        sys.exit(
+            f"{paths} must be {links} to the folders of the same names beside pgm_places, but this "
+            "checkout has none (git on Windows, ZIP archives): run 'git config core.symlinks true' "
+            f"and 'git checkout -- {paths.replace(' and ', ' ')}', on Windows in its developer mode"
+        )
+
+
 def announce() -> None:
     """Say in one line what is compiled with what, and how long it may take."""
     if has_compiler():
@@ -194,6 +207,7 @@ def announce() -> None:
 
 
 if __name__ == "__main__":
+    check_links()
     if "--announce" in sys.argv[1:]:
         announce()
     elif "--if-changed" not in sys.argv[1:] or not is_current():
