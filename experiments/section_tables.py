@@ -11,10 +11,10 @@ OVERVIEW_TABLE, ABLATION_TABLE = "paper", "ablations"
 CHOICES = "choices"  # an ablation with tables of its own
 _FIGURES = "{accuracy} / {balanced} / {doorway F1}"
 _SHOWN: Mapping[str, SideBySide] = {
-    "7.2": SideBySide(("features",), "{steps}", "{all} / {balanced} / {doorway}"),
+    "7.2": SideBySide(("options", "features"), "{steps}", "{all} / {balanced} / {doorway}"),
     "7.4": SideBySide(("", "map"), "{method}", _FIGURES),
     "7.5-fine": SideBySide(("",), "{method}", _FIGURES),
-    "7.6": SideBySide(("floors", "beams"), "{steps}", _FIGURES),
+    "7.6": SideBySide(("options", "floors", "beams"), "{steps}", _FIGURES),
 }
 _VARIED = (SideBySide(("noise",), "{method}", _FIGURES), SideBySide(("",), "{method}", _FIGURES))
 _ALONE = "adaboost"

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,14 @@ from numpy.typing import NDArray
 from experiments.paper.confusion_picture import confusion_picture
 from experiments.paper.figures import percent
 from experiments.paper.furnished_floors import DETECTORS, Floor, make_floor
-from experiments.paper.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
+from experiments.paper.scored_steps import ALONE, MODES, ScoredSteps, scored_modes, step_labeler
 from experiments.paper.section import Outcome, Picture, Table
-from experiments.paper.setting import Setting
+from experiments.paper.setting import AS_PRINTED, WAYS, Setting
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
@@ -135,20 +135,21 @@ def run(setting: Setting) -> Outcome:
         else:
             learn, label = _building79(setting.data)
     found = {}
-    for name, options in DETECTORS.items():
-        with setting.progress.stage(name):
-            found[name] = _scored(learn, label, options, setting.n_threads)
+    for way, (name, options) in product(WAYS, DETECTORS.items()):
+        with setting.progress.stage(f"{name}, {way}"):
+            found[way, name] = _scored(way, learn, label, options, setting.n_threads)
     findings = [
         steps.finding(
             f"six categories, {name}, {mode}",
+            way,
             paper=PAPER.get(mode) if name == SHOWN else None,
         )
-        for name, modes in found.items()
+        for (way, name), modes in found.items()
         for mode, steps in modes.items()
         if name in ("laser alone", SHOWN) and mode != MODES["viterbi"]
     ]
     names = label[0].names
-    shown = found[SHOWN]
+    shown = found[AS_PRINTED, SHOWN]
     return Outcome(
         setting=_words(learn, label, real=setting.data is not None),
         findings=tuple(findings),
@@ -189,6 +190,7 @@ def _classes() -> dict[str, str]:
 
 
 def _scored(
+    way: str,
     learn: Sequence[Floor],
     label: Sequence[Floor],
     options: Mapping[str, float] | None,
@@ -196,7 +198,7 @@ def _scored(
 ) -> dict[str, ScoredSteps]:
     extra = None if options is None else [item.counts(options, k) for k, item in enumerate(learn)]
     extra_names = () if extra is None else PAPER_OBJECTS
-    labeler = TrajectoryLabeler(learn[0].names, extra_names=extra_names).fit(
+    labeler = step_labeler(way, learn[0].names, extra_names=extra_names).fit(
         [], [item.drive for item in learn], extra=extra, n_threads=n_threads
     )
     scores = []
@@ -208,17 +210,20 @@ def _scored(
     return scored_modes(labeler, [item.drive for item in label], scores)
 
 
-def _table(found: Mapping[str, Mapping[str, ScoredSteps]], names: tuple[str, ...]) -> Table:
-    heading = ("features", "steps", "all", "balanced", *names)
+def _table(
+    found: Mapping[tuple[str, str], Mapping[str, ScoredSteps]], names: tuple[str, ...]
+) -> Table:
+    heading = ("options", "features", "steps", "all", "balanced", *names)
     rows = [
         (
+            way,
             name,
             mode,
             percent(steps.evaluation.accuracy),
             percent(steps.evaluation.balanced_accuracy),
             *(percent(steps.evaluation.recall[item]) for item in names),
         )
-        for name, modes in found.items()
+        for (way, name), modes in found.items()
         for mode, steps in modes.items()
     ]
     return Table("Correct steps in percent, overall and by category", heading, tuple(rows))

@@ -15,6 +15,7 @@ from pgm_places.io.output_set import claim
 def reproduce(
     names: Sequence[str],
     out: Path,
+    stockholm: Path | None = None,
     *,
     again: bool,
     force: bool,
@@ -23,13 +24,20 @@ def reproduce(
 ) -> None:
     """Run the sections that are named, or all, and say what they found beside the paper's."""
     progress = make_progress(quiet=quiet)
-    ids = chosen_sections(tuple(names))
+    ids = chosen_sections(tuple(names), stockholm=stockholm is not None)
+    stand_in = None in {data_for(SECTIONS[key], stockholm) for key in ids}
     claim(out, force=force)
-    if any(data_for(SECTIONS[key]) is None for key in ids):
+    if stand_in:
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     finished = []
     sections = run_sections(
-        ids, out, again=again, force=force, progress=progress, n_threads=n_threads
+        ids,
+        out,
+        again=again,
+        force=force,
+        progress=progress,
+        n_threads=n_threads,
+        stockholm=stockholm,
     )
     for section in sections:
         finished.append(section)

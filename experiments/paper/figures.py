@@ -1,13 +1,16 @@
 """The formatting of numbers in the tables of the paper's experiments."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 from experiments.paper.borders import border_tolerant_mask
 from experiments.paper.section import Finding, Table
+from experiments.paper.setting import BY_DEFAULT
 from pgm_places.evaluation.bootstrap import Interval
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 
+T = TypeVar("T")
 DOORWAY = "doorway"
 BORDER_M = 0.3
 """Half the width of the strip left out along borders, whose exact position is a matter of taste."""
@@ -18,22 +21,42 @@ def percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f}"
 
 
-def finding(what: str, method: MethodResult, *, paper: float | None = None) -> Finding:
+def finding(
+    what: str, method: MethodResult, *, paper: float | None = None, way: str = BY_DEFAULT
+) -> Finding:
     """The overview's line of a method."""
-    return finding_of(what, method.evaluation, method.intervals.get("accuracy"), paper=paper)
+    interval = method.intervals.get("accuracy")
+    return finding_of(what, method.evaluation, interval, paper=paper, way=way)
 
 
-def method_findings(comparisons: Mapping[str, Comparison]) -> tuple[Finding, ...]:
-    """A line of the overview per comparison and method."""
+def method_findings(
+    comparisons: Mapping[str, Comparison],
+    paper: Mapping[str, float] | None = None,
+    way: str = BY_DEFAULT,
+) -> tuple[Finding, ...]:
+    """A line of the overview per comparison and method; ``paper`` has the paper's by line."""
     return tuple(
-        finding(f"{words}, {method.id}", method)
+        finding(what, method, paper=(paper or {}).get(what), way=way)
         for words, comparison in comparisons.items()
         for method in comparison.methods
+        for what in [f"{words}, {method.id}"]
     )
 
 
+def by_way(found: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
+    """What was found in each way, by the way and its name there."""
+    return {
+        f"{way}, {words}": item for way, items in found.items() for words, item in items.items()
+    }
+
+
 def finding_of(
-    what: str, found: Evaluation, interval: Interval | None, *, paper: float | None = None
+    what: str,
+    found: Evaluation,
+    interval: Interval | None,
+    *,
+    paper: float | None = None,
+    way: str = BY_DEFAULT,
 ) -> Finding:
     """The overview's line of an evaluation and the interval of its accuracy."""
     return Finding(
@@ -43,6 +66,7 @@ def finding_of(
         doorway_f1(found),
         paper,
         None if interval is None else (interval.low, interval.high),
+        way=way,
     )
 
 

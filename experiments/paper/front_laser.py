@@ -3,20 +3,22 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from experiments.paper.figures import DOORWAY, percent
-from experiments.paper.scored_steps import ALONE, ScoredSteps, scored_modes
+from experiments.paper.scored_steps import ALONE, ScoredSteps, scored_modes, step_labeler
 from experiments.paper.section import Outcome, Picture, Table
-from experiments.paper.setting import STAND_INS, Setting
+from experiments.paper.setting import AS_PRINTED, STAND_INS, WAYS, Setting
 from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError
 from pgm_places.io.logs.pose_csv import read_pose_csv
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
-from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
+from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -56,7 +58,8 @@ def place_of(name: str) -> str:
 
 def place_classes() -> dict[str, str]:
     """The places of all classes of the campaign, by their codes."""
-    others = dict.fromkeys(("LO", "CF", "RL", "TR"), "room")
+    codes = ("LO", "CF", "RL", "TR", "AT", "LMR", "LR", "MPO", "MR", "PRO", "WS")
+    others = dict.fromkeys(codes, "room")
     return {code: place_of(name) for code, name in CLASSES.items()} | others
 
 
@@ -96,6 +99,12 @@ FLOORS: Mapping[str, tuple[str, ...]] = {
 
 DIRECTIONS = (("A", "B"), ("B", "A"))
 
+KTH: Mapping[str, tuple[str, ...]] = {
+    "floor 6": ("cold_stockholm_floor6",),
+    "floor 7": ("cold_stockholm_floor7",),
+}
+"""The paper's floors, in COLD-Stockholm."""
+
 MOST_RUNS = 3
 
 SIGMA_M = 0.02
@@ -120,34 +129,66 @@ class Run:
 
 
 def run(setting: Setting) -> Outcome:
-    """With nothing behind the robot, with a mirror image, and with the local map."""
-    geometry = ScanGeometry.half_circle(180, range_max_m=REACH_M)
-    with setting.progress.stage("drives"):
-        floors = {name: _runs(setting, folders, geometry) for name, folders in FLOORS.items()}
-    found = {}
-    for learn, label in DIRECTIONS:
-        for name, beams in BEAMS.items():
-            with setting.progress.stage(f"{learn} to {label}, {name}"):
-                found[f"{learn} to {label}", name] = _scored(
-                    [item.drive for item in floors[learn]],
-                    [item.drive for item in floors[label]],
-                    beams,
-                    setting.n_threads,
-                )
-    findings = [
-        steps.finding(f"{way}, {name}, {mode}", paper=_paper(way, mode))
-        for (way, name), modes in found.items()
-        for mode, steps in modes.items()
-        if name == SHOWN
-    ]
-    way = " to ".join(DIRECTIONS[0])
-    first, second = (floors[name] for name in DIRECTIONS[0])
-    n_first, n_second = (sum(_n_known(item.drive) for item in part) for part in (first, second))
+    """From one part of a building to another, instead of the paper's floors."""
     what = "Runs of the COLD campaign in Saarbrücken, from one part of the building to another"
     if setting.data is None:
         what = "Simulated drives, from two buildings to two others"
+    remark = (
+        "A has large rooms and a lobby that is labelled corridor, B has neither: a model "
+        "trained in B recognises only a third of the steps in A's rooms.",
+    )
+    return _outcome(setting, what, FLOORS, DIRECTIONS, remark if setting.data else ())
+
+
+def kth(setting: Setting) -> Outcome:
+    """From the 6th floor to the 7th, as in the paper, and back."""
+    names = tuple(KTH)
+    what = "Runs of COLD-Stockholm, the paper's building, from floor to floor"
+    return _outcome(setting, what, KTH, (names, names[::-1]), ())
+
+
+def _outcome(
+    setting: Setting,
+    what: str,
+    of_floors: Mapping[str, tuple[str, ...]],
+    directions: Sequence[tuple[str, ...]],
+    remarks: tuple[str, ...],
+) -> Outcome:
+    """With nothing behind the robot, with a mirror image, and with the local map."""
+    geometry = ScanGeometry.half_circle(180, range_max_m=REACH_M)
+    with setting.progress.stage("drives"):
+        floors = {name: _runs(setting, folders, geometry) for name, folders in of_floors.items()}
+    found = {}
+    for way, (learn, label), (name, beams) in product(WAYS, directions, BEAMS.items()):
+        with setting.progress.stage(f"{learn} to {label}, {name}, {way}"):
+            found[way, f"{learn} to {label}", name] = _scored(
+                way,
+                [item.drive for item in floors[learn]],
+                [item.drive for item in floors[label]],
+                beams,
+                setting.n_threads,
+            )
+    shown = " to ".join(directions[0])
+    findings = [
+        steps.finding(
+            f"{where}, {name}, {mode}",
+            way,
+            paper=PAPER if (where, mode) == (shown, ALONE) else None,
+        )
+        for (way, where, name), modes in found.items()
+        for mode, steps in modes.items()
+        if name == SHOWN
+    ]
+    first, second = (floors[name] for name in directions[0])
+    steps = (
+        f"{sum(_n_known(item.drive) for item in floors[name]):,} steps in {name}" for name in floors
+    )
+    recorded = (
+        "Positions were recorded a metre apart; the robot is assumed to drive straight from one "
+        "to the next, with a scan cast in the map every 0.1 m.",
+    )
     return Outcome(
-        setting=f"{what}: {n_first:,} steps in A, {n_second:,} in B; 180 simulated beams ahead of "
+        setting=f"{what}: {', '.join(steps)}; 180 simulated beams ahead of "
         f"the robot, {REACH_M:g} m, {100 * SIGMA_M:g} cm of noise.",
         findings=tuple(findings),
         tables=(_table(found),),
@@ -156,30 +197,19 @@ def run(setting: Setting) -> Outcome:
             Picture("labelled.png", f"A drive as the {SMOOTHED} labels it (Fig. 13, below)."),
             Picture("beliefs.png", f"Beliefs of the {SMOOTHED} along that drive."),
         ),
-        files=_pictures(first[-1], second[-1], found[way, SHOWN][SMOOTHED]),
-        remarks=()
-        if setting.data is None
-        else (
-            "The paper's floors, at KTH, are not available. The positions here were recorded a "
-            "metre apart; the robot is assumed to drive straight from one to the next, with a scan "
-            "cast in the map every 0.1 m.",
-            "A has large rooms and a lobby that is labelled corridor, B has neither: a model "
-            "trained in B recognises only a third of the steps in A's rooms.",
-        ),
+        files=_pictures(first[-1], second[-1], found[AS_PRINTED, shown, SHOWN][SMOOTHED]),
+        remarks=(*(recorded if setting.data else ()), *remarks),
     )
 
 
-def _paper(way: str, mode: str) -> float | None:
-    return PAPER if (way, mode) == (" to ".join(DIRECTIONS[0]), ALONE) else None
-
-
 def _scored(
+    way: str,
     learn: Sequence[Trajectory],
     label: Sequence[Trajectory],
     beams: BeamOptions,
     n_threads: int | None,
 ) -> dict[str, ScoredSteps]:
-    labeler = TrajectoryLabeler(PLACES, beams=beams).fit([], learn, n_threads=n_threads)
+    labeler = step_labeler(way, PLACES, beams=beams).fit([], learn, n_threads=n_threads)
     scores = [labeler.scores(item, n_threads=n_threads) for item in label]
     return scored_modes(labeler, label, scores)
 
@@ -193,6 +223,8 @@ def _runs(setting: Setting, folders: Sequence[str], geometry: ScanGeometry) -> l
 
 def _recorded(folder: Path, geometry: ScanGeometry) -> list[Run]:
     known, runs = load_cold_folder(folder, place_classes(), PLACES)
+    if not runs:
+        raise ConfigError(f"{folder} has no run; give it at least one trajectory_*.csv")
     found = []
     for number, item in enumerate(runs[:MOST_RUNS]):
         drive = item.resampled(STEP_M).labelled_by(known, PLACES)
@@ -214,16 +246,16 @@ def _n_known(drive: Trajectory) -> int:
     return 0 if drive.labels is None else int((drive.labels >= 0).sum())
 
 
-def _table(found: Mapping[tuple[str, str], Mapping[str, ScoredSteps]]) -> Table:
+def _table(found: Mapping[tuple[str, str, str], Mapping[str, ScoredSteps]]) -> Table:
     rows = []
-    for (way, name), modes in found.items():
+    for (way, where, name), modes in found.items():
         for mode, steps in modes.items():
             scored = steps.evaluation
             recalls = (percent(scored.recall[place]) for place in PLACES)
             figures = (scored.accuracy, scored.balanced_accuracy, scored.f1[DOORWAY])
-            rows.append((way, name, mode, *map(percent, figures), *recalls))
+            rows.append((way, where, name, mode, *map(percent, figures), *recalls))
     places = (f"{place} recall" for place in PLACES)
-    heading = ("floors", "beams", "steps", "accuracy", "balanced", "doorway F1", *places)
+    heading = ("options", "floors", "beams", "steps", "accuracy", "balanced", "doorway F1", *places)
     return Table("Correct steps in percent", heading, tuple(rows))
 
 

@@ -11,6 +11,7 @@ from experiments.paper.section import Section
 from experiments.paper.sections import SECTIONS, PaperSection
 from experiments.paper.setting import Setting, data_folder
 from pgm_places._version import __version__
+from pgm_places.errors import ConfigError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.output_set import claim, output_set
 from pgm_places.progress import Progress, Silent
@@ -29,6 +30,7 @@ def reproduce(
     force: bool = False,
     progress: Progress | None = None,
     n_threads: int | None = None,
+    stockholm: Path | None = None,
 ) -> Iterator[Section]:
     """Each section once it is finished; the pages of all finished ones are written every time.
 
@@ -48,6 +50,8 @@ def reproduce(
         Write into a folder that this package did not make, and overwrite files changed there.
     progress, n_threads
         Of the experiments.
+    stockholm : Path, optional
+        The folder of COLD-Stockholm.
 
     Raises
     ------
@@ -58,7 +62,7 @@ def reproduce(
     claim(out, force=force)
     for key in ids:
         spec = sections[key]
-        data = data_for(spec)
+        data = data_for(spec, stockholm)
         section = None if again else finished_section(out, key)
         is_new = (
             section is None or section.version != __version__ or section.real != (data is not None)
@@ -71,12 +75,24 @@ def reproduce(
         yield section
 
 
-def data_for(spec: PaperSection) -> Path | None:
-    """The folder of the real data if it holds what a section needs."""
-    data = data_folder()
-    if data is None or not all((data / name).is_dir() for name in spec.folders):
-        return None
-    return data
+def data_for(spec: PaperSection, stockholm: Path | None = None) -> Path | None:
+    """The folder of the real data if it holds what a section needs.
+
+    Raises
+    ------
+    ConfigError
+        The section needs COLD-Stockholm, and a part of it is missing.
+    """
+    data = stockholm if spec.of_stockholm else data_folder()
+    missing = [name for name in spec.folders if data is None or not (data / name).is_dir()]
+    if missing and spec.of_stockholm:
+        raise ConfigError(
+            f"{spec.title}: no folder {missing[0]} in {data}; give COLD-Stockholm in the layout of "
+            "docs/reproduce.md: --stockholm FOLDER"
+            if data is not None
+            else f"{spec.title}: needs COLD-Stockholm: --stockholm FOLDER (docs/reproduce.md)"
+        )
+    return None if missing else data
 
 
 def _run(key: str, spec: PaperSection, folder: Path, setting: Setting) -> Section:

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.paper.figures import finding_of
 from experiments.paper.section import Finding
+from experiments.paper.setting import WAYS
 from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.labelled_items import stretches
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.labelers.presets import preset_trajectory_labeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -38,9 +41,17 @@ class ScoredSteps:
     evaluation: Evaluation
     interval: Interval
 
-    def finding(self, what: str, *, paper: float | None = None) -> Finding:
+    def finding(self, what: str, way: str, *, paper: float | None = None) -> Finding:
         """The overview's line."""
-        return finding_of(what, self.evaluation, self.interval, paper=paper)
+        return finding_of(what, self.evaluation, self.interval, paper=paper, way=way)
+
+
+def step_labeler(way: str, names: Sequence[str], **options: Any) -> TrajectoryLabeler:
+    """The unfitted labeler of a way, with further options."""
+    preset = WAYS[way]
+    if preset is None:
+        return TrajectoryLabeler(names, **options)
+    return preset_trajectory_labeler(preset, names, **options)
 
 
 def scored_modes(

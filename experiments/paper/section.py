@@ -21,6 +21,8 @@ class Finding:
         95 % confidence interval of the accuracy.
     counts : str
         Our result where it is not an accuracy.
+    way : str
+        The options: as the paper has them, or the defaults.
     """
 
     what: str
@@ -30,6 +32,7 @@ class Finding:
     paper: float | str | None = None
     interval: tuple[float, float] | None = None
     counts: str = ""
+    way: str = "by default"
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ class PaperSection:
         Folders of the real data without which generated buildings stand in.
     configs : Path
         The folder of its configurations.
+    of_stockholm : bool
+        Whether the folders are those of COLD-Stockholm, for which nothing stands in.
     """
 
     title: str
@@ -31,6 +33,7 @@ class PaperSection:
     function: str
     folders: tuple[str, ...]
     configs: Path = CONFIGS
+    of_stockholm: bool = False
 
     @property
     def run(self) -> Callable[[Setting], Outcome]:
@@ -109,11 +112,20 @@ SECTIONS: Mapping[str, PaperSection] = {
         "experiments.paper.front_laser:run",
         tuple(f"cold_saarbrucken_seq{number}" for number in range(1, 5)),
     ),
+    "7.6-kth": PaperSection(
+        "Restricted field of view, the paper's floors",
+        "The 6th floor to the 7th of a building at KTH: 84.4 %.",
+        "experiments.paper.front_laser:kth",
+        ("cold_stockholm_floor6", "cold_stockholm_floor7"),
+        of_stockholm=True,
+    ),
 }
 
 
-def chosen_sections(names: tuple[str, ...]) -> tuple[str, ...]:
+def chosen_sections(names: tuple[str, ...], *, stockholm: bool = False) -> tuple[str, ...]:
     """The ids that names stand for, in the order of the paper; all where none is named.
+
+    7.6 has a part that needs COLD-Stockholm; ``stockholm`` says whether that is there.
 
     Raises
     ------
@@ -128,4 +140,9 @@ def chosen_sections(names: tuple[str, ...]) -> tuple[str, ...]:
             )
         if name not in SECTIONS:
             raise ConfigError(f"no section {name!r}. {nearest_name(name, list(SECTIONS))}")
-    return tuple(key for key in SECTIONS if key in names or not names)
+    wanted = {*(names or SECTIONS)}
+    if stockholm and "7.6" in wanted:
+        wanted.add("7.6-kth")
+    if not stockholm and not names:
+        wanted.discard("7.6-kth")
+    return tuple(key for key in SECTIONS if key in wanted)

@@ -17,6 +17,10 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import plain_values
 from pgm_places.progress import Progress, Silent
 
+AS_PRINTED, BY_DEFAULT = "as printed", "by default"
+WAYS: Mapping[str, str | None] = {AS_PRINTED: "paper", BY_DEFAULT: None}
+"""The preset of each way in which the sections are run."""
+
 STAND_INS: Mapping[str, int] = {
     "freiburg079": 79,
     "freiburg079_drawn": 80,
@@ -92,6 +96,8 @@ class Setting:
         stopped.
     configs : Path
         The folder of the configurations.
+    stockholm : Path, optional
+        The folder of COLD-Stockholm, for section 7.6.
     """
 
     data: Path | None = None
@@ -99,10 +105,13 @@ class Setting:
     n_threads: int | None = None
     kept: Path | None = None
     configs: Path = CONFIGS
+    stockholm: Path | None = None
 
-    def experiment(self, name: str, changes: Mapping[str, Any] | None = None) -> Experiment:
+    def experiment(
+        self, name: str, changes: Mapping[str, Any] | None = None, *, preset: str | None = None
+    ) -> Experiment:
         """The experiment of a configuration, with values changed (see ``changed_config``)."""
-        config = load_config(self.configs / f"{name}.toml")
+        config = load_config(self.configs / f"{name}.toml", preset=preset)
         if self.data is None:
             config = with_stand_ins(config)
         config = changed_config(config, changes or {})

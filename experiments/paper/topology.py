@@ -1,6 +1,7 @@
 """Section 7.3: places, doors and connections of a labelled map, compared with the truth."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from experiments.paper.comparison_pictures import label_sheet, window_grid
 from experiments.paper.region_scores import RegionScores, fill_labels, score_regions
 from experiments.paper.section import Finding, Outcome, Picture, Table
-from experiments.paper.setting import Setting
+from experiments.paper.setting import WAYS, Setting
 from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
@@ -35,41 +36,44 @@ HEADING = (
 
 def run(setting: Setting) -> Outcome:
     """The topological maps of all methods, with and without corrections and gates."""
-    experiment = setting.experiment("topology")
-    tests = load_maps(experiment, "test")
-    trained = train(experiment)
-    comparison = compare_fitted(trained, tests)
-    space = trained.labeler.unary_model_.space
-    item, names = comparison.maps[0], comparison.label_names
-    doorways = None if space is None else space.spaces(item.grid).doorways
-    answers = {
-        method.id: item.layout.to_raster(method.labelings[0].labels.astype(np.int16), fill=-1)
-        for method in comparison.methods
-    }
-    with setting.progress.stage("topological maps"):
-        table, maps, scores = topology_table(item, answers, names, doorways)
-    files = {"labels.png": label_sheet(comparison)}
-    pictures = [Picture("labels.png", "What the topological maps are made from.")]
-    grid = window_grid(item.grid, item.window)
-    for method, places in maps.items():
-        name = f"topology_{method.replace(' ', '_')}.png"
-        files[name] = topology_drawing(grid, places).png()
-        caption = (
-            f"Topological map from {method}, places between gates (compare the paper's Fig. 9)."
+    findings, pictures, tables, files = [], [], [], {}
+    for way, preset in WAYS.items():
+        experiment = setting.experiment("topology", preset=preset)
+        tests = load_maps(experiment, "test")
+        trained = train(experiment)
+        comparison = compare_fitted(trained, tests)
+        space = trained.labeler.unary_model_.space
+        item, names = comparison.maps[0], comparison.label_names
+        doorways = None if space is None else space.spaces(item.grid).doorways
+        answers = {
+            method.id: item.layout.to_raster(method.labelings[0].labels.astype(np.int16), fill=-1)
+            for method in comparison.methods
+        }
+        with setting.progress.stage("topological maps"):
+            table, maps, scores = topology_table(item, answers, names, doorways)
+        tables.append(replace(table, caption=f"{way}: {table.caption}"))
+        findings += [
+            _doorways(method, name, counted, way)
+            for (method, name), counted in scores.items()
+            if name != "none"
+        ]
+        stem = way.replace(" ", "_")
+        files[f"labels_{stem}.png"] = label_sheet(comparison)
+        pictures.append(
+            Picture(f"labels_{stem}.png", f"What the topological maps are made from, {way}.")
         )
-        if method == TRUTH:
-            caption = "Topological map of the ground truth."
-        pictures.append(Picture(name, caption))
+        grid = window_grid(item.grid, item.window)
+        for method, places in maps.items():
+            name = f"topology_{stem}_{method.replace(' ', '_')}.png"
+            files[name] = topology_drawing(grid, places).png()
+            caption = f"Topological map from {method}, {way} (compare the paper's Fig. 9)."
+            pictures.append(Picture(name, caption))
     return Outcome(
         setting=f"{100 * item.grid.resolution_m:g} cm cells; trained on the left half; "
         "regions, doors and connections of the right half, compared with those of the ground "
         "truth.",
-        findings=tuple(
-            _doorways(method, name, counted)
-            for (method, name), counted in scores.items()
-            if name != "none"
-        ),
-        tables=(table,),
+        findings=tuple(findings),
+        tables=tuple(tables),
         pictures=tuple(pictures),
         files=files,
         remarks=(
@@ -114,13 +118,14 @@ def topology_table(
     return Table(caption, HEADING, tuple(rows)), maps, scores
 
 
-def _doorways(method: str, corrections: str, scores: RegionScores) -> Finding:
+def _doorways(method: str, corrections: str, scores: RegionScores, way: str) -> Finding:
     door = scores.classes["doorway"]
     how = "gates" if corrections == "gates" else f"{corrections} corrections"
     return Finding(
         f"doorways found / missed / invented, {method}, {how}",
         paper=PAPER if (method, corrections) == ("relaxation", "the paper's") else None,
         counts=f"{door.hit} of {door.n_true} / {door.missed} / {door.invented}",
+        way=way,
     )
 
 

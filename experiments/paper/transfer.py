@@ -1,9 +1,9 @@
 """Section 7.4: classifiers in buildings that they were not trained on."""
 
-from experiments.paper.comparison_pictures import confusion_of, error_sheet, label_sheet
-from experiments.paper.figures import DOORWAY, method_findings, method_table, percent
+from experiments.paper.comparison_pictures import error_sheet, label_sheet
+from experiments.paper.figures import DOORWAY, by_way, method_findings, method_table, percent
 from experiments.paper.section import Outcome, Picture, Table
-from experiments.paper.setting import Setting
+from experiments.paper.setting import AS_PRINTED, WAYS, Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
@@ -28,45 +28,49 @@ SHOWN = "relaxation"
 def run(setting: Setting) -> Outcome:
     """All pairs of buildings; figures only where the test building has labels."""
     grid = setting.unlabelled_map(UNLABELLED)
-    found, files, pictures = {}, {}, []
+    found: dict[str, dict[str, Comparison]] = {way: {} for way in WAYS}
+    files: dict[str, bytes] = {}
+    for way, preset in WAYS.items():
+        for name, words in TRANSFERS.items():
+            experiment = setting.experiment(name, preset=preset)
+            tests = load_maps(experiment, "test")
+            trained = train(experiment)
+            found[way][words] = compare_fitted(trained, tests)
+            if way == AS_PRINTED:
+                files |= _pictures(name, found[way][words], trained.labeler, grid)
+    captions = {
+        "unlabelled.png": "Trained on building 52, the list alone (paper, Fig. 10).",
+        "unlabelled_topology.png": f"Trained on buildings 79 and 52, with {SHOWN}: the topological "
+        "map (compare the paper's Fig. 11, of another building).",
+    }
     for name, words in TRANSFERS.items():
-        experiment = setting.experiment(name)
-        tests = load_maps(experiment, "test")
-        trained = train(experiment)
-        found[words] = compare_fitted(trained, tests)
-        files[f"{name}_labels.png"] = label_sheet(found[words])
-        files[f"{name}_errors.png"] = error_sheet(found[words])
-        where = found[words].maps[0].name
-        pictures += [
-            Picture(f"{name}_labels.png", f"{words}: {where}."),
-            Picture(f"{name}_errors.png", f"{words}: errors of each method on {where}."),
-        ]
-        if name == "transfer_52":
-            files["unlabelled.png"] = _labels(trained.labeler, grid, "adaboost")
-            pictures.append(
-                Picture(
-                    "unlabelled.png", "Trained on building 52, the list alone (paper, Fig. 10)."
-                )
-            )
-        if name == "transfer_79_52":
-            files["unlabelled_topology.png"] = _topology(trained.labeler, grid)
-            files["confusion.png"] = confusion_of(found[words].methods[-1])
-            pictures += [
-                Picture(
-                    "unlabelled_topology.png",
-                    f"Trained on buildings 79 and 52, with {SHOWN}: the topological map (compare "
-                    "the paper's Fig. 11, of another building).",
-                ),
-                Picture("confusion.png", f"{words}: confusion between places."),
-            ]
+        captions[f"{name}_labels.png"] = f"{words}, {AS_PRINTED}."
+        captions[f"{name}_errors.png"] = f"{words}, {AS_PRINTED}: errors of each method."
     return Outcome(
         setting="Every method is trained on whole buildings and tested on another one; the Intel "
         "Research Lab has no ground truth here, so there are pictures only.",
-        findings=method_findings(found),
-        tables=(method_table("Transfer between buildings", found), _by_map(found)),
-        pictures=tuple(pictures),
+        findings=tuple(
+            item for way, of_way in found.items() for item in method_findings(of_way, way=way)
+        ),
+        tables=(
+            method_table("Transfer between buildings", by_way(found)),
+            _by_map(by_way(found)),
+        ),
+        pictures=tuple(Picture(*item) for item in captions.items()),
         files=files,
     )
+
+
+def _pictures(
+    name: str, found: Comparison, labeler: PlaceLabeler, grid: OccupancyGrid
+) -> dict[str, bytes]:
+    """Labels and errors on the first test map, and the map without labels."""
+    files = {f"{name}_labels.png": label_sheet(found), f"{name}_errors.png": error_sheet(found)}
+    if name == "transfer_52":
+        files["unlabelled.png"] = _labels(labeler, grid, found.methods[0].id)
+    if name == "transfer_79_52":
+        files["unlabelled_topology.png"] = _topology(labeler, grid)
+    return files
 
 
 def _labels(labeler: PlaceLabeler, grid: OccupancyGrid, method: str) -> bytes:

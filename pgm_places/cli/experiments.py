@@ -216,6 +216,7 @@ _CHECKOUT = Path(__file__).resolve().parents[2]
 def reproduce(
     names: Annotated[list[str] | None, Argument("SECTION...")] = None,
     out: Out = Path("reproduced"),
+    stockholm: Path | None = None,
     again: bool = False,
     force: Force = False,
     n_threads: Threads = None,
@@ -227,15 +228,22 @@ def reproduce(
     ----------
     names
         Sections such as 7.1 7.5; all by default.
+    stockholm
+        Folder of COLD-Stockholm, whose floors 6 and 7 are those of the paper's section 7.6.
     again
         Rerun sections that have already been run.
     """
-    if not (_CHECKOUT / "experiments" / "paper").is_dir():
-        raise InputError(
-            "the paper's experiments come with the source, not with the installed package; get a "
-            "checkout of it, run 'pip install --editable .' there, and try again"
-        )
-    if str(_CHECKOUT) not in sys.path:
+    if (_CHECKOUT / "experiments" / "paper").is_dir() and str(_CHECKOUT) not in sys.path:
         sys.path.insert(0, str(_CHECKOUT))
-    paper = import_module("experiments.paper.command")
-    paper.reproduce(names or (), out, again=again, force=force, n_threads=n_threads, quiet=quiet)
+    try:
+        paper = import_module("experiments.paper.command")
+    except ModuleNotFoundError as error:
+        if not str(error.name).startswith("experiments"):
+            raise
+        raise InputError(
+            "the paper's experiments come with the source, not with the installed package; run "
+            "'python -m experiments.paper' in a checkout of it"
+        ) from None
+    paper.reproduce(
+        names or (), out, stockholm, again=again, force=force, n_threads=n_threads, quiet=quiet
+    )

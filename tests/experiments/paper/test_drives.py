@@ -1,17 +1,25 @@
 """The experiments with drives, in generated buildings of a few rooms."""
 
 import functools
+import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from experiments.paper import categories, front_laser, furnished_floors
+from experiments.paper.run import reproduce
 from experiments.paper.scored_steps import ALONE, MODES
-from experiments.paper.setting import Setting
+from experiments.paper.setting import WAYS, Setting
 from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError
+from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.components import connected_components
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.trajectories.scan import ScanGeometry
 
 SMALL = functools.partial(generate_building, size="small")
 
@@ -38,10 +46,11 @@ def test_every_mode_has_a_row_and_two_have_the_paper_s_figure(
     monkeypatch.setattr(categories, "DETECTORS", shown)
     found = categories.run(Setting())
     [table] = found.tables
-    rows = [row[:2] for row in table.rows]
-    assert rows == [(categories.SHOWN, mode) for mode in (ALONE, *MODES.values())]
+    rows = [row[:3] for row in table.rows]
+    modes = (ALONE, *MODES.values())
+    assert rows == [(way, categories.SHOWN, mode) for way in WAYS for mode in modes]
     papers = [item.paper for item in found.findings if item.paper is not None]
-    assert papers == [0.754, 0.912]
+    assert papers == [0.754, 0.912] * 2
     assert {item.file for item in found.pictures} == set(found.files)
 
 
@@ -53,6 +62,67 @@ def test_a_front_laser_is_tried_with_what_may_be_behind(monkeypatch: pytest.Monk
     monkeypatch.setattr(front_laser, "DIRECTIONS", (("A", "B"),))
     found = front_laser.run(Setting())
     [table] = found.tables
-    assert {row[0] for row in table.rows} == {"A to B"}
-    assert [item.paper for item in found.findings if item.paper] == [0.844]
+    assert {row[1] for row in table.rows} == {"A to B"}
+    assert [item.paper for item in found.findings if item.paper] == [0.844] * 2
     assert {item.file for item in found.pictures} == set(found.files)
+
+
+def write_cold_floor(folder: Path, seed: int) -> None:
+    """A small building in the files of a COLD sequence, with one run along its free cells."""
+    building = generate_building(seed, size="small", resolution_m=0.1)
+    folder.mkdir()
+    save_map(building.grid, folder / "map")
+    codes = {"corridor": "CR", "room": "MPO", "doorway": "DW"}
+    cells = np.argwhere(building.labels >= 0)
+    squares = [
+        {
+            "type": "Feature",
+            "properties": {"class": codes[building.label_names[building.labels[row, column]]]},
+            "geometry": {"type": "Polygon", "coordinates": [_square(building.grid, row, column)]},
+        }
+        for row, column in cells.tolist()
+    ]
+    text = json.dumps({"type": "FeatureCollection", "features": squares})
+    (folder / "regions.geojson").write_text(text)
+    path = SimulatedRobot(ScanGeometry.half_circle(4, range_max_m=5.0)).explore(
+        building.grid, spacing_m=4.0, seed=seed
+    )
+    rows = [
+        f"{t:.3f},{x:.4f},{y:.4f},CR" for t, (x, y, _) in zip(path.times_s, path.poses, strict=True)
+    ]
+    (folder / "trajectory_cloudy1.csv").write_text("\n".join(["t_s,x_m,y_m,label", *rows]) + "\n")
+
+
+def _square(grid: OccupancyGrid, row: int, column: int) -> list[list[float]]:
+    """The outline of a cell."""
+    [[x, y]] = grid.cell_centres_m(np.array([[row, column]]))
+    half = grid.resolution_m / 2
+    corners = ((-half, -half), (half, -half), (half, half), (-half, half), (-half, -half))
+    return [[float(x + dx), float(y + dy)] for dx, dy in corners]
+
+
+@pytest.mark.slow
+def test_the_paper_s_floors_are_read_from_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for floor, seed in (("floor6", 1), ("floor7", 2)):
+        write_cold_floor(tmp_path / f"cold_stockholm_{floor}", seed)
+    beams = {front_laser.SHOWN: front_laser.BEAMS[front_laser.SHOWN]}
+    monkeypatch.setattr(front_laser, "BEAMS", beams)
+    [found] = reproduce(["7.6-kth"], tmp_path / "out", stockholm=tmp_path, n_threads=1)
+    assert found.real
+    [table] = found.tables
+    ways = ("floor 6 to floor 7", "floor 7 to floor 6")
+    assert {row[:2] for row in table.rows} == {(way, floors) for way in WAYS for floors in ways}
+    papers = {item.what for item in found.findings if item.paper}
+    assert papers == {f"floor 6 to floor 7, {front_laser.SHOWN}, {ALONE}"}
+    accuracies = [item.accuracy for item in found.findings]
+    assert min(item for item in accuracies if item is not None) > 0.5
+
+
+def test_a_floor_without_a_run_is_refused(tmp_path: Path) -> None:
+    for floor in ("floor6", "floor7"):
+        write_cold_floor(tmp_path / f"cold_stockholm_{floor}", 1)
+        (tmp_path / f"cold_stockholm_{floor}" / "trajectory_cloudy1.csv").unlink()
+    with pytest.raises(ConfigError, match=r"has no run; give it at least one trajectory_\*\.csv"):
+        front_laser.kth(Setting(tmp_path))

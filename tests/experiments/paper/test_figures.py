@@ -66,7 +66,7 @@ def test_steps_without_a_true_place_do_not_count() -> None:
     assert found.evaluation.n == 60
     assert found.evaluation.accuracy == pytest.approx(2 / 3)
     assert found.interval.low < 2 / 3 < found.interval.high
-    assert found.finding("steps", paper=0.5).doorway_f1 == pytest.approx(0.8)
+    assert found.finding("steps", "as printed", paper=0.5).doorway_f1 == pytest.approx(0.8)
 
 
 def test_ablations_stand_in_the_overview_only_by_themselves() -> None:
@@ -77,3 +77,17 @@ def test_ablations_stand_in_the_overview_only_by_themselves() -> None:
     assert [row[0] for row in both.rows] == ["7.1 what 7.1"]
     alone = overview_table([section("beams", "")])
     assert [row[0] for row in alone.rows] == ["beams what beams"]
+
+
+def test_both_ways_stand_in_one_row_of_the_overview() -> None:
+    findings = (
+        Finding("filter", 0.9, 0.8, paper=0.912, way="as printed"),
+        Finding("filter", 0.95, 0.7),
+        Finding("doors", counts="6 of 7", way="as printed"),
+    )
+    table = overview_table([Section("7.2", "T", "p", True, 1.0, "1", "s", findings)])
+    assert table.heading == ("experiment", "buildings", "paper", "as printed", "by default")
+    assert table.rows == (
+        ("7.2 filter", "real", "91.2", "90.0 / 80.0", "95.0 / 70.0"),
+        ("7.2 doors", "real", "-", "6 of 7", "-"),
+    )

@@ -65,8 +65,8 @@ def test_the_pages_hold_figures_tables_pictures_and_say_what_stood_in(
 ) -> None:
     list(reproduce(["7.1"], tmp_path))
     page = (tmp_path / "reproduce.md").read_text()
-    assert "| 7.1 poses | generated | 97.3 | 98.1 | 97.0 to 99.0 | 92.0 | 70.0 |" in page
-    assert "| 7.1 a picture | generated | - | - | - | - | - |" in page
+    assert "| 7.1 poses | generated | 97.3 | 98.1 / 92.0 |" in page
+    assert "| 7.1 a picture | generated | - | - / - |" in page
     assert "generated buildings stand in" in page
     assert "| room \\| doorway | 98.1 |" in page
     assert "![A <map>](7.1/map.png)" in page
@@ -110,6 +110,8 @@ def test_sections_come_in_the_order_of_the_paper() -> None:
     assert chosen_sections(("7.5", "7.1")) == ("7.1", "7.5")
     assert chosen_sections(())[:2] == ("7.1", "7.2")
     assert chosen_sections(())[-1] == "7.6"
+    assert chosen_sections(("7.6",), stockholm=True) == ("7.6", "7.6-kth")
+    assert chosen_sections((), stockholm=True)[-1] == "7.6-kth"
     with pytest.raises(ConfigError, match=r"python -m experiments buildings runs it"):
         chosen_sections(("buildings",))
     with pytest.raises(ConfigError, match=r"no section '7\.11'.*7\.1"):
@@ -123,6 +125,14 @@ def test_data_without_a_section_s_folder_are_no_data(
     assert data_for(SECTIONS["7.1"]) is None
     (tmp_path / "freiburg079").mkdir()
     assert data_for(SECTIONS["7.1"]) == tmp_path
+
+
+def test_the_paper_s_floors_are_refused_in_one_line_where_they_are_missing(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"needs COLD-Stockholm: --stockholm FOLDER"):
+        list(reproduce(["7.6-kth"], tmp_path / "out"))
+    (tmp_path / "cold_stockholm_floor6").mkdir()
+    with pytest.raises(ConfigError, match=r"no folder cold_stockholm_floor7 in .*--stockholm"):
+        data_for(SECTIONS["7.6-kth"], tmp_path)
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
