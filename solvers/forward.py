@@ -134,6 +134,7 @@ def viterbi(chain: Chain) -> ChainPath:
     >>> viterbi(chain).labels.tolist()
     [0, 0, 0]
     """
+    _check(chain)
     start, arrival, observed, led = chain
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
@@ -203,6 +204,14 @@ class ForwardFilter:
         return beliefs[0], not impossible[0]
 
 
+def _check(chain: Chain) -> None:
+    """Refuse a chain whose parts do not fit together: kernels go by them."""
+    n_steps, n_labels = chain.observed.shape
+    require_shape("the chain's start", chain.start.shape, (n_labels,))
+    require_shape("the chain's arrival", chain.arrival.shape, ("A", n_labels, n_labels))
+    integer_array("the chain's actions", chain.led, (n_steps,), low=0, high=len(chain.arrival))
+
+
 def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
     """Some rows of the log-likelihoods (T, K), looked at just before they are needed in cache."""
     rows = observed[part]
@@ -213,6 +222,7 @@ def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
 
 def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
     """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
+    _check(chain)
     observed = chain.observed
     beliefs, impossible = np.empty(observed.shape), np.empty(len(observed), np.bool_)
     evidence = _filter(chain, False, beliefs, impossible)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, integer_array
 from pgm_places._core import find_allowed, modes_pass
 from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
@@ -93,6 +93,7 @@ def improved_modes(
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> list[float]:
     """Improve ``labels`` (N,) in place, node by node; how many changed in each pass."""
+    integer_array("labels", labels, (model.n_nodes,), low=0, high=model.n_labels, narrow=True)
     arguments = model.terms, model.around.arcs, labels
     return until_at_rest(lambda _: float(modes_pass(*arguments)), 0, max_iterations, on_iteration)
 
@@ -161,7 +162,8 @@ def allowed_labels(
         waiting=np.empty(n_nodes, np.bool_),
         counts=np.empty(3, np.int64),
     )
-    wanted = np.ascontiguousarray(labels, np.int32)
+    checked = integer_array("labels", labels, (n_nodes,), low=0, high=n_labels)
+    wanted = np.ascontiguousarray(checked, np.int32)
     outcome = find_allowed(model.terms, model.around.arcs, wanted, max_failures, space)
     if outcome == NONE_EXISTS:
         raise InfeasibleError

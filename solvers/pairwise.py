@@ -218,7 +218,10 @@ def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 def total_score(model: PairwiseModel, labels: NDArray[np.integer]) -> float:
     """The log-potential of a labelling (N,): its unaries plus its edges plus the offset."""
-    chosen = np.ascontiguousarray(labels, np.int32)
+    checked = integer_array(
+        "labels", labels, (model.n_nodes,), low=0, high=model.n_labels, narrow=True
+    )
+    chosen = np.ascontiguousarray(checked, np.int32)
     return score_labels(model.terms, model.around.arcs.ends, chosen) + model.offset
 
 

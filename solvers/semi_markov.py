@@ -233,14 +233,17 @@ class SemiMarkovChain:
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
         )
         require_at_least("moved_m", moved_m, 0, "metres")
+        finite_array("moved_m", [moved_m], (1,))
         factor = np.ones(len(rows))
         if state is None:
             age_m, recent, old = np.zeros(1), self._start[None].copy(), np.zeros(len(rows))
             held = self._start
         else:
-            age_m = np.append(state.age_m + moved_m, 0.0)
-            recent = np.concatenate([state.recent, np.zeros((1, len(rows)))])
-            old = state.old.copy()
+            before = finite_array("age_m", state.age_m, ("W",))
+            held_before = finite_array("recent", state.recent, (len(before), len(rows)))
+            age_m = np.append(before + moved_m, 0.0)
+            recent = np.concatenate([held_before, np.zeros((1, len(rows)))])
+            old = np.array(finite_array("old", state.old, rows.shape))
             states = _States(age_m[0] - age_m, recent, old)
             left, entered, held = (np.empty(len(rows)) for _ in range(3))
             flow = (left, entered, held)
@@ -322,7 +325,10 @@ class SemiMarkovChain:
         if (moved < 0).any():
             raise InputError(f"moved_m must be at least 0 metres, got {moved.min()}")
         at_m = np.zeros(len(rows))
-        at_m[1:] = np.cumsum(moved)
+        with np.errstate(over="ignore"):
+            at_m[1:] = np.cumsum(moved)
+        if not np.isfinite(at_m[-1:]).all():
+            raise InputError("moved_m adds up to more metres than a float holds")
         return _States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
 
 

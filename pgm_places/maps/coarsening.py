@@ -23,7 +23,13 @@ from pgm_places.maps._blocks import (
     holders,
     simplest_factor,
 )
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    OccupancyGrid,
+    check_resolution,
+)
 
 
 def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
@@ -96,6 +102,8 @@ def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
     MapError
         Where that is less than 1, or no number.
     """
+    if np.isfinite(resolution_m) and resolution_m > grid.resolution_m:
+        check_resolution(resolution_m)
     ratio = resolution_m / grid.resolution_m if np.isfinite(resolution_m) else 0.0
     if ratio < 1 - SAME:
         raise MapError(

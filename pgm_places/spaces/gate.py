@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
+_FARTHEST = 2.0**40
+"""Cells, beyond every map."""
+
 
 @dataclass(frozen=True)
 class Gate:
@@ -61,7 +64,7 @@ class Gate:
         """(n, 2) row and column of the free cells with their centres inside, in row-major order."""
         reach = np.hypot(self.width_m / 2 + wider_m, self.depth_m / 2 + deeper_m)
         low, high = grid.cells_at_m([self.centre_m])[0] + np.array([[-1], [1]]) * (
-            int(reach / grid.resolution_m) + 1
+            int(min(reach / grid.resolution_m, _FARTHEST)) + 1
         )
         low, high = np.maximum(low, 0), np.minimum(high + 1, grid.shape)
         if (low >= high).any():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pgm_places.errors import InputError
 from pgm_places.topology.roads import Roads, RouteSpace, roads_through
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -119,6 +120,11 @@ def route_graph(
     closed : collection of int
         Ids of places that the robot keeps out of; they are obstacles.
 
+    Raises
+    ------
+    InputError
+        The radius is negative or not finite.
+
     Examples
     --------
     >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -129,6 +135,8 @@ def route_graph(
     >>> [node.point_m for node in found.nodes], found.edges[0].clearance_m
     ([(0.5, 0.5), (4.5, 0.5)], 0.5)
     """
+    if not 0 <= robot_radius_m < np.inf:
+        raise InputError(f"robot_radius_m must be metres from 0, got {robot_radius_m}")
     space = RouteSpace(topology, robot_radius_m, closed)
     return _in_metres(roads_through(space), tuple(sorted(closed)))
 

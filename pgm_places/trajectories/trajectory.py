@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
 
 
+MOST_STEPS = 100_000_000
+"""Of a path that is resampled."""
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """T steps of a robot, in the order in which they were recorded.
@@ -257,6 +261,12 @@ class Trajectory:
         if len(self) < 2:
             return self
         way = np.concatenate([[0.0], np.cumsum(self.step_lengths_m)])
+        if way[-1] / every_m > MOST_STEPS:
+            raise InputError(
+                f"{self.name} is {way[-1]:g} m long, which every_m = {every_m:g} m would part into "
+                f"more than {MOST_STEPS} steps; leave out poses that lie far away, or take longer "
+                "steps"
+            )
         steps = np.union1d(np.arange(0.0, way[-1], every_m), way)
         xy = np.stack([np.interp(steps, way, self.poses[:, axis]) for axis in (0, 1)], axis=1)
         labels = None

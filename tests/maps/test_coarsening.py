@@ -293,3 +293,9 @@ def test_maps_that_do_not_belong_together_are_refused() -> None:
         Coarsening(grid, OccupancyGrid(grid.cells, 0.1))
     with pytest.raises(MapError, match=r"the coarse map's shape \(5, 5\), got \(9, 9\)"):
         Coarsening(grid, coarsen(grid, 0.1)).paint(grid.cells, 0)
+
+
+@pytest.mark.parametrize("side_m", [1e4, 1e300])
+def test_cells_larger_than_any_map_are_refused(side_m: float) -> None:
+    with pytest.raises(MapError, match="resolution_m must be positive metres per cell"):
+        coarsen(OccupancyGrid(np.zeros((1, 1), np.int8), 0.1), side_m)

@@ -316,3 +316,12 @@ def test_three_classes_are_refused() -> None:
 def test_values_without_a_float32_are_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="X contains"):
         AdaBoostStumps().fit([[0.0], [bad]], [0, 1])
+
+
+def test_rows_of_too_few_columns_are_refused() -> None:
+    """What lies behind a row was read."""
+    stumps = StrongClassifier(
+        np.array([5, 9_999_999]), np.zeros(2), np.ones(2, np.int8), np.ones(2)
+    )
+    with pytest.raises(InputError, match=r"X must have at least 10000000 columns, .* got shape"):
+        stumps.scores(np.zeros((10, 3), np.float32))

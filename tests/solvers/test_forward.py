@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -411,3 +413,14 @@ def test_a_filter_takes_only_actions_that_have_a_table(action: int) -> None:
     belief, _ = chain.step([0.0, 0.0])
     with pytest.raises(InputError, match="action must hold integers"):
         chain.step([0.0, -1.0], belief, action=action)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"led": np.array([0, 5, 9**9])}, {"led": np.zeros(2, np.int64)}, {"start": np.ones(9)}],
+)
+@pytest.mark.parametrize("take", [filtered_beliefs, smoothed_beliefs, viterbi])
+def test_a_chain_made_by_hand_has_parts_that_fit(take: Any, change: dict[str, Any]) -> None:
+    chain = markov_chain([0.5, 0.5], STAY, np.zeros((3, 2)))
+    with pytest.raises(InputError, match="the chain's"):
+        take(chain._replace(**change))

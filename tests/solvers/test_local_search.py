@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.local_search import iterated_conditional_modes
-from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.local_search import allowed_labels, iterated_conditional_modes
+from pgm_places.solvers.pairwise import pairwise_model, total_score
 from tests.reference.energy import Model, score
 from tests.strategies import models
 
@@ -43,3 +43,14 @@ def test_passes_and_changes_are_reported() -> None:
 def test_bad_limits_are_refused() -> None:
     with pytest.raises(InputError, match="max_iterations must be at least 1, got 0"):
         iterated_conditional_modes(pairwise_model(np.zeros((2, 2)), [(0, 1)]), max_iterations=0)
+
+
+@pytest.mark.parametrize(
+    "labels", [[0, 0, 0, 99_999_999], [-5, 0, 0, 0], [0, 0], [0.5, 0, 0, 0], [2**40, 0, 0, 0]]
+)
+def test_labels_that_there_are_none_of_reach_no_kernel(labels: list[float]) -> None:
+    """They were read as places in memory."""
+    model = pairwise_model(np.zeros((4, 3)), [(0, 1), (1, 2), (2, 3)], np.ones((3, 3)))
+    for take in (total_score, allowed_labels):
+        with pytest.raises(InputError, match="labels must h"):
+            take(model, np.array(labels))

@@ -10,7 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers import semi_markov
 from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
-from pgm_places.solvers.semi_markov import SemiMarkovChain
+from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 from tests.reference.chains import marginals
 from tests.reference.semi_markov import joint, log_joint
 
@@ -216,3 +216,24 @@ def test_distances_are_checked() -> None:
         chain.viterbi([-0.1], np.zeros((2, 2)))
     with pytest.raises(InputError, match="moved_m must be at least 0"):
         chain.step([0.0, 0.0], None, moved_m=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ((np.zeros(50), np.zeros((2, 2)), np.zeros(2)), r"recent must have shape \(50, 2\)"),
+        ((np.zeros(2), np.ones((2, 9)), np.zeros(9)), r"recent must have shape \(2, 2\)"),
+        ((np.zeros(2), np.ones((2, 2)), np.zeros(1)), r"old must have shape \(2,\)"),
+        ((np.array([np.nan]), np.ones((1, 2)), np.zeros(2)), "age_m must hold finite numbers"),
+    ],
+)
+def test_a_state_of_another_chain_is_refused(
+    state: tuple[Array, Array, Array], message: str
+) -> None:
+    chain = SemiMarkovChain([0.5, 0.5], OTHER, [0.0, 1.0], [[1.0, 1.0], [1.0, 1.0]])
+    with pytest.raises(InputError, match=message):
+        chain.step([0.0, 0.0], SemiMarkovState(*state), 1.0)
+    with pytest.raises(InputError, match="moved_m must hold finite numbers"):
+        chain.step([0.0, 0.0], None, np.inf)
+    with pytest.raises(InputError, match="moved_m adds up to more metres than a float holds"):
+        chain.filtered([1e308, 1e308], np.zeros((3, 2)))

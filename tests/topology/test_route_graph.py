@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 from experiments.routes import cell_lengths, ratios
 from pgm_places._core import needed_edges, segment_clearances, stays_between
 from pgm_places.datasets import generate_building
+from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -198,3 +199,11 @@ def test_real_buildings_have_short_and_clear_ways(name: str) -> None:
     values = ratios(topology, found)
     assert np.median(values) < 1.06
     assert np.quantile(values, 0.99) < 1.3
+
+
+@pytest.mark.parametrize("radius_m", [-1.0, np.nan, np.inf])
+def test_a_robot_has_a_radius(radius_m: float) -> None:
+    grid = OccupancyGrid(np.zeros((3, 8), np.int8), 1.0)
+    topology = topological_map(grid, np.zeros((3, 8), np.int64), ["room"])
+    with pytest.raises(InputError, match="robot_radius_m must be metres from 0"):
+        route_graph(topology, robot_radius_m=radius_m)

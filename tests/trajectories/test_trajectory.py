@@ -183,3 +183,9 @@ def test_a_shorter_reach_reads_nothing_seen_beyond_it() -> None:
     assert (near.geometry.returned(near.ranges_m) == (far < 2)).all()
     with pytest.raises(InputError, match="reach 8 m, they cannot be cut at 9 m"):
         trajectory().within(9.0)
+
+
+def test_a_path_is_not_resampled_to_more_steps_than_fit() -> None:
+    path = Trajectory(np.arange(2.0), np.array([[-9e6, 0, 0], [9e6, 0, 0]]))
+    with pytest.raises(InputError, match="leave out poses that lie far away"):
+        path.resampled(1e-3)
