@@ -1,8 +1,8 @@
-"""Run the experiments on real buildings: python -m experiments writes docs/results.md's tables.
+"""Run the experiments on real buildings: python -m experiments prints the tables of results.md.
 
 The paper's sections are those of ``pgm-places reproduce``; ablations, buildings left out, and the
 configurations here are further experiments: ``python -m experiments buildings``.
-What each section found last is kept in ``experiments/sections``.
+``--write-docs`` keeps what each section found in ``experiments/sections`` and renews docs/.
 """
 
 import argparse
@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from experiments.own_sections import ABLATIONS, BUILDINGS
-from experiments.page_tables import text_of, write_table
+from experiments.page_tables import show_table, text_of, with_write_docs, write_table
 from experiments.paper.figures import BORDER_M, away_from_borders, percent
 from experiments.paper.markdown import markdown_section
 from experiments.paper.run import RECORD, finished_section, reproduce
 from experiments.paper.section import Section, Table
-from experiments.paper.sections import SECTIONS as OF_THE_PAPER
+from experiments.paper.sections import SECTIONS as SECTIONS_OF_THE_PAPER
+from experiments.paper.sections import chosen_sections
 from experiments.section_tables import (
     ABLATION_TABLE,
     CHOICES,
@@ -36,6 +37,7 @@ from pgm_places.experiment.runs import compare
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each experiment found last
 REPRODUCED = FOLDER / "reproduced"  # sections with pictures, and what they keep: not committed
+OF_THE_PAPER = {key: SECTIONS_OF_THE_PAPER[key] for key in chosen_sections(())}
 ALL_SECTIONS = {**OF_THE_PAPER, "buildings": BUILDINGS, **ABLATIONS}
 MAPS = {
     "seen": "building79_spaces.toml",
@@ -83,14 +85,15 @@ def _figures(found: Evaluation) -> str:
     return " / ".join(map(percent, figures))
 
 
-def run_section(key: str, out: Path) -> None:
-    """Rerun a section; its record without pictures replaces the kept one."""
+def run_section(key: str, out: Path, *, write: bool) -> None:
+    """Rerun a section; if asked to, its record without pictures replaces the kept one."""
     [section] = reproduce([key], out, sections=ALL_SECTIONS, again=True, progress=LineProgress())
     if not section.real:
         sys.exit(f"section {key} did not find all of its real maps; the kept one stays")
-    record = (out / key / RECORD).read_text(encoding="utf-8")
-    (SECTIONS / key).mkdir(exist_ok=True)
-    (SECTIONS / key / RECORD).write_text(record, encoding="utf-8")
+    if write:
+        record = (out / key / RECORD).read_text(encoding="utf-8")
+        (SECTIONS / key).mkdir(exist_ok=True)
+        (SECTIONS / key / RECORD).write_text(record, encoding="utf-8")
     print(markdown_section(section, with_pictures=False), flush=True)
 
 
@@ -114,6 +117,7 @@ def parser() -> argparse.ArgumentParser:
     """What the command takes."""
     known = [*ALL_SECTIONS, *MAPS, OVERVIEW_TABLE, ABLATION_TABLE]
     found = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
+    with_write_docs(found)
     found.add_argument(
         "names",
         nargs="*",
@@ -121,7 +125,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="name",
         help=f"some of {', '.join(known)}; all by default",
     )
-    found.add_argument("--compose", action="store_true", help="run nothing, only write tables")
+    found.add_argument(
+        "--compose", action="store_true", help="run nothing, write the tables of what is kept"
+    )
     found.add_argument(
         "--out",
         type=Path,
@@ -142,13 +148,13 @@ def main() -> None:
     for name in () if given.compose else wanted:
         print(f"== {name}", flush=True)
         if name in ALL_SECTIONS:
-            run_section(name, given.out)
+            run_section(name, given.out, write=given.write_docs)
         else:
             comparison = compare(Experiment(load_config(FOLDER / MAPS[name]), FOLDER))
-            text = text_of([comparison_table(comparison)])
-            print(text, write_table(name, text), sep="\n", flush=True)
-    for name, text in kept_tables():
-        print(f"{name} in {write_table(name, text)}")
+            show_table(name, text_of([comparison_table(comparison)]), write=given.write_docs)
+    if given.write_docs or given.compose:
+        for name, text in kept_tables():
+            print(f"{name} in {write_table(name, text)}")
 
 
 if __name__ == "__main__":

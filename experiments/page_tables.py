@@ -1,10 +1,12 @@
-"""Tables of the documentation: a command writes its own between two marks of a page.
+"""Tables of the documentation: a command with --write-docs writes its own between two marks.
 
 ``<!-- table: NAME, by python -m MODULE ARGUMENTS -->`` begins a table and says what renews it;
 ``<!-- end of table -->`` ends it.
 """
 
+import argparse
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,20 +63,32 @@ def with_table(page: str, name: str, table: str) -> str:
     raise ValueError(f"the page lacks the marks '<!-- table: {name}, by ... -->' and '{END}'")
 
 
+def with_write_docs(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """The parser with the option that lets an experiment rewrite the documentation."""
+    parser.add_argument(
+        "--write-docs", action="store_true", help="renew the tables and pictures in docs/"
+    )
+    return parser
+
+
+def show_table(name: str, table: str, *, write: bool) -> None:
+    """Print a table, and renew it in its page if asked to."""
+    print(table, flush=True)
+    if write:
+        print(write_table(name, table), flush=True)
+
+
 def write_table(name: str, table: str, docs: Path = DOCS) -> Path:
     """Renew a table in the page that has its marks; the page.
 
-    Raises
-    ------
-    ValueError
-        No page has them.
+    Where no page has them, one line says so and the process ends.
     """
     for mark in marks(docs):
         if mark.name == name:
             text = mark.page.read_text(encoding="utf-8")
             mark.page.write_text(with_table(text, name, table), encoding="utf-8")
             return mark.page
-    raise ValueError(f"no page of {docs} has the mark '<!-- table: {name}, by ... -->'")
+    sys.exit(f"no page of {docs} has the mark '<!-- table: {name}, by ... -->'")
 
 
 def parsed_tables(text: str) -> list[Table]:

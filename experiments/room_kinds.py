@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.page_tables import text_of, write_table
+from experiments.page_tables import show_table, text_of, with_write_docs
 from experiments.paper.section import Table
 from pgm_places.evaluation.confusion import confusion_matrix
 from pgm_places.inference.backends import build
@@ -380,8 +380,10 @@ _COLOURS = (
 """One for each kind."""
 
 
-def write(floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.int64]]]) -> None:
-    """Write the tables of docs/results.md and their picture."""
+def show(
+    floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.int64]]], *, write_docs: bool
+) -> None:
+    """Print the tables of docs/results.md; if asked to, renew them and their picture."""
     truth = np.concatenate([item.truth for item in floors])
     area = np.concatenate([item.area_m2 for item in floors])
     print(
@@ -397,7 +399,9 @@ def write(floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.int64]]]
     )
     written = {"room_kinds": method_table(floors, labels), "kinds": text_of([by_kind])}
     for name in TABLES:
-        print(written[name], write_table(name, written[name]), sep="\n")
+        show_table(name, written[name], write=write_docs)
+    if not write_docs:
+        return
     [at] = [k for k, item in enumerate(floors) if item.name == SHOWN]
     drawn = {"true kinds": floors[at].truth, "each place alone": labels["independent"][at]}
     drawn["with its neighbours (relaxation)"] = labels["relaxation"][at]
@@ -405,20 +409,20 @@ def write(floors: Sequence[Floor], labels: Mapping[str, list[NDArray[np.int64]]]
 
 
 def parser() -> argparse.ArgumentParser:
-    """What the command takes: nothing."""
-    return argparse.ArgumentParser(prog="python -m experiments.room_kinds")
+    """What the command takes."""
+    return with_write_docs(argparse.ArgumentParser(prog="python -m experiments.room_kinds"))
 
 
 def main() -> None:
     """Run everything."""
-    parser().parse_args()
+    given = parser().parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
     floors = load_floors(Path(data))
     with ProcessPoolExecutor(2) as pool:
         labels = leave_one_out(floors, pool.map)
-    write(floors, labels)
+    show(floors, labels, write_docs=given.write_docs)
 
 
 if __name__ == "__main__":

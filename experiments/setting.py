@@ -7,9 +7,8 @@ from experiments.paper.setting import Setting, data_folder
 from pgm_places.cli.terminal import LineProgress
 
 
-def asked_setting(what: str | None) -> Setting:
-    """The setting of ``--kept`` and ``--threads``; ``--help`` begins with the first line."""
-    given = setting_parser(what).parse_args()
+def setting_of(given: argparse.Namespace) -> Setting:
+    """The setting of ``--kept`` and ``--threads``."""
     return Setting(data_folder(), LineProgress(), given.threads, given.kept)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.buildings.maps import WITH_HALLS, real_maps
-from experiments.page_tables import write_table
+from experiments.page_tables import with_write_docs, write_table
 from experiments.teaching import CHOSEN_ON, FLOORS, NAMES, Course, by_teaching
 from pgm_places import trained_labeler
 from pgm_places.io.maps.label_image import load_labels
@@ -94,7 +94,7 @@ def strokes(data: Path) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = argparse.ArgumentParser(prog="python -m experiments.studio_actions")
+    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.studio_actions"))
     found.add_argument("--strokes", action="store_true", help="only time a correction")
     return found
 
@@ -111,7 +111,8 @@ def main() -> None:
         item = robot_map(data, name) if name in ROBOTS else floor(data, name)
         found[name] = by_teaching(item, "doubt", learns=False)
         print(table(found), flush=True)
-    print(write_table("answers", table(found)))
+    if given.write_docs:
+        print(write_table("answers", table(found)))
 
 
 if __name__ == "__main__":

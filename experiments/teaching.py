@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.buildings.maps import real_maps
-from experiments.page_tables import write_table
+from experiments.page_tables import with_write_docs, write_table
 from pgm_places import trained_labeler
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.labelled_map import LabelledMap
@@ -250,7 +250,7 @@ def choose(data: Path) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = argparse.ArgumentParser(prog="python -m experiments.teaching")
+    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.teaching"))
     found.add_argument("--choose", action="store_true", help="only compare how much is kept")
     return found
 
@@ -266,8 +266,9 @@ def main() -> None:
     for item in maps(data, ("building 79", "building 52", *FLOORS)):
         found[item.name] = courses(item)
         print(table(found), flush=True)
+    if given.write_docs:
         PICTURE.write_bytes(draw(found))
-    print(write_table("clicks", table(found)))
+        print(write_table("clicks", table(found)))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Trajectories on real buildings, labelled with and without a hidden Markov model.
 
-``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` writes their tables in docs/results.md,
-or those that are named. ``--kept FOLDER`` keeps there what each part found, and each graph of the
-part ``graphs``, so that a run that was stopped goes on where it was.
+``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` prints their tables, or those that are
+named; ``--write-docs`` renews them in docs/results.md. ``--kept FOLDER`` keeps there what each part
+found, and each graph of the part ``graphs``, so that a run that was stopped goes on where it was.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from experiments.drives.methods import (
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
-from experiments.page_tables import SideBySide, parsed_tables, text_of, write_table
+from experiments.page_tables import SideBySide, parsed_tables, show_table, text_of, with_write_docs
 from experiments.paper.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
@@ -178,7 +178,7 @@ def _has_figures(row: Sequence[str]) -> bool:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = argparse.ArgumentParser(prog="python -m experiments.trajectories")
+    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.trajectories"))
     found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
     found.add_argument(
         "parts", nargs="*", choices=[*TABLES, []], metavar="part", help=", ".join(TABLES)
@@ -207,7 +207,7 @@ def main() -> None:
     }
     for name in chosen.parts or TABLES:
         text = shown(name, kept.text(name, parts[name]))
-        print(text, write_table(name, text), sep="\n", flush=True)
+        show_table(name, text, write=chosen.write_docs)
 
 
 if __name__ == "__main__":

@@ -28,10 +28,10 @@ from experiments.buildings.maps import (
 )
 from experiments.buildings.scores import SHIPPED, doors_of, places_of, rescaled
 from experiments.kept import KeptArrays
-from experiments.page_tables import SideBySide, text_of, write_table
+from experiments.page_tables import SideBySide, show_table, text_of, with_write_docs
 from experiments.paper.section import Table
 from experiments.paper.setting import Setting
-from experiments.setting import asked_setting, setting_parser
+from experiments.setting import setting_of, setting_parser
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
@@ -186,14 +186,14 @@ def table(found: Mapping[str, Sequence[Figures]]) -> Table:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    return setting_parser(__doc__)
+    return with_write_docs(setting_parser(__doc__))
 
 
 def main() -> None:
     """Write the table."""
-    found = figures(scored_unseen(asked_setting(__doc__)))
-    text = text_of([SHOWN.of(table(found))])
-    print(text, write_table("unseen_kinds", text), sep="\n")
+    given = parser().parse_args()
+    found = figures(scored_unseen(setting_of(given)))
+    show_table("unseen_kinds", text_of([SHOWN.of(table(found))]), write=given.write_docs)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from experiments.buildings.maps import known_maps
 from experiments.floor_network.floors import all_floors, fold_of
 from experiments.floor_network.held_out import networks
 from experiments.kept import KeptArrays
-from experiments.page_tables import write_table
+from experiments.page_tables import show_table, with_write_docs
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned
 from experiments.tracking_model.options import options_table
@@ -111,7 +111,7 @@ def tables(
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    found = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
+    found = with_write_docs(argparse.ArgumentParser(prog="python -m experiments.tracking_model"))
     found.add_argument("--kept", type=Path, help="folder that keeps what drives show")
     found.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
     found.add_argument("--model", action="store_true", help="only the model")
@@ -148,7 +148,7 @@ def main() -> None:
     written = tables(table, Path(data), kept, chosen.networks)
     for name in chosen.parts or (() if chosen.model else written):
         text = written[name]()
-        print(text, write_table(f"tracking_{name}", text), sep="\n", flush=True)
+        show_table(f"tracking_{name}", text, write=chosen.write_docs)
 
 
 if __name__ == "__main__":

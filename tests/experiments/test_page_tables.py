@@ -63,8 +63,8 @@ def test_a_page_without_marks_is_refused(tmp_path: Path) -> None:
         with_table(PAGE, "others", "")
     with pytest.raises(ValueError, match="lacks the marks"):
         with_table(PAGE.replace("<!-- end of table -->", ""), "times", "")
-    with pytest.raises(ValueError, match=r"no page of .* has the mark"):
-        write_table("others", "", tmp_path)
+    with pytest.raises(SystemExit, match=r"no page of .* has the mark"):
+        write_table("others", "", tmp_path / "missing")
 
 
 def test_the_page_that_has_the_mark_is_written(tmp_path: Path) -> None:
