@@ -38,9 +38,10 @@ from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import label_batch
 from pgm_places.batch.local_workers import LocalWorkers, Workers
 from pgm_places.batch.map_task import LabelledRow, MapTask, label_one
-from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
 
@@ -75,7 +76,7 @@ class Taken(NamedTuple):
 
 def single_seconds(maps: Path, out: Path) -> Taken:
     """What all maps take, one after the other in this process."""
-    sha256 = ready_model(OPTIONS).sha256
+    sha256 = LoadedModel.load(OPTIONS).sha256
     wall_s = processor_s = 0.0
     for first, found in enumerate(find_maps([str(maps)], out).maps):
         task = MapTask(found.name, found.path, out / found.name, OPTIONS, sha256)

@@ -18,14 +18,15 @@ from scipy.optimize import nnls
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import FoundMap, find_maps
 from pgm_places.batch.map_task import MapTask, label_one
-from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.labelers.label_map import at_model_resolution
+from pgm_places.labelers.labelled_places import at_model_resolution
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions
 
 OPTIONS = LabelOptions()
 
 
-def taken(item: FoundMap, model: ReadyModel) -> tuple[Forecast, float]:
+def taken(item: FoundMap, model: LoadedModel) -> tuple[Forecast, float]:
     """The work on a map, and the processor seconds it took."""
     grid = load_map(item.path).grid
     used, _ = at_model_resolution(model.labeler, grid)
@@ -42,7 +43,7 @@ def main() -> None:
     parser.add_argument("folders", nargs="+")
     parser.add_argument("--every", type=int, default=1, help="label one map of so many")
     options = parser.parse_args()
-    model = ready_model(OPTIONS)
+    model = LoadedModel.load(OPTIONS)
     speed = Speed.measured(OPTIONS)
     rows, shares = [], []
     for item in find_maps(options.folders).maps[:: options.every]:

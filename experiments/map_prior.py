@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from experiments.paper.categories import PLACES, Building79
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.hmm import HiddenMarkovModel

@@ -17,11 +17,11 @@ from .io.maps.map_server import save_map as save_map
 from .io.places.topology_files import load_topology as load_topology
 from .io.places.topology_files import save_topology as save_topology
 from .labelers.joint_labeler import JointLabeler as JointLabeler
-from .labelers.label_map import label_map as label_map
 from .labelers.method import PlaceMethod as PlaceMethod
 from .labelers.place_labeler import PlaceLabeler as PlaceLabeler
 from .labelers.structured_labeler import StructuredLabeler as StructuredLabeler
 from .labelers.trajectory_labeler import TrajectoryLabeler as TrajectoryLabeler
+from .labelling.label import label_map as label_map
 from .maps.labelled_map import LabelledMap as LabelledMap
 from .maps.occupancy_grid import OccupancyGrid as OccupancyGrid
 from .models.decoding import decode as decode

@@ -7,7 +7,7 @@ from experiments.paper.setting import AS_PRINTED, WAYS, Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
-from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.map_pictures import label_map as label_picture

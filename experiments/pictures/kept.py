@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 from pgm_places import PlaceLabeler, label_map, trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.datasets.building import LabelledBuilding
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import UNKNOWN, WALL, label_colours
 from pgm_places.pictures.drawing import INK, MUTED

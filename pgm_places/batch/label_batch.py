@@ -14,12 +14,13 @@ from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.local_workers import Unfinished, Workers
 from pgm_places.batch.map_task import Elsewhere, Failure, LabelledRow, MapTask, Outcome
 from pgm_places.batch.overview import Overview
-from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.errors import OutputError
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import claim
 from pgm_places.io.staging import claimed
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Progress, duration
 
 _LOOK_AGAIN_S = 1.0
@@ -113,7 +114,7 @@ def label_batch(
     InputError
         The model is refused, or there are no workers.
     """
-    sha256 = ready_model(options).sha256
+    sha256 = LoadedModel.load(options).sha256
     tally = _Tally()
     with _lists(found, out, force=force) as lists:
         maps = maps_to_do(found, lists.out, shard=shard, only_failed=only_failed)
@@ -293,7 +294,7 @@ def plan(
     InputError
         The model is refused.
     """
-    sha256 = ready_model(options).sha256
+    sha256 = LoadedModel.load(options).sha256
     with lists_to_read(out, LISTS) as lists:
         failed = Lists(lists).failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)

@@ -13,8 +13,6 @@ from typing import Any
 
 from pgm_places._version import __version__
 from pgm_places.batch.limits import TimeIsUpError, time_limit
-from pgm_places.batch.map_files import LabelledFile, label_file
-from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.far_files import address_of
@@ -23,10 +21,12 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.output_set import has_all_files, output_set
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.io.staging import claimed
+from pgm_places.labelling.files import WrittenMap, label_file, output_file_names
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.options import option_values
 from pgm_places.pictures.map_pictures import thumbnail
 from pgm_places.progress import Silent, duration
-from pgm_places.report.label_files import Outputs, label_names
 from pgm_places.topology.checks import doubtful_share, places_to_check
 
 
@@ -128,7 +128,7 @@ _MAX_BYTES = 1 << 20
 
 
 def made_from(
-    folder: Path, yaml_path: Path, image_path: Path, model: ReadyModel, options: LabelOptions
+    folder: Path, yaml_path: Path, image_path: Path, model: LoadedModel, options: LabelOptions
 ) -> dict[str, Any]:
     """Everything that the labels and places of a map depend on, as plain data.
 
@@ -167,7 +167,7 @@ def manifest_text(made: Mapping[str, Any], row: LabelledRow, outputs: Outputs) -
 
 
 def done_figures(
-    folder: Path, yaml_path: Path, model: ReadyModel, options: LabelOptions
+    folder: Path, yaml_path: Path, model: LoadedModel, options: LabelOptions
 ) -> dict[str, Any] | None:
     """What came out when the map was labelled before; None where it has to be labelled (again).
 
@@ -318,7 +318,7 @@ def label_one(task: MapTask) -> Outcome:
         return task.failure(error)
 
 
-def _same_model(task: MapTask) -> ReadyModel:
+def _same_model(task: MapTask) -> LoadedModel:
     """The model of this process, if it gives the labels that the task's maker would get."""
     if task.version != __version__:
         raise InputError(
@@ -335,15 +335,15 @@ def _same_model(task: MapTask) -> ReadyModel:
 
 
 @lru_cache(maxsize=1)
-def _ready(options: LabelOptions, sha256: str) -> ReadyModel:  # noqa: ARG001  a part of the key
+def _ready(options: LabelOptions, sha256: str) -> LoadedModel:  # noqa: ARG001  a part of the key
     """The model, read once per process and content."""
-    return ready_model(options)
+    return LoadedModel.load(options)
 
 
-def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
+def _labelled(task: MapTask, model: LoadedModel) -> LabelledRow:
     start = time.perf_counter()
     outputs = task.options.outputs
-    names = (*label_names(model.labeler.label_names, outputs), THUMBNAIL_FILE, MANIFEST_FILE)
+    names = (*output_file_names(model.labeler.label_names, outputs), THUMBNAIL_FILE, MANIFEST_FILE)
     with output_set(task.folder, "label", names=names, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
@@ -364,7 +364,7 @@ def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
     return row
 
 
-def _row(task: MapTask, model: ReadyModel, labelled: LabelledFile, seconds: float) -> LabelledRow:
+def _row(task: MapTask, model: LoadedModel, labelled: WrittenMap, seconds: float) -> LabelledRow:
     topology = labelled.topology
     checks = places_to_check(topology)
     return LabelledRow(

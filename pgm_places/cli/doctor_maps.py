@@ -7,12 +7,13 @@ from pathlib import Path
 import pgm_places as pp
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import find_maps
-from pgm_places.batch.ready_model import LabelOptions, ready_model
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import MapError, OutputError
 from pgm_places.io.maps.map_server import MapFile, correct_thresholds
-from pgm_places.labelers.label_map import at_model_resolution
+from pgm_places.labelers.labelled_places import at_model_resolution
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.options import UnknownGrey
 from pgm_places.progress import duration
 from pgm_places.spaces.unentered import find_unentered
@@ -104,7 +105,7 @@ def check_maps(
     """
     chosen = find_maps(arguments)
     options = LabelOptions(model=model)
-    labeler = ready_model(options).labeler
+    labeler = LoadedModel.load(options).labeler
     rows, progress = [], make_progress(quiet=False)
     with progress.stage("maps") as stage:
         for item in chosen.maps:

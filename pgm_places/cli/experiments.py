@@ -72,7 +72,7 @@ def compare(
     if by_building and folds is not None:
         raise InputError("give --by-building, which leaves out one at a time, or --folds, not both")
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.label_files import COMPARISON
+    from pgm_places.labelling.files import COMPARISON
 
     runs = _Runs(by_building, folds, seeds, workers)
     with output_set(out, "compare", names=COMPARISON, force=force) as files:
@@ -140,7 +140,7 @@ def demo(
     """
     from pgm_places.datasets.demo import write_demo
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.label_files import DEMO
+    from pgm_places.labelling.files import DEMO
 
     if not quiet:
         say("Three methods learn from the left part of a generated building, and label the right.")

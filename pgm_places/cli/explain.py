@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated
 
-import pgm_places as pp
 from pgm_places.cli.arguments import Method, Model, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.inputs import read_map
@@ -36,19 +35,17 @@ def explain(
         Known labels, as label takes them.
     """
     from pgm_places.io.atomic import write_bytes
+    from pgm_places.labelling.model import LoadedModel
+    from pgm_places.labelling.options import ModelOptions
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
     from pgm_places.teaching.paint import Paint
     from pgm_places.teaching.teacher import Teacher
-    from pgm_places.trained import stored_labeler
 
     progress = make_progress(quiet=quiet)
-    stored = stored_labeler(model)
-    labeler: pp.PlaceLabeler = stored.item
-    if method is not None:
-        labeler.method(method)  # an unknown method shows before the work
+    loaded = LoadedModel.load(ModelOptions(model=model, method=method))
     grid = read_map(map_yaml, unknown_value, progress).grid
-    teacher = Teacher(grid, labeler, method=method, rules=stored.rules, n_threads=n_threads)
+    teacher = Teacher(grid, loaded, n_threads=n_threads)
     paint = teacher.blank()
     if corrections is not None:
         paint = Paint.read(corrections, grid, teacher.classes)

@@ -23,9 +23,9 @@ from pgm_places.io.logs.pose_csv import iter_pose_csv
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.online import OnlineLabeler
 from pgm_places.labelers.tracking import Track
+from pgm_places.labelling.files import TRACK
 from pgm_places.live.place_finder import FoundPlace, PlaceOfMap
 from pgm_places.progress import Progress
-from pgm_places.report.label_files import TRACK
 
 POLL_S = 0.2
 FIRST_CHECK = 50

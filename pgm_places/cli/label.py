@@ -20,7 +20,8 @@ from pgm_places.spaces.entered_options import EnteredOptions
 if TYPE_CHECKING:
     from pgm_places.batch.local_workers import Workers
     from pgm_places.batch.overview import Overview
-    from pgm_places.batch.ready_model import LabelOptions, ReadyModel
+    from pgm_places.labelling.model import LoadedModel
+    from pgm_places.labelling.options import LabelOptions
     from pgm_places.progress import Progress
 
 
@@ -261,9 +262,8 @@ def label(
     not be labelled.
     """
     from pgm_places.batch.found_maps import names_many
-    from pgm_places.batch.ready_model import LabelOptions
     from pgm_places.io.input_file import is_address
-    from pgm_places.report.label_files import Outputs
+    from pgm_places.labelling.options import LabelOptions, Outputs
 
     options = LabelOptions(
         **{name: getattr(asked, name) for name in _OF_MODEL},
@@ -283,26 +283,26 @@ def label(
 
 
 def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress") -> None:
-    from pgm_places.batch.map_files import label_file
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.label_files import label_names, places_summary
+    from pgm_places.labelling.files import label_file, output_file_names
+    from pgm_places.report.places_summary import places_summary
 
     model = _read(options, progress)
     with progress.stage("map"):
         loaded = read_map(Path(asked.maps[0]), options.unknown_value, progress)
-    known = None
+    observed = None
     if asked.corrections is not None:
         from pgm_places.teaching.paint import Paint
 
-        known = Paint.read(asked.corrections, loaded.grid, model.labeler.label_names_).labels
-    names = label_names(model.labeler.label_names, options.outputs)
+        observed = Paint.read(asked.corrections, loaded.grid, model.labeler.label_names_).labels
+    names = output_file_names(model.labeler.label_names, options.outputs)
     with output_set(asked.out, "label", names=names, force=asked.force) as files:
         say(shares_line(loaded.fractions))
         found = label_file(
             model,
             loaded,
             files,
-            known=known,
+            observed=observed,
             max_cells=options.max_cells,
             outputs=options.outputs,
             n_threads=asked.n_threads,
@@ -314,13 +314,13 @@ def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress")
     say_written(files)
 
 
-def _read(options: "LabelOptions", progress: "Progress") -> "ReadyModel":
+def _read(options: "LabelOptions", progress: "Progress") -> "LoadedModel":
     """The model; what the flags get wrong shows now."""
-    from pgm_places.batch.ready_model import ready_model
+    from pgm_places.labelling.model import LoadedModel
 
     flags = {"doorways": "--doorways", "halls": "--halls", "doorway_depth_m": "--doorway-depth"}
     with declarations.named_as_flags(flags):
-        model = ready_model(options)
+        model = LoadedModel.load(options)
     if options.halls is not None and not model.labeler.unary_model_.knows_halls:
         progress.warn("--halls: this model was not trained to tell halls from corridors")
     return model

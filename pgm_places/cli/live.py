@@ -92,9 +92,9 @@ def live(asked: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
 def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
+    from pgm_places.labelling.files import LIVE
     from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.session_file import read_session, write_session
-    from pgm_places.report.label_files import LIVE
 
     memory = PlaceMemory() if asked.session is None else read_session(asked.session)
     run = _replay(asked, log, map_topic, options, memory)
@@ -149,12 +149,15 @@ def _replay(
     """The log, with the maps that it holds in the frame of its poses."""
     from pgm_places.io.logs.bags import read_map_messages
     from pgm_places.io.logs.trajectories import read_trajectory
+    from pgm_places.labelling.model import LoadedModel
+    from pgm_places.labelling.options import ModelOptions
     from pgm_places.live.live_map import LiveMap
     from pgm_places.live.place_finder import PlaceFinder
     from pgm_places.live.replay import Replay
     from pgm_places.sensing.map_agreement import check_agreement
 
-    progress, labeler = make_progress(quiet=asked.quiet), pp.trained_labeler(asked.model)
+    progress = make_progress(quiet=asked.quiet)
+    model = LoadedModel.load(ModelOptions(model=asked.model, method=asked.method))
     with progress.stage("log"):
         maps = list(read_map_messages(log, map_topic))
         frame = maps[0].frame if maps else None
@@ -174,8 +177,8 @@ def _replay(
         warnings += [] if poor is None else [poor]
     for message in warnings:
         progress.warn(message)
-    finder = PlaceFinder(pp.TrajectoryLabeler.from_places(labeler), options)
-    live_map = LiveMap(labeler, method=asked.method, memory=memory, n_threads=asked.n_threads)
+    finder = PlaceFinder(pp.TrajectoryLabeler.from_places(model.labeler), options)
+    live_map = LiveMap(model, memory=memory, n_threads=asked.n_threads)
     run = Replay(loaded.trajectory, finder, live_map, options, maps)
     if run.counts_metres:
         n_stamps = len(set(run.drive.times_s.tolist()))
@@ -189,8 +192,8 @@ def _replay(
 
 def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
     """A line for each change and each map, and where a folder is given, the files."""
+    from pgm_places.labelling.files import write_topology
     from pgm_places.live.live_map import LiveLabels
-    from pgm_places.report.label_files import write_topology
 
     last: LiveLabels | None = None
     with ExitStack() as stack:

@@ -15,6 +15,10 @@ from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pgm_places.graph.layout import GridLayout
     from pgm_places.spaces.doorways import Doorways
     from pgm_places.topology.topological_map import TopologicalMap
 
@@ -50,7 +54,10 @@ def topology(
     """
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
-    from pgm_places.report.label_files import PLACES, SETTINGS, places_summary, write_places
+    from pgm_places.labelers.labelled_places import LabelledCells
+    from pgm_places.labelling.files import PLACES, SETTINGS, write_places
+    from pgm_places.labelling.places import separating_gates
+    from pgm_places.report.places_summary import places_summary
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
@@ -58,26 +65,22 @@ def topology(
         names, labels = read_labels(labels_png, loaded.grid, names_file)
         settings = load_settings(labels_png.parent) or PlaceSettings(TopologyOptions())
         rules = given.over(settings.rules)
-        doorways = settings.doorways if rules.doorways == "gates" else None
-        probabilities = _probabilities(labels_png, names, loaded.grid)
+        cells = LabelledCells(
+            loaded.grid,
+            labels,
+            names,
+            *_probabilities(labels_png, names, loaded.grid),
+            separating_gates(settings.doorways, rules),
+        )
     if (labels_png.parent / SETTINGS_FILE).exists():
-        say(_settings_line(labels_png.parent / SETTINGS_FILE, rules, doorways))
+        say(_settings_line(labels_png.parent / SETTINGS_FILE, rules, cells.doorways))
     elif given.values.get("doorways") == "gates":
         progress.warn(f"--doorways gates: there is no {SETTINGS_FILE} with gates beside the labels")
     with (
         output_set(out, "topology", names=(*PLACES, *SETTINGS), force=force) as files,
         progress.stage("places"),
     ):
-        places = write_places(
-            files,
-            loaded.name,
-            rules,
-            grid=loaded.grid,
-            labels=labels,
-            label_names=names,
-            doorways=doorways,
-            **probabilities,
-        )
+        places = write_places(files, loaded.name, cells, rules)
     say(places_summary(places, out))
     if propose_splits_m:
         for line in _proposals(places, propose_splits_m):
@@ -87,16 +90,16 @@ def topology(
 
 def _probabilities(
     labels_png: Path, names: Sequence[str], grid: "pp.OccupancyGrid"
-) -> dict[str, Any]:
+) -> "tuple[NDArray[np.float32] | None, GridLayout | None]":
     """The probabilities beside labels, and their cells; of labels changed since, none are known."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
     from pgm_places.io.places.topology_files import load_probabilities
 
     if not is_as_written(labels_png):
-        return {}
+        return None, None
     layout = GridLayout.of_map(grid)
-    return {"beliefs": load_probabilities(labels_png.parent, names, layout), "layout": layout}
+    return load_probabilities(labels_png.parent, names, layout), layout
 
 
 def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | None") -> str:
@@ -215,7 +218,7 @@ def _write_routes(
 
 def _map_for_nav2(folder: Path, given: Path | None) -> "pp.OccupancyGrid | None":
     """The map that was labelled, or the one that was given instead; says what is amiss."""
-    from pgm_places.report.label_files import labelled_map
+    from pgm_places.labelling.files import labelled_map
 
     path = given or labelled_map(folder)
     if path is None:
@@ -264,10 +267,6 @@ def where(
     own = "" if region.name == numbered else f"{region.name}: "
     say(f"{own}{numbered} ({region.area_m2:.1f} m²{confidence})")
     say(f"next to: {near}")
-
-
-if TYPE_CHECKING:
-    from pgm_places.topology.topological_map import TopologicalMap
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
@@ -340,7 +339,8 @@ def _key(text: str) -> int | str:
 
 def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.label_files import places_summary, write_topology
+    from pgm_places.labelling.files import write_topology
+    from pgm_places.report.places_summary import places_summary
 
     # The command that wrote the folder goes on owning its other files.
     with output_set(folder, by, force=True, shared=True) as files:

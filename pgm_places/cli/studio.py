@@ -71,29 +71,30 @@ def studio(
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL
+    from pgm_places.labelling.model import LoadedModel
+    from pgm_places.labelling.options import ModelOptions
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.exports import ExportFolders
     from pgm_places.studio.server import serve
     from pgm_places.studio.shelf import Shelf
     from pgm_places.teaching.paint import Paint
-    from pgm_places.trained import NAMES, stored_labeler
+    from pgm_places.trained import NAMES
 
     progress = make_progress(quiet=quiet)
     if len(maps) > 1:
         own = {"--labels": labels, "--corrections": corrections, "--drive": drive}
         if name := next((name for name, value in own.items() if value), None):
             raise InputError(f"{name} belongs to one map; start the studio with that map alone")
-    stored = None if model == NO_MODEL else stored_labeler(model)
+    loaded_model = None if model == NO_MODEL else LoadedModel.load(ModelOptions(model=model))
 
     def opened(map_yaml: Path, folder: Path) -> Desk:
         loaded = read_map(map_yaml, unknown_value, progress)
         desk = Desk(
             loaded,
             folder,
-            None if stored is None else stored.item,
+            loaded_model,
             model=model,
             given=_given(labels or (), loaded.grid),
-            rules=None if stored is None else stored.rules,
             drive_xy_m=None if drive is None else _path(drive, loaded, progress),
             n_threads=n_threads,
         )
@@ -109,7 +110,7 @@ def studio(
 
     tables = [path.with_suffix(".yaml") for path in labels or ()]
     given = [*maps, *(labels or ()), *tables, *(() if drive is None else (drive,))]
-    if stored is not None and model not in NAMES:
+    if loaded_model is not None and model not in NAMES:
         given.append(Path(model))
     places = ExportFolders.started_here(export_to or (), given)
     if len(maps) == 1:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import pgm_places as pp
-from pgm_places.batch.map_files import write_labelled
 from pgm_places.cli.declarations import named_as_flags
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.tables import text_table
@@ -22,17 +21,19 @@ from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import output_set
 from pgm_places.labelers.label_joint import label_map_and_drive
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.tracking import Track, map_of_scans
+from pgm_places.labelling.files import TRACK, output_file_names, write_labelled
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.persistence.map_prior import LabelledMapFolder, read_labelled_map
 from pgm_places.persistence.stored import Stored, read
 from pgm_places.progress import Progress
-from pgm_places.report.label_files import TRACK, label_names, places_summary
+from pgm_places.report.places_summary import places_summary
 from pgm_places.report.track_page import write_track
 from pgm_places.sensing.map_agreement import check_agreement
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.trained import DEFAULT, TRACKING, model_folder
 from pgm_places.vision.object_counts import ObjectCounts
 
@@ -280,9 +281,9 @@ def run_joint(stored: Stored, options: TrackOptions) -> None:
     source = map_of(options, progress)
     names: tuple[str, ...] = TRACK
     if source is not None:
-        names = (*TRACK, *label_names(labeler.label_names_))
+        names = (*TRACK, *output_file_names(labeler.label_names_))
     with output_set(out, "track", names=names, force=options.force) as files:
-        track, places = _labelled(labeler, source, options, progress)
+        track, places = _labelled(labeler, stored.entered, source, options, progress)
         written = None
         if source is not None and places is not None:
             written = write_labelled(places, source, files, stored.rules, progress)
@@ -316,7 +317,11 @@ def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:
 
 
 def _labelled(
-    labeler: pp.JointLabeler, source: MapFile | None, options: TrackOptions, progress: Progress
+    labeler: pp.JointLabeler,
+    entered: EnteredOptions,
+    source: MapFile | None,
+    options: TrackOptions,
+    progress: Progress,
 ) -> tuple[Track, LabelledPlaces | None]:
     """The labelled log, and the labelled map where there is one."""
     names = labeler.label_names_
@@ -329,6 +334,6 @@ def _labelled(
     poor = misfit(source.grid, drive, f"{options.map_yaml}", options)
     for message in poor:
         progress.warn(message)
-    labelled = label_map_and_drive(labeler, source.grid, drive, progress=progress)
+    labelled = label_map_and_drive(labeler, source.grid, drive, entered=entered, progress=progress)
     warnings = (*read.warnings, *poor, *labelled.map.warnings)
     return Track(drive, labelled.steps, names, warnings), labelled.map

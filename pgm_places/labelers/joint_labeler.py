@@ -358,7 +358,7 @@ class JointLabeler(Labeler):
         """A labeler of maps alone, with the same list and method: its labels are those of a map.
 
         Everything that takes a labeler of maps takes it, such as
-        :func:`pgm_places.labelers.label_map.label_map`.
+        :func:`pgm_places.labelling.label.label_map`.
 
         Raises
         ------

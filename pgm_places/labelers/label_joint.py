@@ -6,9 +6,10 @@ from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution, on_own_raster
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, reported, warn
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.trajectories.trajectory import Trajectory
 
 
@@ -32,13 +33,14 @@ def label_map_and_drive(
     grid: OccupancyGrid,
     drive: Trajectory,
     *,
+    entered: EnteredOptions | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledDrive:
     """The map and the drive labelled as one graph, the map on its own raster.
 
     A map of another resolution than the training maps' is brought to theirs first, as
-    :func:`~pgm_places.labelers.label_map.label_map` does, and a warning says so.
+    :func:`~pgm_places.labelling.label.label_map` does, and a warning says so.
 
     Parameters
     ----------
@@ -48,6 +50,8 @@ def label_map_and_drive(
         In the frame of the drive's poses.
     drive : Trajectory
         With scans, or without them if the model casts them in the map.
+    entered : EnteredOptions, optional
+        Which free space of the map is reachable: the rest gets no label.
     n_threads, progress
         As for every labeler: see :mod:`pgm_places.labelers.labeler`.
 
@@ -78,5 +82,6 @@ def label_map_and_drive(
         label_names=labeler.label_names_,
         method=METHODS.name_of(type(labeler.method_)),
         warnings=warnings,
+        entered=entered or EnteredOptions(),
     )
     return LabelledDrive(places, steps)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError, LabelError
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 
 # Default weight of what the map says at one update: that of an observation of its own.
@@ -97,7 +97,7 @@ class MapPrior:
 
     @classmethod
     def of_places(cls, places: LabelledPlaces) -> Self:
-        """One of a map as :func:`pgm_places.labelers.label_map.label_map` labels it."""
+        """One of a map as :func:`pgm_places.labelling.label.label_map` labels it."""
         beliefs = places.labeling.beliefs
         if beliefs is None:
             return cls.of_labels(places.grid, places.labels, len(places.label_names))

@@ -223,6 +223,7 @@ class PlaceLabeler(Labeler):
         mask: ArrayLike | None = None,
         methods: Sequence[str] | None = None,
         lean: bool = False,
+        with_spaces: bool | None = None,
         known: NDArray[np.int16] | None = None,
         own: KeptTable | None = None,
         n_threads: int | None = None,
@@ -232,8 +233,9 @@ class PlaceLabeler(Labeler):
 
         Only what the methods want is computed. ``lean`` scores take less memory: in single
         precision where the methods take that, with the doorways of the map in place of segments,
-        gates and places. ``known`` (H, W), labels or -1, tells which gates are doorways where it
-        covers them; ``own`` is a table of the nodes' features if they are known.
+        gates and places, unless ``with_spaces`` asks for these. ``known`` (H, W), labels or -1,
+        tells which gates are doorways where it covers them; ``own`` is a table
+        of the nodes' features if they are known.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
@@ -247,7 +249,7 @@ class PlaceLabeler(Labeler):
                 with_node_features=any(item.uses_node_features for item in traits),
                 with_halls=self.halls != "corridor",
                 single=lean and all(item.takes_single_precision for item in traits),
-                with_spaces=not lean,
+                with_spaces=not lean if with_spaces is None else with_spaces,
                 known=known,
                 own=own,
             )

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import MapError
 from pgm_places.inference.backends import traits_of
-from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.label import label
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.places import places_of
 from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.maps.raster_shift import raster_shift, shifted
-from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["LiveLabels", "LiveMap"]
@@ -97,7 +97,7 @@ class LiveLabels:
     map_seq : int
         Number of the map, from 1.
     labels : LabelledPlaces
-        As :func:`~pgm_places.labelers.label_map.label_map` would return them.
+        As :func:`~pgm_places.labelling.label.label_map` would return them.
     topology : TopologicalMap
         The places.
     appeared, vanished : tuple of int
@@ -143,14 +143,8 @@ class LiveMap:
 
     Parameters
     ----------
-    labeler : PlaceLabeler
-        Fitted.
-    method : str, optional
-        The labeler's default method if not given.
-    rules : TopologyOptions, optional
-        Of the places.
-    entered : EnteredOptions, optional
-        What counts as entered: the rest has no label and is no place.
+    model : LoadedModel or PlaceLabeler
+        With its method and rules; a fitted labeler has the default ones.
     own_names : mapping of int to str, optional
         The user's names, by id.
     few_cells : int
@@ -164,34 +158,28 @@ class LiveMap:
 
     Raises
     ------
-    ConfigError
-        The labeler has no such method.
+    NotFittedError
+        The labeler has not learned.
     """
 
     def __init__(
         self,
-        labeler: PlaceLabeler,
+        model: LoadedModel | PlaceLabeler,
         *,
-        method: str | None = None,
-        rules: TopologyOptions | None = None,
-        entered: EnteredOptions | None = None,
         own_names: Mapping[int, str] | None = None,
         few_cells: int = FEW_CELLS,
         few_maps: int = FEW_MAPS,
         memory: PlaceMemory | None = None,
         n_threads: int | None = None,
     ) -> None:
-        labeler.check_fitted()
-        chosen, model = labeler.method(method), labeler.unary_model_
-        self.labeler, self.method, self.n_threads = labeler, method, n_threads
-        self.rules, self.own_names = rules or TopologyOptions(), own_names
-        self.entered = entered or EnteredOptions()
+        self.model, self.own_names, self.n_threads = LoadedModel.of(model), own_names, n_threads
+        chosen, unary = self.model.chosen, self.model.labeler.unary_model_
         self._features = None
-        if not model.features:
-            columns = model.columns(
+        if not unary.features:
+            columns = unary.columns(
                 [chosen.unary], node_features=traits_of(chosen.backend).uses_node_features
             )
-            self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
+            self._features = GrowingFeatures(unary.sensor, columns, n_threads=n_threads)
         self._settled, self.memory = SettledMap(few_cells, few_maps), memory or PlaceMemory()
         self.current: LiveLabels | None = None
 
@@ -219,26 +207,9 @@ class LiveMap:
         return self.current
 
     def _labelled(self, grid: OccupancyGrid, map_seq: int) -> LiveLabels:
-        labels = label_map(
-            self.labeler,
-            grid,
-            method=self.method,
-            entered=self.entered,
-            features_of=self._features,
-            n_threads=self.n_threads,
-        )
-        topology = topological_map(
-            grid,
-            labels.labels,
-            labels.label_names,
-            rules=self.rules,
-            correct=self.rules.correct,
-            min_width_m=self.rules.min_width_m,
-            beliefs=labels.labeling.beliefs,
-            layout=labels.layout,
-            doorways=labels.doorways if self.rules.doorways == "gates" else None,
-            known=self.memory,
-            own_names=self.own_names,
+        labels = label(self.model, grid, cache=self._features, n_threads=self.n_threads)
+        topology = places_of(
+            labels.cells, self.model.rules, ids=self.memory, own_names=self.own_names
         )
         differences = _differences(self.memory, topology)
         self.memory.learn(topology)

@@ -27,12 +27,13 @@ from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.io.logs.bags import grid_of_message
 from pgm_places.io.places.place_bag import class_grid
 from pgm_places.io.places.place_markers import ROS, place_markers
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import ModelOptions
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.place_finder import MapView
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.ros_codec import SHOWN, TYPES, RosCodec
 from pgm_places.live.session_file import read_session, write_session
-from pgm_places.trained import trained_labeler
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,10 +322,9 @@ def _label_maps(model: str, method: str | None, n_threads: int, session: str) ->
         folder, answer = Path(line.rstrip("\n")), {"folder": line.rstrip("\n")}
         try:
             if labeller is None:
-                places, memory = trained_labeler(model), read_session(session)
-                labeller = MapLabeller(
-                    LiveMap(places, method=method, memory=memory, n_threads=n_threads)
-                )
+                loaded = LoadedModel.load(ModelOptions(model=model, method=method))
+                memory = read_session(session)
+                labeller = MapLabeller(LiveMap(loaded, memory=memory, n_threads=n_threads))
             labeller.label((folder / "map.cdr").read_bytes()).write(folder)
             _keep(session, memory)
         except PgmPlacesError as error:

@@ -13,6 +13,7 @@ from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.model import LoadedModel
 from pgm_places.options import check_option, from_mapping
 from pgm_places.studio import strokes
 from pgm_places.studio.building_box import building_box
@@ -47,8 +48,10 @@ class Desk:
         The map.
     folder : Path
         Where the journal and the exports are kept.
-    labeler : PlaceLabeler or None
+    loaded : LoadedModel or PlaceLabeler, optional
         What to build on; None to learn from nothing but the paint.
+    model : str
+        The name or the folder of the model.
     given : sequence of GivenLabels, optional
         Labels to compare with; errors are told against the first of them. Their names are offered
         as classes beside the labeler's.
@@ -77,20 +80,21 @@ class Desk:
         self,
         source: MapFile,
         folder: Path,
-        labeler: PlaceLabeler | None,
+        loaded: LoadedModel | PlaceLabeler | None,
         *,
         model: str = "default",
         given: Sequence[GivenLabels] = (),
-        rules: TopologyOptions | None = None,
         drive_xy_m: NDArray[np.float64] | None = None,
         n_threads: int | None = None,
     ) -> None:
+        self.loaded = None if loaded is None else LoadedModel.of(loaded)
+        labeler = self.labeler = None if self.loaded is None else self.loaded.labeler
         own = () if labeler is None else tuple(labeler.label_names_)
         listed = [name for item in given for name in item.names] or list(own or CLASSES)
         names = tuple(dict.fromkeys([*own, *listed]))
         self.n_fixed = len(names) if given else len(own)
-        self.source, self.folder, self.labeler, self.model = source, folder, labeler, model
-        self.rules = rules or TopologyOptions()
+        self.source, self.folder, self.model = source, folder, model
+        self.rules = TopologyOptions() if self.loaded is None else self.loaded.rules
         self.drive_xy_m, self.grid = drive_xy_m, source.grid
         self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
         self.tick, self.n_lessons = 0, 0
@@ -109,9 +113,7 @@ class Desk:
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
-        tutor = Tutor(
-            self.grid, labeler, rules=self.rules, n_threads=n_threads, glanced=self._glanced
-        )
+        tutor = Tutor(self.grid, self.loaded, n_threads=n_threads, glanced=self._glanced)
         self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
 
     def take(self, paint: Paint) -> int:

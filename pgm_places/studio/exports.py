@@ -7,7 +7,7 @@ nothing hidden, and no export takes the place of a file that the studio was give
 
 import json
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -18,12 +18,12 @@ from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.topology_files import CHECK_FILE, NAMES_FILE, save_topology, write_checks
-from pgm_places.options import option_values, plain_values
+from pgm_places.options import Options, option_values, plain_values
 from pgm_places.persistence.stored import save
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.desk import Desk
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
-from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import NAMES
 
 LONGEST = 1000
@@ -300,7 +300,6 @@ def write_training(
     options = option_values(TeachingOptions())
     if alone:
         options = {name: options[name] for name in OF_PAINT_ALONE}
-    rules = {} if first.rules == TopologyOptions() else option_values(first.rules)
     names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
     paths = [(folder if beside else desk.folder) / CORRECTIONS for desk in desks]
     images = [
@@ -312,7 +311,7 @@ def write_training(
             *_keys({"title": title, "base_model": _base_model(first)}),
             *_table("[labels]", {"names": names}),
             *_table("[teaching]", options),
-            *(_table("[topology]", rules) if rules else ()),
+            *_tables_of_rules(first),
             *(
                 line
                 for desk, path in zip(desks, paths, strict=True)
@@ -322,6 +321,22 @@ def write_training(
         ]
     )
     return [write_text(folder / "train.toml", text), *images]
+
+
+def _rules(desk: Desk) -> dict[str, Options]:
+    """The rules of the model, by their table in a configuration."""
+    loaded = desk.loaded
+    return {
+        "topology": desk.rules,
+        "entered": EnteredOptions() if loaded is None else loaded.entered,
+    }
+
+
+def _tables_of_rules(desk: Desk) -> Iterator[str]:
+    """The rules that are not the defaults, as tables of a configuration."""
+    for name, options in _rules(desk).items():
+        if options != type(options)():
+            yield from _table(f"[{name}]", option_values(options))
 
 
 def _source(desk: Desk, corrections: Path, folder: Path) -> dict[str, Any]:
@@ -356,7 +371,7 @@ def _model(desk: Desk, folder: Path) -> list[Path]:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
     record = {
         "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
-        "config": {"topology": plain_values(desk.rules)},
+        "config": plain_values(_rules(desk)),
     }
     return [save(desk.answer.labeler, folder / "model", record=record)]
 

@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import threads
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.map_pictures import entropy
@@ -19,7 +20,6 @@ from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.naming import name_places
-from pgm_places.topology.rules import TopologyOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +114,8 @@ class Tutor:
     Parameters
     ----------
     grid : OccupancyGrid
-    labeler : PlaceLabeler or None
-    rules : TopologyOptions
+    model : LoadedModel or PlaceLabeler, optional
+        None to learn from nothing but the paint.
     n_threads : int or None
     glanced : callable, optional
         Told the labels (H, W) of a first glance at the map, where the labeler has one.
@@ -124,15 +124,13 @@ class Tutor:
     def __init__(
         self,
         grid: OccupancyGrid,
-        labeler: PlaceLabeler | None,
+        model: LoadedModel | PlaceLabeler | None,
         *,
-        rules: TopologyOptions | None = None,
         n_threads: int | None = None,
         glanced: Callable[[NDArray[np.int16]], None] | None = None,
     ) -> None:
-        self.grid, self.labeler = grid, labeler
+        self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
         self._n_threads, self._glanced = n_threads, glanced
-        self._options: dict[str, Any] = {"rules": rules, "n_threads": n_threads}
         self._teacher: Teacher | None = None
 
     def answer(self, question: Question, progress: Progress) -> Lesson:
@@ -141,7 +139,8 @@ class Tutor:
         if self._glanced is not None:
             tell, self._glanced = self._glanced, None
             with progress.stage("a first glance"):
-                labels = glance(self.labeler, self.grid, self._n_threads)
+                labeler = None if self.model is None else self.model.labeler
+                labels = glance(labeler, self.grid, self._n_threads)
             if labels is not None:
                 tell(labels)
         teacher = self._teacher_for(paint.classes)
@@ -156,7 +155,9 @@ class Tutor:
 
     def _teacher_for(self, classes: Sequence[str]) -> Teacher:
         if self._teacher is None:
-            self._teacher = Teacher(self.grid, self.labeler, classes=classes, **self._options)
+            self._teacher = Teacher(
+                self.grid, self.model, classes=classes, n_threads=self._n_threads
+            )
         elif tuple(self._teacher.classes) != tuple(classes):
             self._teacher = self._teacher.with_classes(classes)
         return self._teacher

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.io.places.region_features import gate_record, region_features
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.layers import GROUNDS, TILE, value_colours

@@ -10,7 +10,7 @@ from pgm_places.features.own import column_names, feature_values, n_columns, val
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution
+from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution
 from pgm_places.labelers.place_problem import doorway_log_odds
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.models.boosted_list import BoostedList
@@ -31,10 +31,16 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> reasons.CellExplanat
     Raises
     ------
     InputError
-        There is no free cell.
+        There is no free cell, or it lies in unreachable space and has no label.
     """
     view, names = _View(taught), taught.label_names
-    on_map, node = view.cell_of(x_m, y_m), view.node_at(x_m, y_m)
+    on_map = view.cell_of(x_m, y_m)
+    if taught.labels[on_map] < 0:
+        raise InputError(
+            f"a robot cannot reach the space at ({x_m:g}, {y_m:g}), so it has no label; paint it, "
+            "or use a model whose [entered] sets unentered = true"
+        )
+    node = view.node_at(x_m, y_m)
     cell, model = view.layout.cells[node], view.model
     ranges, row = view.scan(cell)
     fitted, probability, added = model.classifier, None, 0.0

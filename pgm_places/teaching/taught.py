@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate

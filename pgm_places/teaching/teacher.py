@@ -5,21 +5,27 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
-from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.threads import threads
-from pgm_places.labelers import label_map
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.method import infer
+from pgm_places.labelers.labelled_places import (
+    SAME_RESOLUTION,
+    LabelledPlaces,
+    at_model_resolution,
+)
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.label import score_map
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.places import places_of
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
-from pgm_places.progress import Progress, Silent, Stage, reported, staged, warn
+from pgm_places.progress import Progress, Silent, Stage, reported, staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.cell_table import CellPaint, CellTable
@@ -27,9 +33,7 @@ from pgm_places.teaching.learning import Learning, learned_alone
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
-from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.naming import KnownPlaces
-from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.kept_table import KeptTable
 
 
@@ -120,14 +124,11 @@ class Teacher:
     ----------
     grid : OccupancyGrid
         The map.
-    labeler : PlaceLabeler or None
-        A fitted labeler to build on; None to learn from nothing but the paint.
+    model : LoadedModel or PlaceLabeler, optional
+        A fitted labeler to build on, with the rules of its model or the default ones; None to learn
+        from nothing but the paint.
     classes : sequence of str, optional
         What may be painted: the labeler's labels by default.
-    method : str, optional
-        The labeler's method; its default one if not given.
-    rules : TopologyOptions, optional
-        Of the topological map.
     options : TeachingOptions, optional
         How paint is learned on top of what the labeler knows.
     known_places : KnownPlaces, optional
@@ -156,26 +157,27 @@ class Teacher:
     def __init__(
         self,
         grid: OccupancyGrid,
-        labeler: PlaceLabeler | None = None,
+        model: LoadedModel | PlaceLabeler | None = None,
         *,
         classes: Sequence[str] | None = None,
-        method: str | None = None,
-        rules: TopologyOptions | None = None,
         options: TeachingOptions | None = None,
         known_places: KnownPlaces | None = None,
         n_threads: int | None = None,
     ) -> None:
-        if labeler is None and classes is None:
+        if model is None and classes is None:
             raise LabelError("without a labeler, 'classes' must say what may be painted")
-        self.grid, self.labeler, self.method = grid, labeler, method
-        self._take(
-            labeler.label_names_ if labeler is not None and classes is None else classes or ()
-        )
-        self.rules, self.options = rules or TopologyOptions(), options or TeachingOptions()
+        self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
+        self._take(classes or (() if self.labeler is None else self.labeler.label_names_))
+        self.options = options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
         self._turns = Turns()
         self._kept: KeptTable | None = None
         self._field = KeptField()
+
+    @property
+    def labeler(self) -> PlaceLabeler | None:
+        """The labeler to build on."""
+        return None if self.model is None else self.model.labeler
 
     def with_classes(self, classes: Sequence[str]) -> "Teacher":
         """A teacher of other classes that goes on with all that is known of the map's cells.
@@ -245,10 +247,10 @@ class Teacher:
         known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
         cells = CellPaint(known.on_cells, paint.classes)
         with threads(self.n_threads), reported(progress):
-            if self.labeler is None:
+            if self.model is None:
                 return learned_alone(cells, table, self.options)
-            method = self.method or self.labeler.default_method
-            return Learning(table, self.options).taught(self.labeler, cells, method)
+            learning = Learning(table, self.options)
+            return learning.taught(self.model.labeler, cells, self.model.method)
 
     def cancel(self) -> None:
         """End a call that is running in another thread at its next stage."""
@@ -268,9 +270,9 @@ class Teacher:
         """The cells to label, at the labeler's resolution, with features once they are needed."""
         if self.labeler is not None:
             model = self.labeler.unary_model_
-            used, _ = label_map.at_model_resolution(self.labeler, self.grid)
+            used, _ = at_model_resolution(self.labeler, self.grid)
             return CellTable(used, model.sensor, model.features)
-        fine = self.grid.resolution_m < FINEST_M * (1 - label_map.SAME_RESOLUTION)
+        fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
         used = coarsen(self.grid, FINEST_M) if fine else self.grid
         return CellTable(used, Sensor())
 
@@ -289,68 +291,41 @@ class Teacher:
         return self._kept if labeler is self.labeler else self._kept.for_model()
 
     def _labelled(self, labeler: PlaceLabeler, paint: Paint, start: float) -> Taught:
-        names, method = labeler.label_names_, self.method or labeler.default_method
-        if method not in labeler.methods_:  # one that knows other classes
-            method = labeler.default_method
-        used, warnings = label_map.at_model_resolution(labeler, self.grid)
-        for message in warnings:
-            warn(message)
-        known = KnownCells.of(
-            paint.with_classes(names).labels, self.grid, used, names, labeler.learned_names
+        model = self._model_of(labeler)
+        scored = score_map(
+            model,
+            self.grid,
+            paint.with_classes(labeler.label_names_).labels,
+            lambda _: self._rows(labeler),
+            with_spaces=True,
         )
-        graph, scores = labeler.scores(
-            used, methods=[method], known=known.on_cells, own=self._rows(labeler)
-        )
-        layout = graph.grid_layout
-        model, doorways = labeler.unary_model_.space, None
-        if scores.spaces is not None and model is not None and model.gates is not None:
-            doorways = scores.spaces.doorways
-        chosen = labeler.method(method)
-        pinned = known.of_nodes(layout)
-        problem = labeler.problem_of(graph, scores, chosen, known=pinned)
-
-        def placed(labeling: Labeling, name: str) -> label_map.LabelledPlaces:
-            return label_map.on_own_raster(
-                self.grid,
-                used,
-                layout,
-                known.kept(labeler.with_halls(labeling, scores.hall), layout),
-                label_names=names,
-                method=name,
-                warnings=warnings,
-                doorways=doorways,
-                known=known,
-            )
-
-        unary = placed(infer(Independent(), problem), "independent")
-        with staged(f"labelling with {method}"), kept_in(self._field):
-            labelled = placed(infer(chosen.backend, problem), method)
+        task = scored.task()
+        unary = replace(task, method="independent", backend=Independent()).labelled()
+        with kept_in(self._field):
+            labelled = task.labelled()
         with staged("places"):
-            topology = topological_map(
-                self.grid,
-                labelled.labels,
-                names,
-                rules=self.rules,
-                correct=self.rules.correct,
-                min_width_m=self.rules.min_width_m,
-                beliefs=labelled.labeling.beliefs,
-                layout=labelled.layout,
-                known=self.known_places,
-                doorways=doorways if self.rules.doorways == "gates" else None,
-            )
+            topology = places_of(labelled.cells, model.rules, ids=self.known_places)
         self.known_places = topology.known_places
 
-        def labelled_by(name: str) -> label_map.LabelledPlaces:
-            other = labeler.method(name)
-            problem = labeler.problem_of(graph, scores, other, known=pinned)
-            return placed(infer(other.backend, problem), name)
+        def labelled_by(name: str) -> LabelledPlaces:
+            return scored.task(name).labelled()
 
         others = {
             name: cache(partial(labelled_by, name))
             for name, item in labeler.methods_.items()
-            if name != method
-            and item.unary == chosen.unary  # others would need scores of their own
+            if name != model.method
+            and item.unary == model.chosen.unary  # others would need scores of their own
             and not isinstance(item.backend, Independent)
         }
         seconds = time.perf_counter() - start
-        return Taught(labelled, unary, topology, paint, labeler, scores, seconds, others)
+        return Taught(labelled, unary, topology, paint, labeler, scored.scores, seconds, others)
+
+    def _model_of(self, labeler: PlaceLabeler) -> LoadedModel:
+        """The given model, or one with its rules and the labeler that has learned the paint."""
+        if self.model is None:
+            return LoadedModel(labeler)
+        if labeler is self.model.labeler:
+            return self.model
+        knows = self.model.method in labeler.methods_  # not one that knows other classes
+        method = self.model.method if knows else labeler.default_method
+        return replace(self.model, labeler=labeler, method=method, sha256="")

@@ -120,7 +120,7 @@ def topological_map(
         Passages narrower than this, such as one-cell holes in a wall, connect nothing.
     doorways : Doorways, optional
         The gates of the map that are doorways, such as those of
-        :func:`~pgm_places.labelers.label_map.label_map`. If there are any, they are the only
+        :func:`~pgm_places.labelling.label.label_map`. If there are any, they are the only
         doorways, and every place ends at them, whatever the labels there: see
         :func:`~pgm_places.topology.gate_pieces.pieces_between`.
 

@@ -12,9 +12,9 @@ import pytest
 from pgm_places.batch.batch_folder import index_folder
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
-from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder, address_of
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
 from tests.batch.test_label_batch import Here
 

@@ -21,15 +21,14 @@ from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.local_workers import LocalWorkers
-from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.map_task import LabelledRow, NoSpaceError
-from pgm_places.batch.ready_model import LabelOptions
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
 from pgm_places.io.staging import claimed
+from pgm_places.labelling.files import WrittenMap, label_file
+from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
-from pgm_places.report.label_files import Outputs
 from tests.batch.tasks import hang_on
 
 
@@ -218,7 +217,7 @@ def test_any_error_is_a_failure_of_its_map(
 def test_a_full_disk_or_quota_ends_the_batch_and_keeps_what_is_done(
     batch: Batch, again: Again, maps: Path, monkeypatch: pytest.MonkeyPatch, reason: int
 ) -> None:
-    def until_full(model: Any, source: MapFile, files: OutputSet, **options: Any) -> LabelledFile:
+    def until_full(model: Any, source: MapFile, files: OutputSet, **options: Any) -> WrittenMap:
         if files.folder.parent.name == "floor2":
             error = OSError(reason, os.strerror(reason))
             raise OutputError(f"cannot write {files.folder}") from error

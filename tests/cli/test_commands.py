@@ -14,7 +14,7 @@ from PIL import Image
 from pgm_places.datasets import building as building_module
 from pgm_places.inference.labeling import Status
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.report import label_files
+from pgm_places.labelling import files as label_files
 from tests.cli.conftest import Run
 
 
@@ -68,7 +68,10 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert summary["status_meaning"] == status.meaning
     assert f"({status}: {status.meaning})" in text
     labels = ("corridor", "room", "doorway")
-    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *label_files.label_names(labels)}
+    assert {path.name for path in out.iterdir()} == {
+        RECORD_FILE,
+        *label_files.output_file_names(labels),
+    }
 
     rows = (out / "check.csv").read_text().splitlines()
     regions = json.loads((out / "topology.json").read_text())["regions"]

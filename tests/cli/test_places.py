@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.io.output_set import RECORD_FILE
-from pgm_places.report.label_files import PLACES
+from pgm_places.labelling.files import PLACES
 from tests.cli.conftest import Run
 
 

@@ -18,10 +18,10 @@ from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.files import TRACK
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import load, save
-from pgm_places.report.label_files import TRACK
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.label_image import load_labels
@@ -14,11 +15,13 @@ from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.files import TRACK, output_file_names
 from pgm_places.maps.coarsening import refine
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
-from pgm_places.report.label_files import TRACK, label_names
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.spaces.unentered import find_unentered
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from tests.cli.conftest import Run
 from tests.cli.test_track import rows_of
@@ -43,6 +46,17 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def _assert_only_reachable_space_has_labels(
+    labels: NDArray[np.int16],
+    unentered: NDArray[np.bool_],
+    grid: OccupancyGrid,
+    expected: NDArray[np.int64],
+) -> None:
+    reachable = grid.free & ~unentered
+    assert (labels[~reachable] == -1).all() and (reachable != grid.free).any()
+    np.testing.assert_array_equal(labels[reachable], expected[reachable[grid.free]])
+
+
 def test_the_steps_and_the_cells_are_labelled_together(folder: Path, run: Run) -> None:
     log, out, yaml = folder / "drive.log", folder / "out", folder / "map.yaml"
     model = folder / "model"
@@ -51,7 +65,7 @@ def test_the_steps_and_the_cells_are_labelled_together(folder: Path, run: Run) -
     names = building()[1]
     written = {path.name for path in out.iterdir()}
     assert written >= {RECORD_FILE, *TRACK, "labels.png", "topology.json", "summary.json"}
-    assert written <= {RECORD_FILE, *TRACK, *label_names(names), "place_names.yaml"}
+    assert written <= {RECORD_FILE, *TRACK, *output_file_names(names), "place_names.yaml"}
     assert "places: " in text and "potts: corridor" in text
     grid, path = load_map(yaml).grid, read_trajectory(log).trajectory
     expected = joint().label(grid, path)
@@ -60,7 +74,9 @@ def test_the_steps_and_the_cells_are_labelled_together(folder: Path, run: Run) -
         names[k] for k in expected.steps.labels
     ]
     labels = load_labels(out / "labels.png", names, grid=grid)
-    np.testing.assert_array_equal(labels[grid.free], expected.cells.labels)
+    unentered = find_unentered(grid, 0.2)
+    assert unentered is not None
+    _assert_only_reachable_space_has_labels(labels, unentered.cells, grid, expected.cells.labels)
 
 
 def test_a_drive_without_a_map_is_labelled_by_itself(folder: Path, run: Run) -> None:
@@ -94,7 +110,11 @@ def test_a_finer_map_is_labelled_at_the_resolution_of_the_model() -> None:
     expected = joint().label(grid, path)
     assert expected.cells is not None and expected.steps is not None
     assert "coarsened by 2, from" in found.map.warnings[0]
-    np.testing.assert_array_equal(found.map.labels[::2, ::2][grid.free], expected.cells.labels)
+    unentered = found.map.unentered
+    assert unentered is not None
+    _assert_only_reachable_space_has_labels(
+        found.map.labels[::2, ::2], unentered.cells[::2, ::2], grid, expected.cells.labels
+    )
     np.testing.assert_array_equal(found.steps.labels, expected.steps.labels)
 
 

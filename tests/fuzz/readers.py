@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.batch.map_task import MANIFEST_FILE, done_figures, labelled_row
-from pgm_places.batch.ready_model import LabelOptions, ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs
@@ -27,6 +26,8 @@ from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
@@ -130,8 +131,8 @@ def painted(folder: Path) -> object:
 
 
 @lru_cache(1)
-def model_for_batches() -> ReadyModel:
-    return ready_model(LabelOptions())
+def model_for_batches() -> LoadedModel:
+    return LoadedModel.load(LabelOptions())
 
 
 def figures_of(folder: Path) -> object:

@@ -24,12 +24,12 @@ from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelling.options import Outputs
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
-from pgm_places.report.label_files import Outputs
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 from pgm_places import OccupancyGrid, PlaceLabeler
-from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.labelers.labelled_places import LabelledPlaces
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import refine
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import find_unentered

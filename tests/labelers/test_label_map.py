@@ -19,14 +19,14 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.places.exports import write_geotiff
-from pgm_places.labelers import label_map as labelling
-from pgm_places.labelers.label_map import LabelledPlaces, _brought_back
+from pgm_places.labelers.labelled_places import LabelledPlaces, _brought_back
 from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelling import label as labelling
+from pgm_places.labelling.files import write_labels
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.progress import Silent, Stage
-from pgm_places.report.label_files import write_labels
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.regions import Region

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.labelers.label_map import at_model_resolution, label_map
+from pgm_places.labelers.labelled_places import at_model_resolution
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.trained import trained_labeler
 from tests.real_data import real_data_folder

@@ -7,7 +7,8 @@ import pytest
 
 from pgm_places import OccupancyGrid
 from pgm_places.datasets import generate_building
-from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.labelers.labelled_places import LabelledPlaces
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.known_window import MARGIN_M
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN

@@ -6,8 +6,9 @@ import pytest
 from pgm_places import trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.errors import MapError
-from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelling.label import label_map
+from pgm_places.labelling.model import LoadedModel
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -53,7 +54,7 @@ def steps(grid: OccupancyGrid) -> list[OccupancyGrid]:
 def test_labels_are_those_of_each_map_by_itself(
     labeler: PlaceLabeler, building: OccupancyGrid, method: str
 ) -> None:
-    live = LiveMap(labeler, method=method, few_cells=1)
+    live = LiveMap(LoadedModel(labeler, method), few_cells=1)
     for number, grid in enumerate(steps(building), 1):
         found, alone = live.on_map(grid), label_map(labeler, grid, method=method)
         np.testing.assert_array_equal(found.labels.labels, alone.labels)
@@ -77,7 +78,7 @@ def test_rules_and_names_of_places_are_those_that_were_given(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
     rules = TopologyOptions(min_width_m=100.0, correct=False, doorways="labels")
-    live = LiveMap(labeler, method="list", rules=rules, own_names={1: "Reception"})
+    live = LiveMap(LoadedModel(labeler, "list", rules), own_names={1: "Reception"})
     found = live.on_map(building).topology
     assert (found.connections, found.corrections) == ((), ())
     assert all(region.gate is None for region in found.regions)
@@ -87,7 +88,7 @@ def test_rules_and_names_of_places_are_those_that_were_given(
 def test_ids_and_anchors_stay_where_chairs_are_moved(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live = LiveMap(labeler, method="places")
+    live = LiveMap(LoadedModel(labeler, "places"))
     _, whole, chair, again = (live.on_map(grid) for grid in steps(building))
     ids = {item.id for item in whole.topology.regions}
     for found in (chair, again):
@@ -106,7 +107,7 @@ def noisy(grid: OccupancyGrid, seed: int, share: float = 0.02) -> OccupancyGrid:
 def test_noise_that_comes_and_goes_changes_no_place(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live = LiveMap(labeler, method="places")
+    live = LiveMap(LoadedModel(labeler, "places"))
     first = live.on_map(building)
     ids = {item.id for item in first.topology.regions}
     for seed in range(3):
@@ -121,7 +122,7 @@ def test_noise_that_comes_and_goes_changes_no_place(
 def test_the_same_noise_twice_leaves_every_place_its_id(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live = LiveMap(labeler, method="places")
+    live = LiveMap(LoadedModel(labeler, "places"))
     ids = {item.id for item in live.on_map(building).topology.regions}
     for _ in range(2):
         found = live.on_map(noisy(building, 3))
@@ -148,7 +149,7 @@ def test_ids_and_anchors_stay_where_a_loop_is_closed() -> None:
 def test_a_map_that_comes_again_and_again_is_taken_as_it_is(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live, sent = LiveMap(labeler, method="list", few_maps=2), noisy(building, 7)
+    live, sent = LiveMap(LoadedModel(labeler, "list"), few_maps=2), noisy(building, 7)
     live.on_map(building)
     live.on_map(sent)
     found = live.on_map(sent)
@@ -168,7 +169,7 @@ def names(found: LiveLabels) -> dict[int, str]:
 def test_a_place_that_was_gone_gets_its_id_and_name_back(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live = LiveMap(labeler, method="places")
+    live = LiveMap(LoadedModel(labeler, "places"))
     whole = live.on_map(building)
     room = max(whole.topology.regions, key=lambda item: (item.label == "room", item.area_m2))
     cells = building.cells.copy()
@@ -183,7 +184,7 @@ def test_a_place_that_was_gone_gets_its_id_and_name_back(
 def test_a_bad_map_leaves_the_one_before_current(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live = LiveMap(labeler, method="list")
+    live = LiveMap(LoadedModel(labeler, "list"))
     assert live.current is None
     found = live.on_map(building)
     with pytest.raises(MapError, match="no free cell"):

@@ -10,9 +10,9 @@ import pytest
 from pgm_places.errors import LogError, MapError
 from pgm_places.io.logs.bags import MapMessage, grid_of_message, read_map_messages
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.place_finder import FoundPlace, MapFrame, MapView, PlaceFinder

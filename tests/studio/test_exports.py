@@ -12,8 +12,10 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import read
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
 from pgm_places.topology.rules import TopologyOptions
@@ -67,8 +69,10 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
         painted = [(1, (x, y), (x + 12, y + 12)), (3, (5, 5), (40, 40))]
     map_yaml, folder = tmp_path / "rooms.yaml", tmp_path / "kept"
     source = load_map(map_yaml, unknown_value=unknown_value)
-    rules = TopologyOptions(min_area_m2=0.5)
-    desk = Desk(source, folder, labeler, model=model, rules=rules)
+    rules = TopologyOptions() if labeler is None else TopologyOptions(min_area_m2=0.5)
+    entered = EnteredOptions() if labeler is None else EnteredOptions(disc_radius_m=0.25)
+    loaded = None if labeler is None else LoadedModel(labeler, rules=rules, entered=entered)
+    desk = Desk(source, folder, loaded, model=model)
     try:
         if model != "none":
             desk.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#6d6108"})
@@ -90,11 +94,11 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
     assert arrays[0] == arrays[1]
     known = ("--corrections", folder / "corrections.png")
     unknown = () if unknown_value is None else ("--unknown-value", unknown_value)
-    everywhere = ("--unentered", *known, *unknown)  # as the studio does
-    run("label", map_yaml, "--model", trained, "--out", labelled, *everywhere)
+    run("label", map_yaml, "--model", trained, "--out", labelled, *known, *unknown)
     found = load_labels(labelled / "labels.png", names, grid=source.grid)
     np.testing.assert_array_equal(found, own)
-    assert read(trained).rules == read(folder / "model").rules == rules
+    for stored in (read(trained), read(folder / "model")):
+        assert (stored.rules, stored.entered) == (rules, entered)
 
 
 def test_one_class_is_too_little_to_train_without_a_model(desk: Desk) -> None:

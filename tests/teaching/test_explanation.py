@@ -46,7 +46,7 @@ def log_z(found: CellExplanation) -> dict[str, float]:
 
 
 def positions(n: int) -> list[list[float]]:
-    cells = np.argwhere(taught().labels >= 0)
+    cells = np.argwhere(taught().topology.region > 0)
     chosen = np.random.default_rng(1).permutation(len(cells))[:n]
     return MADE.grid.cell_centres_m(cells[chosen]).tolist()
 
@@ -83,14 +83,22 @@ def test_doorways_are_likely_in_the_middle_of_accepted_gates() -> None:
 
 
 def test_beams_end_at_walls() -> None:
-    [(x, y)] = positions(1)
-    found = explain_cell(taught(), x, y)
+    found = explain_cell(taught(), *taught().topology.regions[0].anchor_m)
+    x, y = found.x_m, found.y_m
     ends = np.array([x, y]) + found.ranges_m[:, None] * np.stack(
         [np.cos(found.angles_rad), np.sin(found.angles_rad)], axis=1
     )
     beyond = ends + 0.05 * (ends - [x, y]) / found.ranges_m[:, None]
     cells = MADE.grid.cells_at_m(beyond).clip(0, np.array(MADE.grid.shape) - 1)
     assert (~MADE.grid.free[tuple(cells.T)]).mean() > 0.9
+
+
+def test_unreachable_space_has_no_label_to_explain() -> None:
+    unentered = taught().labelled.unentered
+    assert unentered is not None
+    x, y = MADE.grid.cell_centres_m(np.argwhere(unentered.cells)[:1])[0].tolist()
+    with pytest.raises(InputError, match=r"cannot reach the space at .*, so it has no label"):
+        explain_cell(taught(), x, y)
 
 
 def test_where_the_graph_changes_a_label_neighbours_pull_to_it() -> None:

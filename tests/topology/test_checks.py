@@ -9,8 +9,9 @@ import pytest
 
 from pgm_places import LabelGraph, OccupancyGrid, load_topology, save_topology, topological_map
 from pgm_places.io.places.topology_files import check_table
+from pgm_places.labelling.files import write_topology
 from pgm_places.pictures.topology_pictures import marked_checks, topology_drawing
-from pgm_places.report.label_files import doubt_summary, write_topology
+from pgm_places.report.places_summary import doubt_summary
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between

@@ -13,7 +13,7 @@ from pgm_places.io.places.topology_files import check_table
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.palette import ERROR
 from pgm_places.pictures.topology_pictures import topology_drawing
-from pgm_places.report.label_files import places_summary
+from pgm_places.report.places_summary import places_summary
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.hidden_rooms import hidden_rooms

@@ -12,8 +12,8 @@ from pgm_places.floor.raster import holders
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField

@@ -13,7 +13,7 @@ from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import Trained, compare_fitted
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.labelers.label_map import label_map
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.halls import HallNames

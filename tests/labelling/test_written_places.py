@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places.io.output_set import output_set
-from pgm_places.report.label_files import write_places
+from pgm_places.labelers.labelled_places import LabelledCells
+from pgm_places.labelling.files import write_places
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels
@@ -13,9 +14,8 @@ from tests.topology.floors import NAMES, floor_grid, floor_labels
 
 def written(folder: Path, labels: np.ndarray, rules: TopologyOptions) -> TopologicalMap:
     with output_set(folder, "test") as files:
-        return write_places(
-            files, "a floor", rules, grid=floor_grid(labels), labels=labels, label_names=NAMES
-        )
+        cells = LabelledCells(floor_grid(labels), labels, NAMES)
+        return write_places(files, "a floor", cells, rules)
 
 
 def test_places_follow_their_rules(tmp_path: Path) -> None:

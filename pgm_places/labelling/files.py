@@ -1,16 +1,16 @@
-"""A labelled map and its places as files, known beforehand, some of which may be left out."""
+"""The files of a labelled map: their names, and the one writer of labels and places."""
 
-import shlex
+import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import row_blocks
-from pgm_places.errors import InputError, OutputError, nearest_name
+from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_bytes, write_json
 from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
@@ -19,59 +19,22 @@ from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places import topology_files
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
-from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.kernels.pages import return_freed
+from pgm_places.labelers.labelled_places import LabelledCells, LabelledPlaces
+from pgm_places.labelling.label import label
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.options import Outputs
+from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.drawing import Packing
-from pgm_places.pictures.topology_pictures import count_line, marked_checks, topology_drawing
-from pgm_places.topology.checks import doubtful_share, places_to_check
-from pgm_places.topology.cuts import line_width_m
-from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
+from pgm_places.pictures.map_pictures import overview
+from pgm_places.pictures.topology_pictures import topology_drawing
+from pgm_places.progress import Progress, reported, staged, warn
+from pgm_places.spaces.unentered import Unentered
+from pgm_places.topology.checks import places_to_check
+from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
-
-_NONE = "none"
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """The files that may be left out.
-
-    Parameters
-    ----------
-    pictures : bool
-        ``overview.png``, ``topology.png`` and, in a batch, ``thumbnail.png``: for people.
-    probabilities : bool
-        ``probability_<label>.png``.
-    """
-
-    pictures: bool = True
-    probabilities: bool = True
-
-    @classmethod
-    def named(cls, text: str) -> Self:
-        """Those that a list with commas names; ``none`` names none.
-
-        Raises
-        ------
-        InputError
-            There is no such kind of file.
-
-        Examples
-        --------
-        >>> Outputs.named("pictures"), Outputs.named("none").probabilities
-        (Outputs(pictures=True, probabilities=False), False)
-        """
-        names = [name.strip() for name in text.split(",")]
-        known = [*cls.__dataclass_fields__, _NONE]
-        for name in names:
-            if name not in known or (name == _NONE and len(names) > 1):
-                raise InputError(
-                    f"--outputs takes pictures, probabilities, both with a comma between, or none; "
-                    f"got {text!r}. {nearest_name(name, known)}"
-                )
-        return cls(**{name: name in names for name in cls.__dataclass_fields__})
-
 
 COMPARISON = ("results.json", "report.html")
 
@@ -88,7 +51,7 @@ _PICTURES = ("overview.png", "topology.png")
 SETTINGS = ("places.json", "gate_places.png")
 
 
-def label_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
+def output_file_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
     outputs = outputs or Outputs()
     probabilities = map(topology_files.probability_file, labels) if outputs.probabilities else ()
@@ -99,6 +62,138 @@ def label_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[
 
 SUMMARY_FILE = "summary.json"
 MAX_BYTES = 64 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenMap:
+    """A labelled map whose files are written.
+
+    Parameters
+    ----------
+    summary : str
+        One line: the area of each label and how the method ended.
+    labels : (H, W) int16
+        Label index per free cell in the map's order, -1 elsewhere.
+    area_m2 : dict of str to float
+        Area of each label.
+    warnings : tuple of str
+        Of the file and of the labelling.
+    topology : TopologicalMap
+        The places.
+    unentered : Unentered or None
+        Unreachable space, which has no labels.
+    """
+
+    summary: str
+    labels: NDArray[np.int16]
+    area_m2: dict[str, float]
+    warnings: tuple[str, ...]
+    topology: TopologicalMap
+    unentered: Unentered | None = None
+
+
+def label_file(
+    model: LoadedModel,
+    source: MapFile,
+    files: OutputSet,
+    *,
+    observed: NDArray[np.int16] | None = None,
+    max_cells: int | None = None,
+    outputs: Outputs | None = None,
+    n_threads: int | None = None,
+    progress: Progress,
+) -> WrittenMap:
+    """Label a map that has been read and write everything that ``pgm-places label`` promises.
+
+    ``observed`` (H, W) holds observed labels, -1 elsewhere; no map is refined to more cells than
+    ``max_cells``; ``outputs`` leaves some files out.
+    """
+    topology_files.read_own_names(files.folder)  # a damaged file shows before the work
+    return write_labelled(
+        label(  # without a name here, so that the labels of a huge map's nodes can be freed
+            model,
+            source.grid,
+            observed=observed,
+            max_cells=max_cells,
+            n_threads=n_threads,
+            progress=progress,
+        ),
+        source,
+        files,
+        model.rules,
+        progress,
+        outputs=outputs,
+        n_threads=n_threads,
+    )
+
+
+def write_labelled(
+    result: LabelledPlaces,
+    source: MapFile,
+    files: OutputSet,
+    rules: TopologyOptions,
+    progress: Progress,
+    *,
+    outputs: Outputs | None = None,
+    n_threads: int | None = None,
+) -> WrittenMap:
+    """Write a labelled map and its places; ``outputs`` leaves some files out."""
+    outputs = outputs or Outputs()
+    with reported(progress), Packing(n_threads) as packing:
+        with staged("writing files"):
+            write_labels(result, source, files.stage, packing=packing, outputs=outputs)
+        summary, area_m2, unentered = result.summary(), result.shares(), result.unentered
+        warnings = (*source.warnings, *result.warnings)
+        cells = result.cells
+        if (
+            cells.beliefs is not None
+        ):  # those of a huge map wait in a file until its places are known
+            cells = replace(cells, beliefs=set_aside(cells.beliefs, files.stage))
+        title = f"{source.name}: {result.method}"
+        del result  # the labels of a huge map's nodes are not needed any more
+        return_freed()
+        with staged("places"):
+            topology = write_places(
+                files, title, cells, rules, packing=packing, picture=outputs.pictures
+            )
+    return WrittenMap(summary, cells.labels, area_m2, warnings, topology, unentered)
+
+
+def write_places(
+    files: OutputSet,
+    title: str,
+    cells: LabelledCells,
+    rules: TopologyOptions,
+    *,
+    packing: Packing | None = None,
+    picture: bool = True,
+) -> TopologicalMap:
+    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
+
+    ``picture`` says whether it is drawn. The rules and the gates are written as well, so that the
+    same places can be found from the labels again.
+    """
+    settings = PlaceSettings(rules, separating_gates(cells.doorways, rules))
+    save_settings(files.stage, settings)  # first: a huge map has room for it now
+    topology = places_of(
+        cells,
+        rules,
+        ids=_earlier_places(files.folder),
+        own_names=topology_files.read_own_names(files.folder),
+    )
+    write_topology(files.stage, cells.grid, topology, title=title, packing=packing, picture=picture)
+    return topology
+
+
+def _earlier_places(folder: Path) -> KnownPlaces | None:
+    """The places in a folder, whose ids go on; a warning where they cannot be read."""
+    if not (folder / topology_files.TOPOLOGY_FILE).exists():
+        return None
+    try:
+        return topology_files.load_topology(folder).known_places
+    except InputError as error:
+        warn(f"{error}; places are numbered anew")
+        return None
 
 
 def write_labels(
@@ -143,8 +238,6 @@ def write_labels(
 def _write_overview(
     result: LabelledPlaces, source: MapFile, folder: Path, packing: Packing
 ) -> Path:
-    from pgm_places.pictures.map_pictures import overview
-
     drawing = overview(
         result.grid,
         result.labels,
@@ -195,43 +288,6 @@ def _in_bytes(shares: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
     return levels
 
 
-_MOST_SPLITS = 5
-
-
-def write_places(
-    files: OutputSet,
-    title: str,
-    rules: TopologyOptions,
-    *,
-    packing: Packing | None = None,
-    picture: bool = True,
-    **inputs: Any,
-) -> TopologicalMap:
-    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
-
-    ``picture`` says whether it is drawn. ``inputs`` are those of ``topological_map``, the grid
-    among them. The rules and the gates are written as well, so that the same places can be found
-    from the labels again.
-    """
-    doorways = inputs.get("doorways")
-    gates = doorways if doorways is not None and len(doorways) else None
-    settings = PlaceSettings(rules, gates)
-    save_settings(files.stage, settings)  # first: a huge map has room for it now
-    earlier = (files.folder / topology_files.TOPOLOGY_FILE).exists()
-    topology = topological_map(
-        rules=rules,
-        correct=rules.correct,
-        min_width_m=rules.min_width_m,
-        known=topology_files.load_topology(files.folder).known_places if earlier else None,
-        own_names=topology_files.read_own_names(files.folder),
-        **inputs,
-    )
-    write_topology(
-        files.stage, inputs["grid"], topology, title=title, packing=packing, picture=picture
-    )
-    return topology
-
-
 def write_topology(
     folder: Path,
     grid: OccupancyGrid,
@@ -260,43 +316,26 @@ def write_topology(
     return written
 
 
-def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
-    """How many places of each class, connections and corrections; what is in doubt, if known.
+def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
+    """The same values, read-only, from a file without a name, which goes when they do.
 
-    With the ``folder`` that they lie in, also the places that look like several rooms.
+    Arrays of fewer bytes than ``at_least`` stay in memory; so do those for which the folder has no
+    room.
+
+    Parameters
+    ----------
+    array : array
+        Of any shape; whoever holds it must let it go for the memory to be free.
+    folder : Path
+        On the disk that the file is to lie on.
+    at_least : int
     """
-    n = len(topology.corrections)
-    lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
-    doubt = doubt_summary(topology)
-    lines += [] if doubt is None else [doubt]
-    if folder is not None and (found := hidden_rooms(topology)):
-        lines += [hidden_line(item) for item in found[:_MOST_SPLITS]]
-        more = len(found) - _MOST_SPLITS
-        lines += [f"and {more} more place{'' if more == 1 else 's'}"] if more > 0 else []
-        example = shlex.join(["pgm-places", "split", str(folder), str(found[0].place.id)])
-        lines.append(f"to split one along the lines in topology.png: {example}")
-    return "\n".join(lines)
-
-
-def hidden_line(item: HiddenRooms) -> str:
-    """How many rooms a place looks like, how large they are, and how wide its openings."""
-    sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
-    widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)
-    return (
-        f"{item.place.name} looks like {item.count} rooms ({sizes} m²), with openings of {widths} m"
-    )
-
-
-def doubt_summary(topology: TopologicalMap) -> str | None:
-    """One line: how much of the area is in doubt and where most of it lies; None if unknown."""
-    share = doubtful_share(topology)
-    if share is None:
-        return None
-    first = "; ".join(
-        f"{check.place.name} ({check.doubtful_m2:.1f} m²"
-        + (f" perhaps {check.second_label})" if check.second_label else ")")
-        for check in marked_checks(topology)
-    )
-    return f"in doubt: {100 * share:.1f} % of the area" + (
-        f"; check first: {first}" if first else ""
-    )
+    if array.nbytes < max(at_least, 1):
+        return array
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            array.tofile(file)
+            file.flush()
+            return np.memmap(file, array.dtype, "r", shape=array.shape)
+    except OSError:
+        return array

@@ -1,6 +1,6 @@
-"""Labelling a map with a stored model, whatever the resolutions of the two are."""
+"""LabelledPlaces: a labelled map on its own raster, whatever the resolution of the model."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,25 +11,15 @@ from pgm_places.errors import MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
-from pgm_places.kernels.pages import return_freed
-from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.whole_map import (
-    whole_doorways,
-    whole_layout,
-    whole_unentered,
-    window_to_label,
-)
+from pgm_places.labelers.whole_map import whole_doorways, whole_layout, whole_unentered
 from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
 from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress, reported, staged, warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
-from pgm_places.unary.kept_table import KeptTable
 
 SAME_RESOLUTION = 0.02
 """Resolutions that differ by less than this share are taken as equal."""
@@ -94,7 +84,30 @@ def at_model_resolution(
     return used, [note]
 
 
-ENTERED = EnteredOptions()
+@dataclass(frozen=True, eq=False)
+class LabelledCells:
+    """The labels of a map's cells, with everything else that its places follow from.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    labels : (H, W) int16
+        Label index per free cell, -1 elsewhere and in unreachable space.
+    label_names : sequence of str
+    beliefs : (N, K) float, optional
+        Probabilities of the labels at the nodes of ``layout``.
+    layout : GridLayout, optional
+        The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
+    doorways : Doorways, optional
+        The accepted gates of the map.
+    """
+
+    grid: OccupancyGrid
+    labels: NDArray[np.int16]
+    label_names: Sequence[str]
+    beliefs: NDArray[np.floating[Any]] | None = None
+    layout: GridLayout | None = None
+    doorways: Doorways | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +145,14 @@ class LabelledPlaces:
     doorways: Doorways | None = None
     unentered: Unentered | None = None
 
+    @property
+    def cells(self) -> LabelledCells:
+        """The labels with everything else that places follow from."""
+        beliefs = self.labeling.beliefs
+        return LabelledCells(
+            self.grid, self.labels, self.label_names, beliefs, self.layout, self.doorways
+        )
+
     def on_whole(self, grid: OccupancyGrid, window: KnownWindow) -> "LabelledPlaces":
         """The labels of a window of a map, which holds all that is known of it, on the map."""
         return replace(
@@ -166,95 +187,6 @@ class LabelledPlaces:
         return f"{self.method}: {areas} ({status}: {status.meaning})"
 
 
-def label_map(
-    labeler: PlaceLabeler,
-    grid: OccupancyGrid,
-    *,
-    method: str | None = None,
-    known: ArrayLike | None = None,
-    entered: EnteredOptions = ENTERED,
-    features_of: Callable[[OccupancyGrid], KeptTable] | None = None,
-    max_cells: int | None = None,
-    n_threads: int | None = None,
-    progress: Progress | None = None,
-) -> LabelledPlaces:
-    """The map labelled by a fitted labeler, on the map's own raster.
-
-    Structured weights belong to one resolution. A map that is finer than the model is coarsened,
-    labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
-    cell takes the most frequent label of its parts. A warning says so before the work begins.
-
-    Parameters
-    ----------
-    labeler : PlaceLabeler
-    grid : OccupancyGrid
-    method : str, optional
-        The labeler's default method if not given.
-    known : (H, W) int, optional
-        Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
-        method keeps these labels and labels the other cells by them. Gates take part: one that is
-        known to be a doorway, or not to be one, parts places accordingly.
-    entered : EnteredOptions
-        Free space that was never entered gets no label, unless the options ask for it or the label
-        is known; all other cells have the same labels either way.
-    features_of : callable, optional
-        Gives the laser features of a map's free cells, where something is known of them from
-        before: called with the map at the model's resolution.
-    max_cells : int, optional
-        No map is refined to more cells than this; 100 million by default.
-    n_threads, progress
-        Threads, and where stages are announced.
-
-    Raises
-    ------
-    MapError
-        The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells.
-    LabelError
-        Known labels that do not fit the map or the labels.
-    """
-    window = window_to_label(grid, labeler.resolution_m_)
-    if window is not None:
-        part = label_map(
-            labeler,
-            window.crop(grid),
-            method=method,
-            known=None if known is None else window.cut(np.asarray(known)),
-            entered=entered,
-            features_of=features_of,
-            max_cells=max_cells,
-            n_threads=n_threads,
-            progress=progress,
-        )
-        return part.on_whole(grid, window)
-    with threads(n_threads), reported(progress):
-        used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
-        for message in warnings:
-            warn(message)
-        pinned = None
-        if known is not None:
-            pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
-        name = method or labeler.default_method
-        layout, labeling, doorways = _labelled(labeler, used, name, pinned, features_of)
-    places = on_own_raster(
-        grid,
-        used,
-        layout,
-        labeling,
-        label_names=labeler.label_names_,
-        method=name,
-        warnings=warnings,
-        doorways=doorways,
-        known=pinned,
-    )
-    if entered.unentered:
-        return places
-    unentered = find_unentered(
-        grid, entered.disc_radius_m, except_at=None if pinned is None else pinned.on_map >= 0
-    )
-    return _without(places, unentered) if unentered else places
-
-
 def on_own_raster(
     grid: OccupancyGrid,
     used: OccupancyGrid,
@@ -266,10 +198,12 @@ def on_own_raster(
     warnings: Sequence[str] = (),
     doorways: Doorways | None = None,
     known: KnownCells | None = None,
+    entered: EnteredOptions,
 ) -> LabelledPlaces:
     """A map with labels on its own raster, from those of the cells ``layout`` of ``used``.
 
     ``used`` is the map at the model's resolution; known labels are painted over those found.
+    Unreachable space has no labels, unless ``entered`` asks for them or they are known.
     """
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_map(grid)
@@ -277,9 +211,14 @@ def on_own_raster(
     labels = _painted(grid, layout, labeling.labels.astype(np.int16), -1)
     if known is not None:
         np.copyto(labels, known.on_map, where=known.on_map >= 0)
-    return LabelledPlaces(
+    places = LabelledPlaces(
         grid, labels, layout, labeling, label_names, method, tuple(warnings), doorways
     )
+    if entered.unentered:
+        return places
+    except_at = None if known is None else known.on_map >= 0
+    unentered = find_unentered(grid, entered.disc_radius_m, except_at=except_at)
+    return _without(places, unentered) if unentered else places
 
 
 def _painted(grid: OccupancyGrid, layout: GridLayout, values: ArrayLike, fill: Any) -> NDArray[Any]:
@@ -295,7 +234,7 @@ def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
     grid, layout = places.grid, places.layout
     entered = grid.free & ~unentered.cells
     if layout.source is not grid:
-        assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
+        assert isinstance(layout.source, OccupancyGrid)  # made from the map
         entered = Coarsening(grid, layout.source).holding(entered)
     keep = layout.from_raster(entered)
     return replace(
@@ -307,40 +246,6 @@ def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
     )
 
 
-def _labelled(
-    labeler: PlaceLabeler,
-    grid: OccupancyGrid,
-    name: str,
-    known: KnownCells | None,
-    features_of: Callable[[OccupancyGrid], KeptTable] | None,
-) -> tuple[GridLayout, Labeling, Doorways | None]:
-    """What a method makes of a map, and its doorways; the scores behind both are freed."""
-    raster = None if known is None else known.on_cells
-    method = labeler.method(name)
-    graph, scores = labeler.scores(
-        grid,
-        methods=[name],
-        lean=True,
-        known=raster,
-        own=None if features_of is None else features_of(grid),
-    )
-    layout = graph.grid_layout
-    model, doorways = labeler.unary_model_.space, scores.doorways
-    if doorways is None and model is not None and model.gates is not None:
-        doorways = (scores.spaces or model.spaces(grid, known=raster)).doorways
-    problem = labeler.problem_of(
-        graph, scores, method, known=None if known is None else known.of_nodes(layout)
-    )
-    hall = scores.hall
-    del scores
-    return_freed()  # what scoring took: a huge map needs it for its labels
-    with staged(f"labelling with {name}"):
-        labeling = labeler.with_halls(infer(method.backend, problem), hall)
-    if known is not None:
-        labeling = known.kept(labeling, layout)
-    return layout, labeling, doorways
-
-
 def _brought_back(
     labeling: Labeling, refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
 ) -> Labeling:
@@ -349,7 +254,7 @@ def _brought_back(
     ``cells`` are those of the refined map, ``layout`` those of the map. Of labels that are equally
     frequent the first is taken. Score and bound stay those of the refined map.
     """
-    assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
+    assert isinstance(layout.source, OccupancyGrid)  # made from the map
     holders = Coarsening(refined, layout.source).holders(cells.cells_rc)
     node, n_nodes = layout.nodes_at(holders), layout.n_nodes
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch.ready_model import with_given
 from pgm_places.errors import ConfigError
+from pgm_places.labelling.model import with_given
 from pgm_places.persistence.stored import _options_of
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions

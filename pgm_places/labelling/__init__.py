@@ -1,0 +1,1 @@
+"""The application: a loaded model labels a map, its places are found, and all is written."""

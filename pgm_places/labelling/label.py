@@ -1,0 +1,254 @@
+"""label: a map labelled by a loaded model, on the map's own raster."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.backends import Backend
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.kernels.pages import return_freed
+from pgm_places.kernels.threads import threads
+from pgm_places.labelers.known_cells import KnownCells
+from pgm_places.labelers.labelled_places import (
+    LabelledPlaces,
+    at_model_resolution,
+    on_own_raster,
+)
+from pgm_places.labelers.method import infer
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import window_to_label
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress, reported, staged, warn
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.unary.kept_table import KeptTable
+from pgm_places.unary.map_model import CellScores
+
+FeaturesOf = Callable[[OccupancyGrid], KeptTable | None]
+"""The laser features of a map's free cells at the model's resolution, where some are cached."""
+
+
+def label_map(
+    labeler: PlaceLabeler,
+    grid: OccupancyGrid,
+    *,
+    method: str | None = None,
+    known: ArrayLike | None = None,
+    entered: EnteredOptions | None = None,
+    features_of: FeaturesOf | None = None,
+    max_cells: int | None = None,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> LabelledPlaces:
+    """The map labelled by a fitted labeler, on the map's own raster.
+
+    Structured weights belong to one resolution. A map that is finer than the model is coarsened,
+    labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
+    cell takes the most frequent label of its parts. A warning says so before the work begins.
+
+    Parameters
+    ----------
+    labeler : PlaceLabeler
+    grid : OccupancyGrid
+    method : str, optional
+        The labeler's default method if not given.
+    known : (H, W) int, optional
+        Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
+        method keeps these labels and labels the other cells by them. Gates take part: one that is
+        known to be a doorway, or not to be one, parts places accordingly.
+    entered : EnteredOptions, optional
+        Unreachable space gets no label, unless the options ask for it or the label is known; all
+        other cells have the same labels either way.
+    features_of : callable, optional
+        Gives the laser features of a map's free cells, where some are cached: called with the map
+        at the model's resolution.
+    max_cells : int, optional
+        No map is refined to more cells than this; 100 million by default.
+    n_threads, progress
+        Threads, and where stages are announced.
+
+    Raises
+    ------
+    MapError
+        The map has no free cell, or none that is left at the model's resolution, or would have to
+        be refined to too many cells.
+    LabelError
+        Known labels that do not fit the map or the labels.
+    """
+    return label(
+        LoadedModel(labeler, method or "", entered=entered or EnteredOptions()),
+        grid,
+        observed=known,
+        cache=features_of,
+        max_cells=max_cells,
+        n_threads=n_threads,
+        progress=progress,
+    )
+
+
+def label(
+    model: LoadedModel,
+    grid: OccupancyGrid,
+    *,
+    observed: ArrayLike | None = None,
+    cache: FeaturesOf | None = None,
+    max_cells: int | None = None,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> LabelledPlaces:
+    """The map labelled by a model: :func:`label_map` with the model's method and rules."""
+    window = window_to_label(grid, model.labeler.resolution_m_)
+    if window is not None:
+        part = label(
+            model,
+            window.crop(grid),
+            observed=None if observed is None else window.cut(np.asarray(observed)),
+            cache=cache,
+            max_cells=max_cells,
+            n_threads=n_threads,
+            progress=progress,
+        )
+        return part.on_whole(grid, window)
+    with threads(n_threads), reported(progress):
+        # Nothing holds the scores while the method runs: a huge map needs their memory.
+        return score_map(model, grid, observed, cache, max_cells=max_cells).task().labelled()
+
+
+def score_map(
+    model: LoadedModel,
+    grid: OccupancyGrid,
+    observed: ArrayLike | None = None,
+    cache: FeaturesOf | None = None,
+    *,
+    max_cells: int | None = None,
+    with_spaces: bool = False,
+) -> "ScoredMap":
+    """The scores of a map's cells, as the model's method needs them.
+
+    Parameters
+    ----------
+    model, grid, observed, cache, max_cells
+        As of :func:`label`.
+    with_spaces : bool
+        Keep segments, gates and places, to explain the scores.
+    """
+    labeler = model.labeler
+    used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
+    for message in warnings:
+        warn(message)
+    cells = None
+    if observed is not None:
+        names = labeler.label_names_
+        cells = KnownCells.of(observed, grid, used, names, labeler.learned_names)
+    raster = None if cells is None else cells.on_cells
+    graph, scores = labeler.scores(
+        used,
+        methods=[model.method],
+        lean=True,
+        with_spaces=with_spaces,
+        known=raster,
+        own=None if cache is None else cache(used),
+    )
+    space, doorways = labeler.unary_model_.space, scores.doorways
+    if doorways is None and space is not None and space.gates is not None:
+        doorways = (scores.spaces or space.spaces(used, known=raster)).doorways
+    return ScoredMap(MapAtModel(model, grid, used, cells, tuple(warnings), doorways), graph, scores)
+
+
+@dataclass(frozen=True, eq=False)
+class MapAtModel:
+    """A map at the resolution of a model.
+
+    Parameters
+    ----------
+    model : LoadedModel
+    grid, used : OccupancyGrid
+        The map, and the same at the model's resolution.
+    observed : KnownCells or None
+    warnings : tuple of str
+    doorways : Doorways or None
+        The accepted gates, where the model knows any.
+    """
+
+    model: LoadedModel
+    grid: OccupancyGrid
+    used: OccupancyGrid
+    observed: KnownCells | None
+    warnings: tuple[str, ...]
+    doorways: Doorways | None
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredMap:
+    """The scores of a map's cells, from which methods label it.
+
+    Parameters
+    ----------
+    map : MapAtModel
+    graph : LabelGraph
+        Of the free cells.
+    scores : CellScores
+    """
+
+    map: MapAtModel
+    graph: LabelGraph
+    scores: CellScores
+
+    def task(self, method: str | None = None) -> "LabellingTask":
+        """What a method has to solve; the model's own method by default."""
+        labeler, observed = self.map.model.labeler, self.map.observed
+        name, layout = method or self.map.model.method, self.graph.grid_layout
+        chosen = labeler.method(name)
+        known = None if observed is None else observed.of_nodes(layout)
+        problem = labeler.problem_of(self.graph, self.scores, chosen, known=known)
+        return LabellingTask(self.map, layout, problem, self.scores.hall, name, chosen.backend)
+
+
+@dataclass(frozen=True, eq=False)
+class LabellingTask:
+    """The labelling problem of a map's cells, and the method that solves it.
+
+    Parameters
+    ----------
+    map : MapAtModel
+    layout : GridLayout
+        The cells behind the problem's nodes.
+    problem : LabelingProblem
+    hall : (N,) float32 or None
+        The probability that a node's circulation is a hall.
+    method : str
+    backend : Backend
+    """
+
+    map: MapAtModel
+    layout: GridLayout
+    problem: LabelingProblem
+    hall: NDArray[np.float32] | None
+    method: str
+    backend: Backend
+
+    def labelled(self) -> LabelledPlaces:
+        """The map as the method labels it; observed labels are kept."""
+        at, labeler = self.map, self.map.model.labeler
+        return_freed()  # what scoring took
+        with staged(f"labelling with {self.method}"):
+            labeling = labeler.with_halls(infer(self.backend, self.problem), self.hall)
+        if at.observed is not None:
+            labeling = at.observed.kept(labeling, self.layout)
+        return on_own_raster(
+            at.grid,
+            at.used,
+            self.layout,
+            labeling,
+            label_names=labeler.label_names_,
+            method=self.method,
+            warnings=at.warnings,
+            doorways=at.doorways,
+            known=at.observed,
+            entered=at.model.entered,
+        )

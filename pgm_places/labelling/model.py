@@ -1,0 +1,110 @@
+"""LoadedModel: a labeler with the rules that belong to it, from a folder, overrides applied."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self, TypeVar
+
+from pgm_places.io.input_file import sha256_of
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelling.options import ModelOptions
+from pgm_places.options import from_mapping, option_values
+from pgm_places.persistence.model_folder import MANIFEST
+from pgm_places.persistence.stored import read
+from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.topology.rules import TopologyOptions
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedModel:
+    """A fitted labeler, its method and its rules: everything that decides labels and places.
+
+    Parameters
+    ----------
+    labeler : PlaceLabeler
+        Fitted; it holds the doorway depth and the label of halls.
+    method : str, optional
+        The labeler's default method if empty.
+    rules : TopologyOptions, optional
+        Of topological maps.
+    entered : EnteredOptions, optional
+        Which free space is reachable.
+    sha256 : str, optional
+        Of the model's manifest, which holds that of its arrays; empty for a model without a folder.
+
+    Raises
+    ------
+    NotFittedError
+        The labeler has not learned.
+    ConfigError
+        The labeler has no such method.
+    """
+
+    labeler: PlaceLabeler
+    method: str = ""
+    rules: TopologyOptions = field(default_factory=TopologyOptions)
+    entered: EnteredOptions = field(default_factory=EnteredOptions)
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        self.labeler.check_fitted()
+        if not self.method:
+            object.__setattr__(self, "method", self.labeler.default_method)
+        self.labeler.method(self.method)  # an unknown one shows now
+
+    @classmethod
+    def of(cls, model: "LoadedModel | PlaceLabeler") -> "LoadedModel":
+        """The model itself, or a labeler with the default rules."""
+        return model if isinstance(model, LoadedModel) else cls(model)
+
+    @classmethod
+    def load(cls, options: ModelOptions | None = None) -> Self:
+        """The stored model that the options name, with their overrides applied.
+
+        Raises
+        ------
+        ModelFileError
+            There is no such model, or it is damaged.
+        ConfigError
+            The model has no such method, or an option does not take its value.
+
+        Examples
+        --------
+        >>> model = LoadedModel.load(ModelOptions(model="generated", unentered=True))
+        >>> model.method, model.rules.min_width_m, model.entered.unentered
+        ('potts', 0.3, True)
+        """
+        options = options or ModelOptions()
+        stored = read(options.folder, "place-labeler", "joint-labeler")
+        labeler: PlaceLabeler = stored.item
+        if stored.kind == "joint-labeler":
+            labeler = stored.item.of_maps()
+        labels = _given(halls=options.halls, doorway_depth_m=options.doorway_depth_m)
+        if labels:
+            labeler = labeler.with_options(**labels)
+        return cls(
+            labeler,
+            options.method or "",
+            with_given(stored.rules, {"doorways": options.doorways}),
+            with_given(
+                stored.entered,
+                {"disc_radius_m": options.disc_radius_m, "unentered": options.unentered},
+            ),
+            sha256_of(options.folder / MANIFEST),
+        )
+
+    @property
+    def chosen(self) -> PlaceMethod:
+        """The method, with the scores that it starts from."""
+        return self.labeler.method(self.method)
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """The values that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def with_given(options: T, given: Mapping[str, Any]) -> T:
+    """A model's options, those replaced that were given (are not None)."""
+    return from_mapping(type(options), {**option_values(options), **_given(**given)})

@@ -1,0 +1,49 @@
+"""places_of: the places of a labelled map, by the rules of its model."""
+
+from collections.abc import Mapping
+
+from pgm_places.labelers.labelled_places import LabelledCells
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.naming import EarlierPlaces
+from pgm_places.topology.rules import TopologyOptions
+from pgm_places.topology.topological_map import TopologicalMap
+
+
+def separating_gates(doorways: Doorways | None, rules: TopologyOptions) -> Doorways | None:
+    """The gates that separate places; None where labels do, by the rules or for want of gates."""
+    gates = doorways if rules.doorways == "gates" else None
+    return gates if gates is not None and len(gates) else None
+
+
+def places_of(
+    cells: LabelledCells,
+    rules: TopologyOptions,
+    *,
+    ids: EarlierPlaces | None = None,
+    own_names: Mapping[int, str] | None = None,
+) -> TopologicalMap:
+    """The topological map of labelled cells.
+
+    Parameters
+    ----------
+    cells : LabelledCells
+    rules : TopologyOptions
+    ids : EarlierPlaces, optional
+        Earlier places; the same places keep their ids and names.
+    own_names : mapping of int to str, optional
+        The user's names, by id.
+    """
+    return topological_map(
+        cells.grid,
+        cells.labels,
+        cells.label_names,
+        rules=rules,
+        correct=rules.correct,
+        min_width_m=rules.min_width_m,
+        beliefs=cells.beliefs,
+        layout=cells.layout,
+        doorways=separating_gates(cells.doorways, rules),
+        known=ids,
+        own_names=own_names,
+    )

@@ -1,0 +1,54 @@
+"""The places of a map in a few lines: counts, doubt, and places that look like several rooms."""
+
+import shlex
+from pathlib import Path
+
+from pgm_places.pictures.topology_pictures import count_line, marked_checks
+from pgm_places.topology.checks import doubtful_share
+from pgm_places.topology.cuts import line_width_m
+from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
+from pgm_places.topology.topological_map import TopologicalMap
+
+_MOST_SPLITS = 5
+
+
+def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
+    """How many places of each class, connections and corrections; what is in doubt, if known.
+
+    With the ``folder`` that they lie in, also the places that look like several rooms.
+    """
+    n = len(topology.corrections)
+    lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
+    doubt = doubt_summary(topology)
+    lines += [] if doubt is None else [doubt]
+    if folder is not None and (found := hidden_rooms(topology)):
+        lines += [hidden_line(item) for item in found[:_MOST_SPLITS]]
+        more = len(found) - _MOST_SPLITS
+        lines += [f"and {more} more place{'' if more == 1 else 's'}"] if more > 0 else []
+        example = shlex.join(["pgm-places", "split", str(folder), str(found[0].place.id)])
+        lines.append(f"to split one along the lines in topology.png: {example}")
+    return "\n".join(lines)
+
+
+def hidden_line(item: HiddenRooms) -> str:
+    """How many rooms a place looks like, how large they are, and how wide its openings."""
+    sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
+    widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)
+    return (
+        f"{item.place.name} looks like {item.count} rooms ({sizes} m²), with openings of {widths} m"
+    )
+
+
+def doubt_summary(topology: TopologicalMap) -> str | None:
+    """One line: how much of the area is in doubt and where most of it lies; None if unknown."""
+    share = doubtful_share(topology)
+    if share is None:
+        return None
+    first = "; ".join(
+        f"{check.place.name} ({check.doubtful_m2:.1f} m²"
+        + (f" perhaps {check.second_label})" if check.second_label else ")")
+        for check in marked_checks(topology)
+    )
+    return f"in doubt: {100 * share:.1f} % of the area" + (
+        f"; check first: {first}" if first else ""
+    )
