@@ -224,6 +224,8 @@ def _check_nodes(config: ExperimentConfig) -> None:
             raise ConfigError(
                 f"{where} is a map, but steps of drives are labelled; give a log or a drive"
             )
+        if item.counts is not None and nodes == "both":
+            raise ConfigError(f"{where}: counts are for nodes = 'steps'; cells of maps have none")
         if item.map_labels is not None and not (is_test and nodes == "steps"):
             raise ConfigError(f"{where}: map_labels is for drives to test on, with nodes = 'steps'")
         if nodes == "both" and item.log is not None and item.map is None:

@@ -1,14 +1,16 @@
 """The drives of an experiment with their true places, read from logs or simulated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import LabelError, LogError
+from pgm_places.errors import ConfigError, LabelError, LogError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_grid, load_map_of
-from pgm_places.experiment.source_config import DriveConfig, SourceConfig
+from pgm_places.experiment.source_config import WITHIN_S, DriveConfig, SourceConfig
+from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.logs.pose_csv import translated, with_truth
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.labelers.map_prior import MapPrior
@@ -17,6 +19,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.vision.object_counts import ObjectCounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +34,34 @@ class SourceDrive:
         In the frame of the poses; all labels are -1 if none are given.
     prior : MapPrior or None
         A map labelled beforehand, in the frame of the poses.
+    counts : ObjectCounts or None
+        Objects that a camera saw.
+    within_s : float
+        Longest time between a step and its counts.
     """
 
     trajectory: Trajectory
     map: LabelledMap | None
     prior: MapPrior | None = None
+    counts: ObjectCounts | None = None
+    within_s: float = WITHIN_S
+
+    def count_columns(self, names: Sequence[str]) -> NDArray[np.float32] | None:
+        """(T, D) counts of these objects at each step; None where there are no names.
+
+        Raises
+        ------
+        ConfigError
+            The drive has no counts.
+        """
+        if not names:
+            return None
+        if self.counts is None:
+            raise ConfigError(
+                f"{self.name} has no counts of objects, and other drives have; give counts for "
+                "every drive of [[train]] and [[test]], or for none"
+            )
+        return self.counts.at(self.trajectory.times_s, within_s=self.within_s, object_names=names)
 
     @property
     def name(self) -> str:
@@ -146,7 +172,24 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         geometry, noise = source.laser.geometry(), source.laser.noise()
         path = scans_along(known.grid, path, geometry, noise=noise)
     building = str(log) if known is None else known.building
-    return SourceDrive(replace(path, building=building), known)
+    counts = None
+    if source.counts is not None:
+        table = experiment.resolve(source.counts)
+        counts = read_object_counts(table)
+        experiment.record_input(table)
+        if not (counts.seconds_from(path.times_s) <= source.counts_within_s).any():
+            experiment.warn(
+                f"{where}: no object counts within {source.counts_within_s:g} s of any step: do "
+                "the log and the counts use the same clock? (counts_within_s)"
+            )
+    path = replace(path, building=building)
+    return SourceDrive(path, known, counts=counts, within_s=source.counts_within_s)
+
+
+def counted_objects(drives: Sequence[SourceDrive]) -> tuple[str, ...]:
+    """The objects that any of the drives has counts of, in the order of first mention."""
+    counts = [item.counts for item in drives if item.counts is not None]
+    return tuple(dict.fromkeys(name for item in counts for name in item.object_names))
 
 
 def _windowed(source: SourceConfig, whole: SourceDrive, where: str) -> SourceDrive:

@@ -1,6 +1,6 @@
 """The labelers that a configuration describes, and the fully resolved configuration."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -78,8 +78,8 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
     return methods
 
 
-def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
-    """The unfitted labeler of drives that a configuration describes."""
+def step_labeler(config: ExperimentConfig, extra_names: Sequence[str] = ()) -> TrajectoryLabeler:
+    """The unfitted labeler of drives that a configuration describes, with further columns."""
     names, steps, settings = tuple(config.labels.names), config.steps, config.classifier
     # By default the prior is left to the method, which knows how frequent places are on a path.
     is_default = settings == ClassifierOptions(seed=settings.seed)
@@ -94,6 +94,7 @@ def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
         n_runs=steps.n_runs,
         seed=steps.seed,
         features=build_features(config),
+        extra_names=tuple(extra_names),
     )
     labeler.check_options()
     return labeler

@@ -8,10 +8,13 @@ from typing import Annotated, Any
 from pgm_places._option_marks import Ge, MinLen
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
-from pgm_places.options import Positive, Seed, check_options
+from pgm_places.options import AtLeastZero, Positive, Seed, check_options
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.trajectories.similarity import Similarity
+
+WITHIN_S = 5.0
+"""Longest time between a step and its counts of objects, by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +151,11 @@ class SourceConfig(MapConfig):
         The column of places in ``truth`` or in the log's own table. ``classes`` translates them.
     frame : Similarity, optional
         From the log's frame to the map's.
+    counts : str, optional
+        Counts of objects that a camera saw along the log, CSV or JSON: further columns of its
+        steps. With counts for one drive there are counts for all, and no maps to train on.
+    counts_within_s : float
+        Longest time between a step and its counts.
     range_max_m : float, optional
         Readings of this range or more count as no return.
     laser : LaserOptions, optional
@@ -171,6 +179,8 @@ class SourceConfig(MapConfig):
     truth: str | None = None
     label_column: str | None = None
     frame: Similarity | None = None
+    counts: str | None = None
+    counts_within_s: AtLeastZero = WITHIN_S
     range_max_m: Positive | None = None
     laser: LaserOptions | None = None
     resample_m: Positive | None = None
@@ -224,6 +234,8 @@ class SourceConfig(MapConfig):
             )
         if self.labels is not None and self.regions is not None:
             raise ConfigError("give labels (an image) or regions (a GeoJSON file), not both")
+        if self.counts is None and self.counts_within_s != WITHIN_S:
+            raise ConfigError("counts_within_s is for counts; add counts (CSV or JSON)")
         if self.laser is not None and self.map is None:
             raise ConfigError("laser simulates scans in a map; add map")
 

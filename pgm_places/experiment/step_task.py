@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.doors import passage_scores
-from pgm_places.experiment.drives import SourceDrive
+from pgm_places.experiment.drives import SourceDrive, counted_objects
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.labelled_items import TestDrive
 from pgm_places.experiment.map_task import tested_map
@@ -26,11 +27,15 @@ StepLabeler = TrajectoryLabeler | JointLabeler
 
 def _learn_steps(experiment: Experiment, sources: Sources) -> dict[str, StepLabeler]:
     """A fitted labeler per method: they share the lists and learn from the same held-out scores."""
+    names = counted_objects(sources.drives)
+    counts = [item.count_columns(names) for item in sources.drives]
+    extra = [columns for columns in counts if columns is not None]
     with experiment.learning():
-        learned = step_labeler(experiment.config).fit_methods(
+        learned = step_labeler(experiment.config, names).fit_methods(
             step_methods(experiment.config),
             sources.maps,
             [item.trajectory for item in sources.drives],
+            extra=extra or None,
             known_map=[item.grid for item in sources.drives],
         )
     return {**learned}
@@ -50,8 +55,11 @@ def _steps(
     experiment: Experiment, labelers: Mapping[str, TrajectoryLabeler], drive: SourceDrive
 ) -> Evidence:
     path, first = drive.trajectory, next(iter(labelers.values()))
+    extra = drive.count_columns(first.scan_model_.extra_names)
+    if extra is None and drive.counts is not None:
+        raise ConfigError(f"{drive.name}: the training drives have no counts; remove these")
     with experiment.timed("score steps"):
-        scores = first.scores(path, known_map=drive.grid)
+        scores = first.scores(path, known_map=drive.grid, extra=extra)
         grid = drive.grid if drive.grid is not None else map_of_scans(path)
     item = TestDrive(path.name, path, grid)
 

@@ -38,8 +38,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 EVERY_M = 0.1
 """Way between two updates. The paper has 0.2 to 0.5 m; shorter ones find doorways more often."""
 
-# Longest range of completed scans: farther away, walls seen by a laser and walls of a map differ
-# too much (glass, clutter, beams that are farther apart than things are wide).
+# Farther away, walls seen by a laser and walls of a map differ too much (glass, clutter, beams).
 REACH_M = 12.0
 
 METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted")
@@ -251,6 +250,7 @@ class TrajectoryLabeler(Labeler):
         maps: Sequence[LabelledMap] = (),
         trajectories: Sequence[Trajectory] = (),
         *,
+        extra: Sequence[ArrayLike] | None = None,
         known_map: KnownMaps = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
@@ -263,7 +263,7 @@ class TrajectoryLabeler(Labeler):
         ----------
         methods : mapping of str to Backend or str
             By the names that the labelers are returned by.
-        maps, trajectories, known_map, n_threads, progress
+        maps, trajectories, extra, known_map, n_threads, progress
             As for :meth:`fit`.
 
         Raises
@@ -273,7 +273,7 @@ class TrajectoryLabeler(Labeler):
         """
         with threads(n_threads), reported(progress):
             return trajectory_learning.learn_labelers(
-                self, methods, maps, trajectories, None, known_map
+                self, methods, maps, trajectories, extra, known_map
             )[0]
 
     def online(

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places.cli.track_options import TrackOptions
+from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
@@ -247,6 +249,37 @@ def test_counts_of_objects_go_into_a_model_that_learned_with_them(
     code, text, _ = run("track", "-", "-f", "-m", seeing / "seeing", "--counts", counts, "-q")
     assert code == 0
     assert [line.split()[3] for line in text.splitlines()] == [row["label"] for row in rows]
+
+
+def test_counts_in_a_configuration_are_those_of_the_command_line(seeing: Path, run: Run) -> None:
+    write_trajectory(seeing / "truth.csv", drive(1)[:60])
+    source = 'log = "drive.log"\ntruth = "truth.csv"\ncounts = "counts.csv"\n'
+    text = (
+        f'nodes = "steps"\n[labels]\nnames = {json.dumps(list(made_building()[1]))}\n'
+        f"[classifier]\nn_rounds = 5\nn_folds = 2\n[[train]]\n{source}[[test]]\n{source}"
+        '[[methods]]\nname = "hmm"\n'
+    )
+    (seeing / "counted.toml").write_text(text)
+    code, _, error = run("train", seeing / "counted.toml", "-o", seeing / "counted", "-q")
+    assert (code, error) == (0, "")
+    labeler = load(seeing / "counted")
+    assert labeler.scan_model_.extra_names == ("monitor", "person")
+    counts = ("--counts", seeing / "counts.csv", "--truth", seeing / "truth.csv")
+    code, _, _ = run(
+        "track", seeing / "drive.log", "-m", seeing / "counted", "-o", seeing / "out", *counts
+    )
+    assert code == 0
+    rows = rows_of(seeing / "out" / "beliefs.csv")
+    right = sum(row["label"] == row["true_label"] for row in rows)
+    code, _, _ = run("compare", seeing / "counted.toml", "-o", seeing / "report", "-q")
+    assert code == 0
+    record = json.loads((seeing / "report" / "results.json").read_text())
+    assert record["methods"]["hmm"]["accuracy"] == pytest.approx(right / 60)
+    assert any(name.endswith("counts.csv") for name in record["inputs"])
+
+
+def test_a_default_is_the_same_on_the_command_line_and_in_a_file() -> None:
+    assert TrackOptions.counts_within_s == SourceConfig.counts_within_s
 
 
 def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:

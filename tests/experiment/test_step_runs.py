@@ -13,7 +13,7 @@ from pgm_places.errors import ConfigError, LabelError, LogError
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.doors import passage_scores
-from pgm_places.experiment.drives import load_drives
+from pgm_places.experiment.drives import counted_objects, load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.labelled_items import TestDrive
 from pgm_places.experiment.runs import compare, train
@@ -157,6 +157,12 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
             {"test": [{"log": "a.log", "region": [1.0, 0.0, 0.0, 1.0]}]},
             "region must be the minimum x",
         ),
+        (
+            {"nodes": "both", "test": [{"log": "a.log", "map": "a.yaml", "counts": "c.csv"}]},
+            r"test\[0\]: counts are for nodes = 'steps'",
+        ),
+        ({"test": [{"log": "a.log", "counts_within_s": 2.0}]}, "counts_within_s is for counts"),
+        ({"test": [{"drive": {"generated": 1}, "counts": "c.csv"}]}, "counts does not apply to d"),
         ({"steps": {"every": 0.1}}, r"unknown key 'steps.every'\. Did you mean 'every_m'"),
     ],
 )
@@ -313,3 +319,29 @@ def test_a_labelled_map_counts_in_tests_and_is_refused_elsewhere(tmp_path: Path)
         assert after.evaluation.accuracy > before.evaluation.accuracy + 0.02
     with pytest.raises(ConfigError, match=r"train\[0\]: map_labels is for drives to test on"):
         config(train=[simulated(0) | {"map_labels": "folder"}])
+
+
+def test_drives_with_and_without_counts_are_not_mixed(folder: Path) -> None:
+    (folder / "counts.csv").write_text("t_s,lamp\n0.0,1\n5.0,0\n")
+    counted, plain = LOG | {"counts": "counts.csv"}, LOG
+    labels = {"names": list(NAMES)}
+    steps = {"every_m": 0.3, "n_runs": 20}
+
+    def experiment(train: list[dict[str, Any]], test: list[dict[str, Any]]) -> Experiment:
+        chosen = config(labels=labels, resolution_m=None, steps=steps, train=train, test=test)
+        return Experiment(chosen, folder)
+
+    [found] = compare(experiment([counted], [counted])).maps
+    assert isinstance(found, TestDrive)
+    with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):
+        compare(experiment([counted, plain], [counted]))
+    with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):
+        compare(experiment([counted], [plain]))
+    with pytest.raises(ConfigError, match="the training drives have no counts; remove these"):
+        compare(experiment([plain], [counted]))
+    [drive] = load_drives(experiment([counted], [counted]), "train")
+    assert counted_objects([drive]) == ("lamp",)
+    seen = drive.count_columns(("lamp", "person"))
+    assert seen is not None
+    assert seen[0].tolist() == [1.0, 0.0]
+    assert (seen[drive.trajectory.times_s > 10.0] == 0).all()
