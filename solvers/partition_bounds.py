@@ -63,8 +63,31 @@ def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> Pa
     if len(parts) <= 1:
         whole = forest_marginals(model)
         return PartitionBounds(whole.log_partition, whole.log_partition, whole.beliefs)
-    upper, beliefs = _smallest(model, parts, max_iterations)
-    return PartitionBounds(_below(model), upper + model.offset, frozen(beliefs))
+    upper, marginals = _smallest(model, parts, max_iterations)
+    beliefs = np.mean([each.beliefs for each in marginals], axis=0)
+    lower = mean_field_bound(model, mean_field(model).beliefs)
+    return PartitionBounds(lower, upper + model.offset, frozen(beliefs))
+
+
+def tree_bound(
+    model: PairwiseModel, *, max_iterations: int = 200
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """The tree-reweighted upper bound of log Z, and its gradient.
+
+    Returns
+    -------
+    bound : float
+    unary : (N, K) float
+        Derivative with respect to the unaries: the forests' mean marginals.
+    pairwise : (E, K, K) float
+        Derivative with respect to each edge's table: the marginals of its forest.
+    """
+    parts = edge_forests(model.around)
+    bound, marginals = _smallest(model, parts or [np.arange(0)], max_iterations, pairs=True)
+    of_pairs = np.zeros((model.around.n_edges, model.n_labels, model.n_labels))
+    for part, each in zip(parts, marginals, strict=False):
+        of_pairs[part] = each.pair_beliefs
+    return bound + model.offset, np.mean([each.beliefs for each in marginals], axis=0), of_pairs
 
 
 def edge_forests(around: Adjacency) -> list[NDArray[np.int64]]:
@@ -82,19 +105,23 @@ def edge_forests(around: Adjacency) -> list[NDArray[np.int64]]:
 
 
 def _smallest(
-    model: PairwiseModel, parts: list[NDArray[np.int64]], max_iterations: int
-) -> tuple[float, NDArray[np.float64]]:
-    """The smallest bound that was found, without the offset, and the forests' mean marginals."""
+    model: PairwiseModel,
+    parts: list[NDArray[np.int64]],
+    max_iterations: int,
+    *,
+    pairs: bool = False,
+) -> tuple[float, list[ForestMarginals]]:
+    """The smallest bound that was found, without the offset, and the forests' marginals."""
     from scipy.optimize import minimize
 
     n_forests, shape = len(parts), model.unary.shape
     forests = [_part(model, part, float(n_forests)) for part in parts]
 
-    def marginals_at(flat: NDArray[np.float64]) -> list[ForestMarginals]:
+    def marginals_at(flat: NDArray[np.float64], pairs: bool = False) -> list[ForestMarginals]:
         shares = flat.reshape(n_forests, *shape)
         shares = shares - shares.mean(axis=0)  # the unaries' mean stays the model's
         return [
-            forest_marginals(replace(forest, unary=model.unary + share))
+            forest_marginals(replace(forest, unary=model.unary + share), pairs=pairs)
             for share, forest in zip(shares, forests, strict=True)
         ]
 
@@ -108,13 +135,11 @@ def _smallest(
     lbfgs: Any = minimize
     start = np.zeros(n_forests * model.unary.size)
     best = lbfgs(bound, start, jac=True, method="L-BFGS-B", options={"maxiter": max_iterations})
-    beliefs = [each.beliefs for each in marginals_at(best.x)]
-    return float(best.fun), np.mean(beliefs, axis=0)
+    return float(best.fun), marginals_at(best.x, pairs)
 
 
-def _below(model: PairwiseModel) -> float:
-    """Expected score plus entropy of mean field's independent beliefs: no more than log Z."""
-    beliefs = mean_field(model).beliefs
+def mean_field_bound(model: PairwiseModel, beliefs: NDArray[np.float64]) -> float:
+    """Expected score plus entropy of independent beliefs (N, K): no more than log Z."""
     with np.errstate(divide="ignore", invalid="ignore"):
         entropy = -float(np.where(beliefs > 0, beliefs * np.log(beliefs), 0.0).sum())
     expected = _expected(beliefs, model.unary)

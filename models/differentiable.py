@@ -1,0 +1,368 @@
+"""Log partition function and structured hinge loss with their gradients, for learning end to end.
+
+The gradient of ``log Z`` with respect to the potentials holds the marginals of nodes and edges; a
+subgradient of the hinge loss is the difference of two labellings. Both are values in NumPy arrays:
+a framework with automatic differentiation wraps them in about twenty lines.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.labeling import Status
+from pgm_places.inference.potentials import Potentials, checked_potentials, score
+from pgm_places.models.decoding import decode
+from pgm_places.models.decoding_task import model_of
+from pgm_places.options import check_option
+
+PartitionMethod = Literal["auto", "exact", "trees", "mean-field"]
+Kind = Literal["exact", "upper bound", "lower bound"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ValueAndGradient:
+    """A value that depends on potentials, and its derivatives.
+
+    Parameters
+    ----------
+    value : float
+    unary : (N, K) float
+        Derivative with respect to ``Potentials.unary``.
+    pairwise : (E, K, K) float
+        Derivative with respect to a table of each edge, in the order of ``graph.edges``.
+    kind : {"exact", "upper bound", "lower bound"}
+        What the value is; the gradient belongs to the value, bound or not.
+    """
+
+    value: float
+    unary: Array
+    pairwise: Array
+    kind: Kind
+
+    @property
+    def shared_pairwise(self) -> Array:
+        """(K, K) derivative with respect to one table for all edges."""
+        return np.asarray(self.pairwise.sum(axis=0))
+
+    @property
+    def agreement(self) -> Array:
+        """(E, K) derivative with respect to ``Potentials.agreement``."""
+        return np.einsum("ekk->ek", self.pairwise).copy()
+
+
+def log_partition(
+    graph: LabelGraph, potentials: Potentials, method: PartitionMethod = "auto"
+) -> ValueAndGradient:
+    """``log Z``, the logarithm of the sum of ``exp(score)`` over all labellings, with gradient.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+        N nodes, E edges.
+    potentials : Potentials
+    method : {"auto", "exact", "trees", "mean-field"}
+        ``exact``: dynamic programming on chains, trees and graphs of low treewidth. ``trees``: the
+        tree-reweighted upper bound, convex in the potentials. ``mean-field``: a lower bound.
+        ``auto`` is ``exact`` where it can be computed, and ``trees`` elsewhere.
+
+    Returns
+    -------
+    ValueAndGradient
+        ``kind`` says whether the value is exact or a bound. The gradient holds the marginals of
+        nodes and edges: exact ones, the forests' mean, or mean field's products.
+
+    Raises
+    ------
+    InputError
+        ``exact`` is asked for and would need too much memory, or no labelling is allowed.
+
+    Notes
+    -----
+    M. Wainwright, M. Jordan, "Graphical models, exponential families, and variational inference"
+    (Foundations and Trends in Machine Learning 2008), sections 3.6, 5.3 and 7.2.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> found = log_partition(graph, Potentials(np.zeros((2, 2))))
+    >>> float(np.exp(found.value).round(9)), found.unary.tolist(), found.kind
+    (4.0, [[0.5, 0.5], [0.5, 0.5]], 'exact')
+    """
+    check_option("method", PartitionMethod, method)
+    potentials = checked_potentials(graph, potentials)
+    if method == "mean-field":
+        return _mean_field(graph, potentials)
+    if method != "trees":
+        exact = _exact(graph, potentials)
+        if exact is not None:
+            return exact
+        if method == "exact":
+            raise InputError(
+                f"the log partition function of this graph of {graph.n_nodes} nodes and "
+                f"{graph.n_edges} edges would need too much memory; use method 'trees' or "
+                "'mean-field' for a bound"
+            )
+    return _trees(graph, potentials)
+
+
+def log_partitions(
+    graphs: Sequence[LabelGraph],
+    potentials: Sequence[Potentials],
+    method: PartitionMethod = "auto",
+) -> list[ValueAndGradient]:
+    """:func:`log_partition` of many graphs; those without cycles in one pass.
+
+    Raises
+    ------
+    InputError
+        There are more graphs than potentials, or fewer; or as for one graph.
+    """
+    _check_pairs(graphs, potentials)
+    forests = [] if method in ("trees", "mean-field") else _forests(graphs, potentials)
+    done = dict(zip(forests, _exact_forests(graphs, potentials, forests), strict=True))
+    return [
+        done[k] if k in done else log_partition(graph, item, method)
+        for k, (graph, item) in enumerate(zip(graphs, potentials, strict=True))
+    ]
+
+
+def structured_hinge(
+    graph: LabelGraph,
+    potentials: Potentials,
+    labels: ArrayLike,
+    *,
+    cost: ArrayLike | None = None,
+    decoder: str | None = None,
+) -> ValueAndGradient:
+    """The structured hinge loss of a labelling, with a subgradient.
+
+    ``max_y [score(y) + cost(y)] - score(labels)``, where the cost sums over nodes.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+    potentials : Potentials
+    labels : (N,) int
+        The true labels; -1 where unknown: the best label there counts as true and costs nothing.
+    cost : (N, K) float, optional
+        Cost of each label at each node, at least 0 and 0 for the true one; by default 1 for every
+        wrong label (Hamming).
+    decoder : str, optional
+        Finds the maximum; by default ``exact`` on graphs without cycles and ``graph-cut`` on
+        others, which takes associative potentials; ``trw-s`` takes any.
+
+    Returns
+    -------
+    ValueAndGradient
+        ``exact`` where the decoder proves its maximum. Otherwise the value is a lower bound of the
+        loss, as the maximum may be larger.
+
+    Raises
+    ------
+    InputError
+        Arguments that do not fit each other, or true labels that the potentials forbid.
+
+    Notes
+    -----
+    B. Taskar, C. Guestrin, D. Koller, "Max-margin Markov networks" (NIPS 2003); N. Ratliff, J. A.
+    Bagnell, M. Zinkevich, "(Online) subgradient methods for structured prediction" (AISTATS 2007).
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> structured_hinge(graph, Potentials([[3.0, 0.0], [0.5, 0.0]]), [0, 0]).value
+    0.5
+    """
+    potentials = checked_potentials(graph, potentials)
+    shape = potentials.unary.shape
+    truth = integer_array("labels", labels, shape[:1], low=-1, high=shape[1])
+    known = truth >= 0
+    if cost is None:
+        price = np.ones(shape)
+        price[np.flatnonzero(known), truth[known]] = 0.0
+    else:
+        price = finite_array("cost", cost, shape)
+        if (price < 0).any() or price[np.flatnonzero(known), truth[known]].any():
+            raise InputError("cost must be at least 0, and 0 for the true labels")
+    price = np.where(known[:, None], price, 0.0)
+    chosen = decoder or ("exact" if _forests([graph], [potentials]) else "graph-cut")
+    if not known.all():
+        truth = decode(graph, potentials, chosen, known=truth).labels
+    right = score(graph, potentials, truth)
+    if right == -np.inf:
+        raise InputError("labels are forbidden by the potentials: their score is -inf")
+    raised = Potentials(potentials.unary + price, potentials.pairwise, potentials.agreement)
+    worst = decode(graph, raised, chosen)
+    value = score(graph, raised, worst.labels) - right
+    worst_labels = worst.labels
+    if value < 0:  # the search missed the true labels, which are no worse
+        worst_labels, value = truth, 0.0
+    of_nodes, of_edges = (
+        ours - theirs
+        for ours, theirs in zip(
+            _indicators(graph, worst_labels, shape[1]),
+            _indicators(graph, truth, shape[1]),
+            strict=True,
+        )
+    )
+    is_exact = worst.status is Status.EXACT and known.all()
+    return ValueAndGradient(value, of_nodes, of_edges, "exact" if is_exact else "lower bound")
+
+
+def structured_hinges(
+    graphs: Sequence[LabelGraph],
+    potentials: Sequence[Potentials],
+    labelings: Sequence[ArrayLike],
+    *,
+    decoder: str | None = None,
+) -> list[ValueAndGradient]:
+    """:func:`structured_hinge` of many graphs with the Hamming cost."""
+    _check_pairs(graphs, potentials)
+    if len(labelings) != len(graphs):
+        raise InputError(f"got {len(graphs)} graphs but {len(labelings)} labelings; one of each")
+    return [
+        structured_hinge(graph, item, labels, decoder=decoder)
+        for graph, item, labels in zip(graphs, potentials, labelings, strict=True)
+    ]
+
+
+def entropy(graph: LabelGraph, potentials: Potentials) -> float:
+    """Entropy in nats of the distribution ``p ~ exp(score)``: ``log Z - E[score]``.
+
+    Raises
+    ------
+    InputError
+        The graph has cycles and its treewidth is too large.
+    """
+    found = log_partition(graph, potentials, "exact")
+    return found.value - _expected_score(found, graph, potentials)
+
+
+def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> float:
+    """Kullback-Leibler divergence in nats of the second distribution from the first.
+
+    ``E_first[score_first - score_second] - log Z_first + log Z_second``; infinite where the second
+    forbids a labelling that the first does not.
+
+    Raises
+    ------
+    InputError
+        The potentials do not fit the graph, or its treewidth is too large.
+    """
+    p, q = (log_partition(graph, item, "exact") for item in (first, second))
+    gain = _expected_score(p, graph, first) - _expected_score(p, graph, second)
+    return max(gain - p.value + q.value, 0.0)
+
+
+def _expected_score(
+    marginals: ValueAndGradient, graph: LabelGraph, potentials: Potentials
+) -> float:
+    """The mean score under marginals; what has probability 0 counts nothing."""
+    total = 0.0
+    tables = potentials.edge_tables(graph)
+    for weight, value in ((marginals.unary, potentials.unary), (marginals.pairwise, tables)):
+        used = weight > 0
+        total += float(np.sum(weight[used] * np.broadcast_to(value, weight.shape)[used]))
+    return total
+
+
+def _check_pairs(graphs: Sequence[LabelGraph], potentials: Sequence[Potentials]) -> None:
+    if len(graphs) != len(potentials):
+        raise InputError(
+            f"got {len(graphs)} graphs but {len(potentials)} potentials; give one of each"
+        )
+
+
+def _indicators(graph: LabelGraph, labels: NDArray[np.int64], k: int) -> tuple[Array, Array]:
+    """(N, K) and (E, K, K) ones at the labels of nodes and edges."""
+    nodes, edges = np.zeros((graph.n_nodes, k)), np.zeros((graph.n_edges, k, k))
+    nodes[np.arange(graph.n_nodes), labels] = 1.0
+    edges[np.arange(graph.n_edges), *labels[graph.edges].T] = 1.0
+    return nodes, edges
+
+
+def _forests(graphs: Sequence[LabelGraph], potentials: Sequence[Potentials]) -> list[int]:
+    """Which graphs have no cycle and as many labels as the first of these."""
+    from pgm_places.solvers.adjacency import adjacency, is_forest
+
+    found: list[int] = []
+    for k, graph in enumerate(graphs):
+        alike = not found or potentials[k].n_labels == potentials[found[0]].n_labels
+        if alike and is_forest(adjacency(graph.n_nodes, graph.edges)):
+            found.append(k)
+    return found
+
+
+def _exact_forests(
+    graphs: Sequence[LabelGraph], potentials: Sequence[Potentials], chosen: Sequence[int]
+) -> list[ValueAndGradient]:
+    """Exact values of graphs without cycles, computed as one graph of separate parts."""
+    from pgm_places.solvers.adjacency import rooted_forest
+    from pgm_places.solvers.forest_sums import forest_sums
+    from pgm_places.solvers.pairwise import pairwise_model
+
+    if not chosen:
+        return []
+    parts = [(graphs[k], checked_potentials(graphs[k], potentials[k])) for k in chosen]
+    nodes = np.cumsum([0, *(graph.n_nodes for graph, _ in parts)])
+    ends = np.cumsum([0, *(graph.n_edges for graph, _ in parts)])
+    tables = np.concatenate([item.edge_tables(graph) for graph, item in parts])
+    edges = np.concatenate(
+        [graph.edges + first for (graph, _), first in zip(parts, nodes, strict=False)]
+    )
+    unary = np.concatenate([item.unary for _, item in parts])
+    model = pairwise_model(unary, edges, pairwise=tables)
+    sums = forest_sums(model, *rooted_forest(model.around))
+    of_pairs = sums.pair_beliefs()
+    # The model of tables that reward agreement alone keeps the rest of each table apart.
+    apart = tables[:, 0, -1] if model.offset else np.zeros(len(tables))
+    return [
+        ValueAndGradient(
+            float(sums.log_partition[n0:n1].sum() + apart[e0:e1].sum()),
+            sums.beliefs[n0:n1].copy(),
+            of_pairs[e0:e1].copy(),
+            "exact",
+        )
+        for n0, n1, e0, e1 in zip(nodes, nodes[1:], ends, ends[1:], strict=False)
+    ]
+
+
+def _exact(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient | None:
+    """By dynamic programming; None where it would need too much memory."""
+    from pgm_places.solvers.bucket_tree import BucketTree
+
+    if _forests([graph], [potentials]):
+        return _exact_forests([graph], [potentials], [0])[0]
+    tree = BucketTree.of(model_of(graph, potentials))
+    if tree is None:
+        return None
+    found = tree.marginals(potentials.unary, [(int(i), int(j)) for i, j in graph.edges])
+    return ValueAndGradient(
+        found.log_partition, np.array(found.beliefs), np.array(found.joints), "exact"
+    )
+
+
+def _trees(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient:
+    from pgm_places.solvers.partition_bounds import tree_bound
+
+    value, of_nodes, of_edges = tree_bound(model_of(graph, potentials))
+    return ValueAndGradient(value, of_nodes, of_edges, "upper bound")
+
+
+def _mean_field(graph: LabelGraph, potentials: Potentials) -> ValueAndGradient:
+    from pgm_places.solvers.mean_field import mean_field
+    from pgm_places.solvers.partition_bounds import mean_field_bound
+
+    model = model_of(graph, potentials)
+    beliefs = mean_field(model).beliefs
+    first, second = graph.edges.T
+    pairs = np.einsum("ek,el->ekl", beliefs[first], beliefs[second])
+    return ValueAndGradient(mean_field_bound(model, beliefs), beliefs.copy(), pairs, "lower bound")
