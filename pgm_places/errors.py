@@ -21,7 +21,7 @@ Every message says what was wanted, what came, where, and what to do.
 
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 
 class PgmPlacesError(Exception):
@@ -117,12 +117,16 @@ def shown(value: object) -> str:
     return _shown.repr(value)
 
 
-def nearest_name(name: str, known: Sequence[str]) -> str:
-    """A sentence that offers the nearest known name and lists them all, as far as that helps."""
+def nearest_name(name: str, known: Sequence[str], *, never: Container[str] = ()) -> str:
+    """A sentence that offers the nearest known name and lists them all, as far as that helps.
+
+    Names in ``never`` are listed but not offered: they are there, and meant.
+    """
     import difflib
 
     listed = [item for item in known if len(item) <= _LONGEST_NAME][:_MOST_NAMES]
-    close = difflib.get_close_matches(name[:_LONGEST_NAME], listed, n=1, cutoff=0.5)
+    offered = [item for item in listed if item not in never]
+    close = difflib.get_close_matches(name[:_LONGEST_NAME], offered, n=1, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     more = f" and {len(known) - len(listed)} more" if len(listed) < len(known) else ""
     return f"{hint}Known: {', '.join(sorted(listed))}{more}"

@@ -166,7 +166,8 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
     hints = option_hints(cls)
     for key in values:
         if key not in hints:
-            raise ConfigError(f"unknown key {_at(path, key)!r}. {nearest_name(key, list(hints))}")
+            hint = nearest_name(str(key), list(hints), never=values)
+            raise ConfigError(f"unknown key {shown(_at(path, key))}. {hint}")
     for item in option_fields(cls):
         required = item.default is dataclasses.MISSING is item.default_factory
         if required and item.name not in values:

@@ -36,9 +36,21 @@ def doctor(
     maps
         Maps to check; several, folders or quoted patterns give a table.
     fix
-        Correct free_thresh in YAML files whose maps read unknown cells as free; the original is
-        kept beside it as FILE.orig.
+        Correct YAML files whose thresholds misread unknown cells or walls, or whose image lies
+        beside them and not where they say; the original is kept beside it as FILE.orig.
     """
+    if fix and not maps:
+        raise InputError("--fix needs maps; name one, or a folder")
+    try:
+        if maps:
+            _maps(maps, model, unknown_value, fix=fix)
+            say("")
+    finally:  # also below what is wrong with a map
+        _environment()
+
+
+def _environment() -> None:
+    """Say what is installed."""
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names
     from pgm_places.kernels.threads import resolve_threads
@@ -52,10 +64,6 @@ def doctor(
     say(f"decoders: {', '.join(decoder_names())}")
     say(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
     say(f"threads: {resolve_threads()}")
-    if maps:
-        _maps(maps, model, unknown_value, fix=fix)
-    elif fix:
-        raise InputError("--fix needs maps; name one, or a folder")
 
 
 def _maps(maps: list[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool) -> None:

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 import pgm_places as pp
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import make_progress, say
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.maps.map_server import MapFile, correct_thresholds
+from pgm_places.io.maps.map_server import MapFile, correct_map
 from pgm_places.labelers.labelled_places import at_model_resolution
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
@@ -39,11 +41,17 @@ def check_map(
     grid = loaded.grid
     height, width = grid.shape
     size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
-    say(f"\n{path}: image {loaded.image_path}")
+    say(f"{path}: image {loaded.image_path}")
     say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
     say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
     say(shares_line(loaded.fractions))
     used, notes, problems = _examined(loaded, labeler)
+    if grid.yaw_rad:
+        notes.append(
+            f"the map is turned by {np.degrees(grid.yaw_rad):.4g} degrees about its origin: "
+            "positions of places are in the frame it is turned in, rasters are as the image; "
+            "Nav2's costmaps do not turn maps"
+        )
     if used is not None:
         say(f"{int(used.free.sum()):,} cells to label, of {used.resolution_m:g} m")
     for note in notes:
@@ -166,7 +174,7 @@ def _corrected(path: Path, loaded: MapFile) -> MapFile:
     """The map with other thresholds in its file, if its own misread unknown cells or walls."""
     if not loaded.corrections:
         return loaded
-    kept = correct_thresholds(path, loaded.corrections)
+    kept = correct_map(path, loaded.corrections)
     changes = ", ".join(f"{key} {value}" for key, value in loaded.corrections.items())
     say(f"corrected {path}: {changes}; the original file is {kept.name}")
     return pp.load_map(path, unknown_value=loaded.unknown_value)

@@ -51,6 +51,9 @@ def file_kind(path: Path) -> Literal["file", "folder", "other"] | None:
     return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
 
 
+_LFS = b"version https://git-lfs.github.com/spec/"
+
+
 def open_input(
     path: Path,
     error: type[InputError],
@@ -93,6 +96,11 @@ def open_input(
     except ValueError:  # a NUL, or half a character
         raise error(f"{path}: not a valid file name; expected {what}") from None
     if file is not None:
+        if regular and file.peek(len(_LFS))[: len(_LFS)] == _LFS:
+            file.close()
+            raise error(
+                f"{path}: a pointer of Git LFS, not the file itself; fetch it with 'git lfs pull'"
+            )
         return file
     if stat.S_ISDIR(mode):
         raise error(f"{path}: is a folder; expected {what}")

@@ -6,7 +6,7 @@ becomes False. Here nothing is guessed: the code that reads a key states its typ
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -36,12 +36,18 @@ class YamlFile:
         Keys to texts, lists and mappings of texts.
     error : type
         The exception that wrong content raises.
+    keys : sequence of str
+        Keys that mean something: none of them is a slip for another.
     """
 
     def __init__(
-        self, path: Path, values: Mapping[str, YamlValue], error: type[InputError]
+        self,
+        path: Path,
+        values: Mapping[str, YamlValue],
+        error: type[InputError],
+        keys: Sequence[str] = (),
     ) -> None:
-        self.path = path
+        self.path, self._keys = path, keys
         self.values = dict(values)
         self._error = error
 
@@ -55,7 +61,8 @@ class YamlFile:
     def value(self, key: str) -> YamlValue:
         """What stands at a key that must be there."""
         if key not in self.values:
-            raise self.fail(f"key {shown(key)} is missing. {nearest_name(key, list(self.values))}")
+            hint = nearest_name(key, list(self.values), never=self._keys)
+            raise self.fail(f"key {shown(key)} is missing. {hint}")
         return self.values[key]
 
     def text(self, key: str) -> str:
@@ -99,7 +106,9 @@ class YamlFile:
         raise self.fail(f"{where} must be a whole number from {low} to {high}, got {shown(value)}")
 
 
-def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
+def read_yaml(
+    path: Path, error: type[InputError], what: str, *, keys: Sequence[str] = ()
+) -> YamlFile:
     """The content of a YAML file whose top is a mapping; no types guessed, no tags resolved.
 
     Parameters
@@ -110,6 +119,8 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
         The exception to raise for everything that is wrong.
     what : str
         What the file should be, for messages: "map description", "label names".
+    keys : sequence of str
+        Keys that mean something, for messages about one that is missing.
 
     Raises
     ------
@@ -120,7 +131,7 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
     text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml
 
-    file = YamlFile(path, {}, error)
+    file = YamlFile(path, {}, error, keys)
     # The parser in C takes a tenth of the time; not every installation of PyYAML has it.
     events = yaml.parse(text, getattr(yaml, "CBaseLoader", yaml.BaseLoader))
     try:

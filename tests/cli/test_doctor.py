@@ -37,7 +37,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) -> None:
     code, text, _ = run("doctor", write(tmp_path, resolution="0.1"))
     assert code == 0
-    assert text.splitlines()[-5:] == [
+    assert text.splitlines()[2:7] == [
         "origin (0.0, 0.0), yaw 0 rad",
         "map: 49.8 % free, 12.7 % occupied, 37.5 % unknown",
         "4,784 cells to label, of 0.05 m",
@@ -46,6 +46,29 @@ def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) 
         "frequent label of its parts",
         "no problems found",
     ]
+
+
+def test_a_map_that_is_turned_is_said(tmp_path: Path, run: Run) -> None:
+    code, text, _ = run("doctor", write(tmp_path, origin="[0, 0, 0.5]"))
+    assert code == 0
+    assert "origin (0.0, 0.0), yaw 0.5 rad" in text
+    assert "note: the map is turned by 28.65 degrees about its origin" in text
+
+
+def test_what_is_wrong_with_a_map_stands_beside_what_is_installed(tmp_path: Path, run: Run) -> None:
+    code, text, error = run("doctor", tmp_path / "none.yaml")
+    assert code == 2
+    assert "decoders: graph-cut" in text
+    assert "no such file" in error
+
+
+def test_an_image_beside_its_description_is_corrected(tmp_path: Path, run: Run) -> None:
+    path = write(tmp_path)
+    path.write_text(path.read_text().replace("image: map.png", "image: /home/robot/map.png"))
+    code, text, _ = run("doctor", path, "--fix")
+    assert code == 0
+    assert text.startswith(f"corrected {path}: image map.png; the original file is map.yaml.orig")
+    assert text.split("\n\n")[0].endswith("no problems found")
 
 
 def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
@@ -65,7 +88,7 @@ def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
     assert f"corrected {path}: free_thresh 0.196; the original file is map.yaml.orig" in text
-    assert text.splitlines()[-1] == "no problems found"
+    assert text.split("\n\npackage")[0].endswith("\nno problems found")
     assert (tmp_path / "map.yaml.orig").read_text() == before
     assert path.read_text() == before.replace("0.25", "0.196")
     code, text, _ = run("doctor", path, "--fix")  # there is nothing left to correct
@@ -81,7 +104,7 @@ def test_grey_walls_are_named_and_the_threshold_corrected(tmp_path: Path, run: R
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
     assert f"corrected {path}: occupied_thresh 0.5; the original file is map.yaml.orig" in text
-    assert text.splitlines()[-1] == "no problems found"
+    assert text.split("\n\npackage")[0].endswith("\nno problems found")
 
 
 @pytest.mark.parametrize("value", ["206.5", "256", "any"])
@@ -103,7 +126,7 @@ def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
     write(tmp_path / "fine" / "coarse", resolution="0.5")
     code, text, _ = run("doctor", tmp_path)
     assert code == 0
-    table = text[text.index("map  ") :].splitlines()
+    table = text[text.index("map  ") : text.index("\n\npackage")].splitlines()
     # 15,000 + 0.05 x 2,400 + 1,196 cells, and as many with 119,600
     assert [line.split() for line in table[2:4]] == [
         ["fine/coarse/map", "0.5", "299.0", "119,600", "13", "s", "1"],

@@ -205,6 +205,9 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
     is_folder = file_kind(path) == "folder"
+    for file in path.iterdir() if is_folder else [path]:
+        if file_kind(file) == "file":
+            open_input(file, LogError, "a ROS bag").close()  # it may be a pointer of Git LFS
     storage = plain_storage(path) if is_folder else contextlib.nullcontext([path])
     try:
         with storage as files, contextlib.ExitStack() as stack:

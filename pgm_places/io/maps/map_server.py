@@ -1,5 +1,6 @@
 """Maps in ROS's map_server format: a YAML file and an image, read exactly as Nav2 does."""
 
+import json
 import logging
 import math
 import re
@@ -7,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import MapError, OutputError, nearest_name, shown
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.input_file import read_bytes, user_path
+from pgm_places.io.input_file import file_kind, read_bytes, user_path
 from pgm_places.io.maps.map_pixels import (
     FREE_GREY,
     FREE_THRESH,
@@ -37,22 +38,29 @@ from pgm_places.io.maps.missing_walls import (
     wall_threshold,
     with_walls,
 )
-from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, encoded, open_image
+from pgm_places.io.maps.raster_image import (
+    MAX_PIXELS,
+    PICTURES,
+    RasterImage,
+    encoded,
+    open_image,
+)
 from pgm_places.io.strict_yaml import MAX_BYTES, YamlFile, YamlValue, read_yaml
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.options import UnknownGrey, check_option
 
-__all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_thresholds", "load_map", "save_map"]
+__all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_map", "load_map", "save_map"]
 
 
 KEPT_SUFFIX = ".orig"
 """What the name of the file as it was ends with; no search for maps finds it."""
 
-Threshold: TypeAlias = Literal["free_thresh", "occupied_thresh"]
+Correction: TypeAlias = Literal["free_thresh", "occupied_thresh", "image"]
+_KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
-def correct_thresholds(path: Path | str, corrections: Mapping[Threshold, float]) -> Path:
-    """Change thresholds in a map's YAML file; the path of the original file.
+def correct_map(path: Path | str, corrections: Mapping[Correction, float | str]) -> Path:
+    """Change thresholds, or the image's name, in a map's YAML file; the path of the original file.
 
     Nothing else of the file changes, comments included. The original file stays beside it, under
     its name with ``.orig`` appended.
@@ -61,8 +69,8 @@ def correct_thresholds(path: Path | str, corrections: Mapping[Threshold, float])
     ----------
     path : Path
         The YAML file.
-    corrections : mapping of str to float
-        The new value of ``free_thresh``, ``occupied_thresh`` or both.
+    corrections : mapping of str to float or str
+        The new values of ``free_thresh``, ``occupied_thresh`` and ``image``.
 
     Raises
     ------
@@ -75,13 +83,19 @@ def correct_thresholds(path: Path | str, corrections: Mapping[Threshold, float])
     file = read_yaml(yaml_path, MapError, "map description")
     old = new = read_bytes(yaml_path, MapError, what, max_bytes=MAX_BYTES)
     for key, value in corrections.items():
-        line = re.compile(rb"^(%s[ \t]*:[ \t]+)([^\s]+)" % key.encode(), re.MULTILINE)
-        if [stated for _, stated in line.findall(new)] != [file.text(key).encode()]:
+        quoted = rb"[\"']?" if key == "image" else rb""
+        stated = re.escape(file.text(key).encode())
+        line = re.compile(
+            rb"^(%s[ \t]*:[ \t]+)%s%s%s(?=\s|$)" % (key.encode(), quoted, stated, quoted),
+            re.MULTILINE,
+        )
+        if len(line.findall(new)) != 1:
             raise MapError(
                 f"{yaml_path}: the key {key} is not on a line of its own; set {key}: {value} by "
                 "hand"
             )
-        new = line.sub(rb"\g<1>" + str(value).encode(), new)
+        text = json.dumps(value, ensure_ascii=False).encode()  # which YAML reads as it is
+        new = line.sub(lambda found, text=text: found[1] + text, new)  # type: ignore[misc]
     kept = yaml_path.with_name(yaml_path.name + KEPT_SUFFIX)
     if kept.exists() or kept.is_symlink():
         raise OutputError(f"{kept} exists and would be lost; move it away first")
@@ -117,6 +131,8 @@ class MapFile:
         alone were to decide.
     wall_threshold : float, optional
         The ``occupied_thresh`` that was used in place of the file's, which read walls as unknown.
+    image_beside : str, optional
+        The name of the image beside the YAML file that was read in place of one that is missing.
     """
 
     grid: OccupancyGrid
@@ -128,15 +144,18 @@ class MapFile:
     rules: PixelRules
     unknown_value: UnknownGrey | None = None
     wall_threshold: float | None = None
+    image_beside: str | None = None
 
     @property
-    def corrections(self) -> dict[Threshold, float]:
-        """The thresholds that the map was read by where they differ from the file's."""
-        corrections: dict[Threshold, float] = {}
+    def corrections(self) -> dict[Correction, float | str]:
+        """The values that the map was read by where they differ from the file's."""
+        corrections: dict[Correction, float | str] = {}
         if self.unknown_value == UNKNOWN_GREY and self.rules.is_free(UNKNOWN_GREY):
             corrections["free_thresh"] = FREE_THRESH
         if self.wall_threshold is not None:
             corrections["occupied_thresh"] = self.wall_threshold
+        if self.image_beside is not None:
+            corrections["image"] = self.image_beside
         return corrections
 
     @property
@@ -179,7 +198,8 @@ def load_map(
     yaml_path = user_path(path, MapError)
     check_option("compat", Compat, compat)
     check_option("unknown_value", UnknownGrey | None, unknown_value)
-    file = read_yaml(yaml_path, MapError, "map description")
+    _refuse_picture(yaml_path)
+    file = read_yaml(yaml_path, MapError, "map description", keys=_KEYS)
     warnings: list[str] = []
     rules = _rules(file, compat)
     resolution_m = file.number("resolution")
@@ -188,7 +208,7 @@ def load_map(
         OccupancyGrid(np.zeros((1, 1), np.int8), resolution_m, (x, y), yaw)
     except MapError as error:
         raise file.fail(str(error)) from None
-    image_path = _image_path(file)
+    image_path, image_beside = _image_path(file, warnings)
     opened = partial(open_image, image_path, MapError, max_pixels=max_pixels, lossy=True)
     with opened() as image:
         pixels = MapPixels.read(image, rules, unknown_value)
@@ -212,6 +232,7 @@ def load_map(
         rules,
         pixels.unknown_value,
         threshold,
+        image_beside,
     )
 
 
@@ -248,10 +269,11 @@ def _with_walls(
 
 
 def _rules(file: YamlFile, compat: Compat) -> PixelRules:
-    mode = file.text("mode") if "mode" in file else "trinary"
+    stated = file.text("mode") if "mode" in file else "trinary"
+    mode = stated.lower()  # as Nav2 does
     if mode not in get_args(Mode):
         raise file.fail(
-            f"mode {shown(mode)} is unknown. {nearest_name(mode, list(get_args(Mode)))}"
+            f"mode {shown(stated)} is unknown. {nearest_name(mode, list(get_args(Mode)))}"
         )
     free, occupied = file.number("free_thresh"), file.number("occupied_thresh")
     if not 0 <= free <= occupied <= 1 or (mode == "scale" and free == occupied):
@@ -280,19 +302,35 @@ def _origin(file: YamlFile, warnings: list[str]) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-def _image_path(file: YamlFile) -> Path:
+def _refuse_picture(path: Path) -> None:
+    """Answer a picture that is given in place of its description with that."""
+    if path.suffix.lower() not in PICTURES:
+        return
+    beside = [path.with_suffix(end) for end in (".yaml", ".yml")]
+    found = [str(each) for each in beside if file_kind(each) == "file"]
+    raise MapError(
+        f"{path} is the picture of a map; give its description (YAML), "
+        + (found[0] if found else f"which names it: 'image: {path.name}'")
+    )
+
+
+def _image_path(file: YamlFile, warnings: list[str]) -> tuple[Path, str | None]:
+    """The image, and its name where it was found beside the file and not where it should be."""
     name = file.text("image")
     path = file.path.parent / name  # an absolute name stands for itself
-    try:
-        there = path.is_file()
-    except OSError:  # a folder that may not be entered, a name that is too long
-        there = False
-    if not there:
-        raise MapError(
-            f"{file.path}: its image {shown(name)} is missing: no file {str(path)[:500]}; correct "
-            "the key 'image' or put the image there"
+    if file_kind(path) == "file":
+        return path, None
+    last = PureWindowsPath(name).name  # behind slashes of either kind
+    if last and last != name and file_kind(file.path.parent / last) == "file":
+        warnings.append(
+            f"the image {shown(name)} is missing, and {shown(last)} beside the YAML file is read; "
+            f"'pgm-places doctor {file.path.name} --fix' corrects the file"
         )
-    return path
+        return file.path.parent / last, last
+    raise MapError(
+        f"{file.path}: its image {shown(name)} is missing: no file {str(path)[:500]}; correct "
+        "the key 'image' or put the image there"
+    )
 
 
 def save_map(

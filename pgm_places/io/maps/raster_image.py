@@ -49,6 +49,11 @@ _DECODERS = {
 }
 """What files of each of Pillow's formats begin with."""
 
+PICTURES = (".png", ".pgm", ".pbm", ".ppm", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
+"""What the names of such files end with."""
+
+FORMATS = "PNG, PGM, PBM, PPM, BMP or TIFF"
+
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
@@ -141,6 +146,10 @@ class RasterImage:
         return Strip(top, channels, alpha)
 
 
+def _wanted(lossy: bool) -> str:
+    return f"an image ({FORMATS.replace(' or', ',')} or JPEG)" if lossy else f"an image ({FORMATS})"
+
+
 @contextmanager
 def open_image(
     path: Path, error: type[InputError], *, max_pixels: int = MAX_PIXELS, lossy: bool = False
@@ -150,7 +159,8 @@ def open_image(
     Parameters
     ----------
     path : Path
-        A PNG, PGM/PBM/PPM, BMP or TIFF file; its first bytes decide, not its name.
+        A PNG, PGM, PBM, PPM, BMP or TIFF file, or a JPEG where one will do; its first bytes
+        decide, not its name.
     error : type
         The exception to raise for everything that is wrong.
     max_pixels : int
@@ -164,8 +174,8 @@ def open_image(
         Where the file is missing, of another format, larger than allowed, or too short for the
         size its header states.
     """
-    with open_input(path, error, "an image (PNG, PGM, BMP or TIFF)") as file:
-        image = _opened(path, file, error)
+    with open_input(path, error, _wanted(lossy)) as file:
+        image = _opened(path, file, error, _wanted(lossy))
         if image.is_lossy and not lossy:
             raise error(
                 f"{path}: a JPEG, whose compression changes values; save the image as PNG anew, "
@@ -194,10 +204,10 @@ def open_image(
             image._picture = None  # four bytes a pixel, for colour
 
 
-def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage:
+def _opened(path: Path, file: IO[bytes], error: type[InputError], what: str) -> RasterImage:
     head = file.read(32)
     file.seek(0)
-    picture = _picture(path, file, head, error)
+    picture = _picture(path, file, head, error, what)
     if picture.mode not in _MODES:
         raise error(
             f"{path}: pixels of kind {picture.mode} cannot be read; save the image as greyscale, "
@@ -212,7 +222,9 @@ def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage
     return image
 
 
-def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) -> "Image":
+def _picture(
+    path: Path, file: IO[bytes], head: bytes, error: type[InputError], what: str
+) -> "Image":
     """The header as Pillow reads it; one named decoder, never Pillow's guess among dozens.
 
     The plugin is called by its class: ``Image.open`` would take maps of more than 89 million pixels
@@ -220,7 +232,7 @@ def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) 
     """
     kind = next((kind for kind, starts in _DECODERS.items() if head.startswith(starts)), None)
     if kind is None:
-        raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
+        raise error(f"{path}: not {what}; save it in one of these formats")
     try:
         plugin = importlib.import_module(f"PIL.{kind}ImagePlugin")
         picture: Image = getattr(plugin, f"{kind}ImageFile")(file)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.maps.map_server import correct_thresholds, load_map
+from pgm_places.io.maps.map_server import correct_map, load_map
 from tests.io.files import write_map
 
 PIXELS = np.array([[254, 205, 0]], np.uint8)
@@ -26,7 +26,7 @@ def test_only_the_threshold_changes_and_the_old_file_is_kept(
     path = write_map(tmp_path, PIXELS, free_thresh=None)
     before = b"# my map: free_thresh: 0.25\n" + path.read_bytes() + line
     path.write_bytes(before)
-    kept = correct_thresholds(path, {"free_thresh": 0.196})
+    kept = correct_map(path, {"free_thresh": 0.196})
     assert kept == tmp_path / "map.yaml.orig"
     assert kept.read_bytes() == before
     assert path.read_bytes() == before[: -len(line)] + corrected
@@ -40,7 +40,7 @@ def test_an_earlier_file_is_not_lost(tmp_path: Path) -> None:
     (tmp_path / "map.yaml.orig").write_text("mine")
     before = path.read_bytes()
     with pytest.raises(OutputError, match=r"map\.yaml\.orig exists and would be lost; move it"):
-        correct_thresholds(path, {"free_thresh": 0.196})
+        correct_map(path, {"free_thresh": 0.196})
     assert path.read_bytes() == before
     assert (tmp_path / "map.yaml.orig").read_text() == "mine"
 
@@ -58,6 +58,6 @@ def test_what_cannot_be_changed_in_place_is_left_alone(tmp_path: Path, text: str
     path = tmp_path / "map.yaml"
     path.write_text(text)
     with pytest.raises(MapError, match=r"not on a line of its own; set free_thresh: 0\.196 by"):
-        correct_thresholds(path, {"free_thresh": 0.196})
+        correct_map(path, {"free_thresh": 0.196})
     assert path.read_text() == text
     assert [file.name for file in tmp_path.iterdir()] == ["map.yaml"]

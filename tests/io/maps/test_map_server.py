@@ -11,7 +11,7 @@ from PIL import Image
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import ConfigError, MapError, OutputError
-from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.io.maps.map_server import correct_map, load_map, save_map
 from tests.io.files import write_map
 
 PIXELS = np.array([[254, 205, 0], [254, 254, 100]], np.uint8)
@@ -255,3 +255,63 @@ def test_a_frequent_grey_beside_a_freer_one_is_named(
     assert any(message.startswith(line) for message in found) is named
     asked = load_map(tmp_path / "map.yaml", unknown_value=grey)
     assert asked.warnings == () and asked.fractions.unknown == pytest.approx(0.64)
+
+
+@pytest.mark.parametrize("mode", ["Trinary", "TRINARY", "Scale", "rAw"])
+def test_a_mode_may_be_written_in_capitals(tmp_path: Path, mode: str) -> None:
+    assert load_map(write_map(tmp_path, PIXELS, mode=mode)).rules.mode == mode.lower()
+
+
+@pytest.mark.parametrize(
+    "image", ["/home/robot/maps/map.png", "C:\\\\maps\\\\map.png", "../maps/map.png"]
+)
+def test_an_image_that_lies_beside_is_found_and_the_file_corrected(
+    tmp_path: Path, image: str
+) -> None:
+    path = write_map(tmp_path, PIXELS)
+    path.write_text(path.read_text().replace("image: map.png", f'image: "{image}"  # mine'))
+    found = load_map(path)
+    assert found.image_path == tmp_path / "map.png"
+    [warning] = [line for line in found.warnings if "is missing" in line]
+    assert warning.endswith("'pgm-places doctor map.yaml --fix' corrects the file")
+    assert found.corrections["image"] == "map.png"
+    if "\\" not in image:  # of an escaped text, another than the file's stands there
+        correct_map(path, {"image": "map.png"})
+        assert 'image: "map.png"  # mine' in path.read_text()
+        assert load_map(path).warnings == ()
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_picture_is_answered_with_its_description(tmp_path: Path, is_there: bool) -> None:
+    path = write_map(tmp_path, PIXELS)
+    if not is_there:
+        path.unlink()
+    expected = r"\(YAML\), .*map\.yaml$" if is_there else r"which names it: 'image: map\.png'$"
+    with pytest.raises(MapError, match=rf"map\.png is the picture of a map; .*{expected}"):
+        load_map(tmp_path / "map.png")
+
+
+@pytest.mark.parametrize("name", ["map.png", "map.yaml"])
+def test_a_pointer_of_git_lfs_is_told_from_a_damaged_file(tmp_path: Path, name: str) -> None:
+    path = write_map(tmp_path, PIXELS)
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"
+    (tmp_path / name).write_text(pointer)
+    with pytest.raises(MapError, match=rf"{name}: a pointer of Git LFS, .*'git lfs pull'"):
+        load_map(path)
+
+
+def test_a_key_that_is_there_is_not_offered_for_one_that_is_missing(tmp_path: Path) -> None:
+    path = write_map(tmp_path, PIXELS)
+    path.write_text(path.read_text().replace("occupied_thresh: 0.65\n", ""))
+    with pytest.raises(MapError, match=r"key 'occupied_thresh' is missing\. Known: free_thresh"):
+        load_map(path)
+    path.write_text(path.read_text() + "ocupied_thresh: 0.65\n")
+    with pytest.raises(MapError, match=r"missing\. Did you mean 'ocupied_thresh'"):
+        load_map(path)
+
+
+def test_another_format_is_told_all_that_will_do(tmp_path: Path) -> None:
+    path = write_map(tmp_path, PIXELS)
+    (tmp_path / "map.png").write_bytes(b"GIF89a")
+    with pytest.raises(MapError, match=r"not an image \(PNG, PGM, PBM, PPM, BMP, TIFF or JPEG\)"):
+        load_map(path)

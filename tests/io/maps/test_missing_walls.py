@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pgm_places.graph import bands
-from pgm_places.io.maps.map_server import correct_thresholds, load_map
+from pgm_places.io.maps.map_server import correct_map, load_map
 from pgm_places.io.maps.missing_walls import (
     FEWEST_WALLS,
     lacks_walls,
@@ -86,7 +86,7 @@ def test_grey_walls_are_found_and_the_file_is_corrected(tmp_path: Path) -> None:
     [line] = found.warnings
     assert "walls look like grey 116: read with occupied_thresh 0.5 instead of 0.65" in line
     assert found.corrections == {"occupied_thresh": 0.5}
-    correct_thresholds(grey, found.corrections)
+    correct_map(grey, found.corrections)
     again = load_map(grey)
     assert again.warnings == () and again.corrections == {}
     np.testing.assert_array_equal(again.grid.cells, expected.grid.cells)
