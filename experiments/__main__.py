@@ -23,6 +23,7 @@ from experiments.section_tables import (
     ABLATION_TABLE,
     CHOICES,
     OVERVIEW_TABLE,
+    SUMMARY,
     ablation_table,
     paper_table,
     section_tables,
@@ -48,7 +49,7 @@ MAPS = {
 }
 """Configurations whose comparison is a table."""
 
-TABLES = (OVERVIEW_TABLE, *OF_THE_PAPER, "buildings", ABLATION_TABLE, CHOICES, *MAPS)
+TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER, "buildings", ABLATION_TABLE, CHOICES, *MAPS)
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -107,6 +108,7 @@ def kept_tables() -> Iterator[tuple[str, str]]:
     """The tables of what is kept, by the names in their marks."""
     sections = kept_sections()
     yield OVERVIEW_TABLE, paper_table(sections)
+    yield SUMMARY, paper_table(sections)
     yield ABLATION_TABLE, ablation_table(sections)
     for key, section in sections.items():
         if key in TABLES:

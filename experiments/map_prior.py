@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from experiments.paper.categories import PLACES, Building79
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.trained import trained_labeler

@@ -40,8 +40,9 @@ class Mark:
 
 
 def marks(docs: Path = DOCS) -> Iterator[Mark]:
-    """Every mark of every page, in the order of the pages."""
-    for page in sorted(docs.glob("*.md")):
+    """Every mark of every page, in the order of the pages; the README's come last."""
+    readme = docs.parent / "README.md"
+    for page in [*sorted(docs.glob("*.md")), *([readme] if readme.is_file() else [])]:
         for found in _MARK.finditer(page.read_text(encoding="utf-8")):
             module, *arguments = found["command"].split()
             yield Mark(found["name"], page, module, tuple(arguments))

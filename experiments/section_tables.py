@@ -8,6 +8,7 @@ from experiments.paper.markdown import PAPER_COLUMN, overview_table
 from experiments.paper.section import Section, Table
 
 OVERVIEW_TABLE, ABLATION_TABLE = "paper", "ablations"
+SUMMARY = "summary"  # the overview in the README
 CHOICES = "choices"  # an ablation with tables of its own
 _FIGURES = "{accuracy} / {balanced} / {doorway F1}"
 _SHOWN: Mapping[str, SideBySide] = {

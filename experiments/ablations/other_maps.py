@@ -12,8 +12,8 @@ from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare, compare_fitted, train
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.tracking import map_of_scans
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid

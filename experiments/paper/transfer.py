@@ -7,8 +7,8 @@ from experiments.paper.setting import AS_PRINTED, WAYS, Setting
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
-from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.map_pictures import label_map as label_picture
 from pgm_places.pictures.topology_pictures import topology_drawing

@@ -14,8 +14,8 @@ import numpy as np
 from experiments.paper.section import Table
 from experiments.rooms.maps import EMPTY, FURNISHED, RoomMap, read_room_maps
 from experiments.rooms.scores import DoorCounts, RoomScores, score_doors, score_rooms
-from pgm_places.labelers.labelled_places import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 

@@ -30,8 +30,8 @@ def test_the_page_shows_what_is_kept(name: str) -> None:
 def test_only_findings_that_the_paper_has_stand_beside_it() -> None:
     found = section("7.5", findings=(Finding("a", 0.9, paper=0.8), Finding("b", 0.7)))
     [table] = parsed_tables(paper_table({"7.5": found}))
-    assert "buildings" not in table.heading
-    assert [row[:3] for row in table.rows] == [("7.5 a", "80.0", "90.0")]
+    assert table.heading == ("experiment", "paper", "by default")
+    assert table.rows == (("7.5 a", "80.0", "90.0 / -"),)
 
 
 def test_methods_of_an_ablation_stand_side_by_side() -> None:

@@ -1,5 +1,8 @@
 """Labelers with the options of the paper."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from pgm_places.errors import ConfigError
@@ -49,3 +52,10 @@ def test_options_of_the_call_come_first() -> None:
 def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
     with pytest.raises(ConfigError, match=r"no preset 'papper'.*'paper'.*paper, paper-noise"):
         preset_values("papper")
+
+
+@pytest.mark.parametrize("page", ["configuration.md", "theory.md"])
+def test_every_option_of_the_presets_is_in_the_documentation(page: str) -> None:
+    text = (Path(__file__).parents[2] / "docs" / page).read_text(encoding="utf-8")
+    for key in preset_values("paper") | preset_values("paper", "steps"):
+        assert re.search(rf"`[^`\n]*\b{key.rpartition('.')[2]}\b", text), key
