@@ -7,12 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import require_shape, sealed
 from pgm_places._core import grow_pieces, label_components, open_cells, sum_pieces
+from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.relief import open_space
+
+MOST_RADIUS_M = 1e3
+"""Of the disc; a larger one is a slip."""
 
 # Rays are looked for with discs of so many times the radius.
 SCALES = (1, 2)
@@ -115,6 +119,11 @@ def find_unentered(
     except_at : (H, W) bool, optional
         Cells that were entered whatever the map says.
 
+    Raises
+    ------
+    InputError
+        The radius is negative or above a kilometre, or the mask has another shape than the map.
+
     Examples
     --------
     >>> cells = np.full((60, 90), -1, np.int8)
@@ -124,6 +133,12 @@ def find_unentered(
     >>> int(found.cells[:, 41:].sum()), int(found.cells[:, :40].sum())
     (88, 0)
     """
+    if not 0 <= disc_radius_m <= MOST_RADIUS_M:
+        raise InputError(
+            f"disc_radius_m must be from 0 to {MOST_RADIUS_M:g} metres, got {disc_radius_m}"
+        )
+    if except_at is not None:
+        require_shape("except_at", except_at.shape, grid.shape, of="the map's")
     cell_m2 = grid.resolution_m**2
     cells = np.zeros(grid.shape, np.bool_)
     n_free, n_outside = int(np.count_nonzero(grid.free)), 0

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 
 from pgm_places.errors import InputError, PgmPlacesError
+from pgm_places.io.input_file import parsed_json
 from pgm_places.studio import records
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import exports_record, write_export
@@ -198,8 +199,9 @@ def _numbers(request: Request, *names: str) -> list[float]:
 
 async def _body(request: Request) -> Mapping[str, Any]:
     try:
-        body = await request.json()
-    except (ValueError, RecursionError):
+        text = (await request.body()).decode()
+        body = parsed_json(text, Path("the request"), InputError)
+    except (UnicodeDecodeError, InputError):
         body = None
     if not isinstance(body, dict):
         raise InputError("a request must be a JSON object")

@@ -11,6 +11,7 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -95,8 +96,12 @@ def glance(
     and no scans at all.
     """
     floor = None if labeler is None else labeler.unary_model_.floor
-    if floor is None:
+    if floor is None or labeler is None:
         return None
+    window = window_to_label(grid, labeler.resolution_m_)
+    if window is not None:
+        found = glance(labeler, window.crop(grid), n_threads)
+        return None if found is None else window.paste(found, -1)
     one = replace(floor, networks=floor.networks[:1], views_per_network=1)
     with threads(n_threads):
         seen = one.scores(grid)

@@ -12,6 +12,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution
 from pgm_places.labelers.place_problem import doorway_log_odds
+from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts
@@ -108,7 +109,9 @@ class _View:
     def __init__(self, taught: Taught) -> None:
         self.taught, self.labeler, self.model = taught, taught.labeler, taught.labeler.unary_model_
         self.method = taught.labeler.method(taught.labelled.method)
-        self.grid, _ = at_model_resolution(taught.labeler, taught.grid)
+        self.window = window_to_label(taught.grid, taught.labeler.resolution_m_)
+        self.part = taught.grid if self.window is None else self.window.crop(taught.grid)
+        self.grid, _ = at_model_resolution(taught.labeler, self.part)
         self.layout = GridLayout.of_map(self.grid)
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
@@ -191,7 +194,8 @@ class _View:
         assert self.model.space is not None
         names, learned = self.labeler.label_names_, self.labeler.learned_names
         painted = self.taught.paint.with_classes(names).labels
-        known = KnownCells.of(painted, self.taught.grid, self.grid, names, learned)
+        painted = painted if self.window is None else self.window.cut(painted)
+        known = KnownCells.of(painted, self.part, self.grid, names, learned)
         judge = None if self.seen is None else self.model.gate_judge(self.seen)
         return self.model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 

@@ -9,6 +9,9 @@ from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, PgmPlacesError
 from pgm_places.kernels.threads import threads
@@ -19,6 +22,7 @@ from pgm_places.labelers.labelled_places import (
     at_model_resolution,
 )
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.label import score_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import places_of
@@ -167,6 +171,9 @@ class Teacher:
         if model is None and classes is None:
             raise LabelError("without a labeler, 'classes' must say what may be painted")
         self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
+        resolution_m = FINEST_M if self.labeler is None else self.labeler.resolution_m_
+        self._window = window_to_label(grid, resolution_m)
+        self._part = grid if self._window is None else self._window.crop(grid)
         self._take(classes or (() if self.labeler is None else self.labeler.label_names_))
         self.options = options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
@@ -244,7 +251,8 @@ class Teacher:
             As :meth:`label`.
         """
         table = self._table
-        known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
+        painted, classes = self._cut(paint), paint.classes
+        known = KnownCells.of(painted, self._part, table.grid, classes, classes)
         cells = CellPaint(known.on_cells, paint.classes)
         with threads(self.n_threads), reported(progress):
             if self.model is None:
@@ -270,10 +278,10 @@ class Teacher:
         """The cells to label, at the labeler's resolution, with features once they are needed."""
         if self.labeler is not None:
             model = self.labeler.unary_model_
-            used, _ = at_model_resolution(self.labeler, self.grid)
+            used, _ = at_model_resolution(self.labeler, self._part)
             return CellTable(used, model.sensor, model.features)
         fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
-        used = coarsen(self.grid, FINEST_M) if fine else self.grid
+        used = coarsen(self._part, FINEST_M) if fine else self._part
         return CellTable(used, Sensor())
 
     def _rows(self, labeler: PlaceLabeler) -> KeptTable | None:
@@ -294,21 +302,21 @@ class Teacher:
         model = self._model_of(labeler)
         scored = score_map(
             model,
-            self.grid,
-            paint.with_classes(labeler.label_names_).labels,
+            self._part,
+            self._cut(paint.with_classes(labeler.label_names_)),
             lambda _: self._rows(labeler),
             with_spaces=True,
         )
         task = scored.task()
-        unary = replace(task, method="independent", backend=Independent()).labelled()
+        unary = self._whole(replace(task, method="independent", backend=Independent()).labelled())
         with kept_in(self._field):
-            labelled = task.labelled()
+            labelled = self._whole(task.labelled())
         with staged("places"):
             topology = places_of(labelled.cells, model.rules, ids=self.known_places)
         self.known_places = topology.known_places
 
         def labelled_by(name: str) -> LabelledPlaces:
-            return scored.task(name).labelled()
+            return self._whole(scored.task(name).labelled())
 
         others = {
             name: cache(partial(labelled_by, name))
@@ -319,6 +327,14 @@ class Teacher:
         }
         seconds = time.perf_counter() - start
         return Taught(labelled, unary, topology, paint, labeler, scored.scores, seconds, others)
+
+    def _cut(self, paint: Paint) -> NDArray[np.int16]:
+        """The labels of the paint on the part of the map that is labelled."""
+        return paint.labels if self._window is None else self._window.cut(paint.labels)
+
+    def _whole(self, found: LabelledPlaces) -> LabelledPlaces:
+        """Labels of that part on the whole map."""
+        return found if self._window is None else found.on_whole(self.grid, self._window)
 
     def _model_of(self, labeler: PlaceLabeler) -> LoadedModel:
         """The given model, or one with its rules and the labeler that has learned the paint."""

@@ -16,7 +16,7 @@ from tests.fuzz.readers import Reader
 
 MOST_SECONDS = 1.0
 MOST_BYTES = 256 << 20
-MOST_CHARACTERS = 2000
+MOST_CHARACTERS = 700
 MOST_WAITING_S = 600
 """On the clock, for what waits and takes no processor time: a machine may stand still a while."""
 

@@ -12,6 +12,10 @@ from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.known_window import MARGIN_M
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN
+from pgm_places.studio.lesson import glance
+from pgm_places.teaching.explanation import explain_cell, explain_region
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import trained_labeler
@@ -25,15 +29,12 @@ AROUND = ((140, 260), (200, 100))
 def by_hand(resolution_m: float) -> OccupancyGrid:
     """A corner of a building, with the margin that is left."""
     grid = generate_building(9, size="small", resolution_m=0.05).grid
-    cells = grid.cells[:100, :160]
-    r, c = np.nonzero(cells != UNKNOWN)
-    known = OccupancyGrid(
-        cells[r.min() : r.max() + 1, c.min() : c.max() + 1], 0.05, (1.0, 2.0), 0.3
-    )
+    corner = OccupancyGrid(grid.cells[:100, :160], 0.05)
     if resolution_m != 0.05:
-        known = (refine if resolution_m < 0.05 else coarsen)(known, resolution_m)
-    margin = round(MARGIN_M / resolution_m)
-    cells = np.pad(known.cells, margin, constant_values=UNKNOWN)
+        corner = (refine if resolution_m < 0.05 else coarsen)(corner, resolution_m)
+    r, c = np.nonzero(corner.cells != UNKNOWN)
+    known = corner.cells[r.min() : r.max() + 1, c.min() : c.max() + 1]
+    cells = np.pad(known, round(MARGIN_M / resolution_m), constant_values=UNKNOWN)
     return OccupancyGrid(cells, resolution_m, (1.0, 2.0), 0.3)
 
 
@@ -125,3 +126,35 @@ def test_only_what_is_known_is_split() -> None:
     )
     assert found.labels.shape == cells.shape
     assert (found.labels[900:-1000, 900:-1000] >= 0).any()
+
+
+def test_a_teacher_answers_and_explains_as_on_the_map_cropped_by_hand() -> None:
+    small = by_hand(0.1)
+    known, large = known_of(small), on_canvas(small)
+    answers = []
+    for grid, labels in ((small, known), (large, np.pad(known, AROUND, constant_values=-1))):
+        teacher = Teacher(grid, trained_labeler("generated"))
+        paint = Paint(labels.astype(np.int16), teacher.classes)
+        answers.append((teacher.label(paint), teacher.teach(paint)))
+    for one, other in zip(*answers, strict=True):
+        assert other.labels.shape == large.shape
+        assert (within(other.labels, small.shape) == one.labels).all()
+        assert (within(other.unary_labels, small.shape) == one.unary_labels).all()
+        x, y = small.cell_centres_m(np.argwhere(one.labels >= 0))[30]
+        first, second = explain_cell(one, x, y), explain_cell(other, x, y)
+        assert (first.label, first.questions) == (second.label, second.questions)
+        assert first.probabilities == second.probabilities
+        place = one.topology.regions[0].id
+        assert explain_region(one, place).features == explain_region(other, place).features
+    for name, labelled in answers[0][0].by_method.items():
+        whole = answers[1][0].by_method[name]().labels
+        assert (within(whole, small.shape) == labelled().labels).all()
+
+
+def test_a_glance_is_that_of_the_map_cropped_by_hand() -> None:
+    small = by_hand(0.1)
+    labeler = trained_labeler("default")
+    found, whole = glance(labeler, small), glance(labeler, on_canvas(small))
+    assert found is not None and whole is not None
+    assert (within(whole, small.shape) == found).all()
+    assert np.count_nonzero(whole >= 0) == np.count_nonzero(found >= 0) > 0

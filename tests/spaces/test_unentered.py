@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pgm_places._core import grow_pieces, sum_pieces
+from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -335,3 +336,12 @@ def test_plans_of_real_buildings_lose_nothing(name: str) -> None:
     judged = np.asarray(Image.open(folder / "labels.png"))[::-1] > 0
     lost = (find_unentered(grid).cells & judged).sum() / (grid.free & judged).sum()
     assert lost < 0.001
+
+
+@pytest.mark.parametrize("radius_m", [-1.0, 1e308, np.inf, np.nan])
+def test_a_disc_that_no_robot_has_is_refused(radius_m: float) -> None:
+    grid = OccupancyGrid(np.zeros((20, 20), np.int8), 0.1)
+    with pytest.raises(InputError, match="disc_radius_m must be from 0 to 1000 metres"):
+        find_unentered(grid, radius_m)
+    with pytest.raises(InputError, match="except_at must have the map's shape"):
+        find_unentered(grid, except_at=np.ones((3, 3), np.bool_))

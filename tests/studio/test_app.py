@@ -13,7 +13,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.persistence.stored import load
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.layers import GivenLabels
-from tests.studio.conftest import Client
+from tests.studio.conftest import HOST, TOKEN, Client
 
 
 def rectangle(label: int, *corners: list[float]) -> dict[str, object]:
@@ -161,3 +161,20 @@ def test_the_classes_of_a_file_to_compare_with_are_offered(
         assert desk.layers.sources == {"file:0": "truth.png"}
     finally:
         desk.close()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *(b"", b"x", b"\xff\xfe", b"[", b"null", b"[]", b"[" * 100_000, b'{"a":' * 100_000),
+        b'{"kind": "undo", "a": NaN}',
+        b'{"kind": "undo", "a": -Infinity}',
+        b'{"kind": "undo", "a": 1e999}',
+        b'{"kind": "undo", "a": ' + b"9" * 5000 + b"}",
+    ],
+)
+def test_an_edit_that_is_not_json_is_refused_in_a_line(desk: Desk, body: bytes) -> None:
+    client = Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST, "content-type": "application/json"})
+    answer = client.post("edit", content=body)
+    assert answer.status_code == 400
+    assert answer.json() == {"problem": "a request must be a JSON object"}

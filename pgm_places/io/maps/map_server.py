@@ -56,6 +56,7 @@ KEPT_SUFFIX = ".orig"
 """What the name of the file as it was ends with; no search for maps finds it."""
 
 Correction: TypeAlias = Literal["free_thresh", "occupied_thresh", "image"]
+_LONGEST_PATH = 200  # characters, in a message
 _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
@@ -327,9 +328,10 @@ def _image_path(file: YamlFile, warnings: list[str]) -> tuple[Path, str | None]:
             f"'pgm-places doctor {file.path.name} --fix' corrects the file"
         )
         return file.path.parent / last, last
+    where = str(path) if len(str(path)) <= _LONGEST_PATH else f"{str(path)[:_LONGEST_PATH]}..."
     raise MapError(
-        f"{file.path}: its image {shown(name)} is missing: no file {str(path)[:500]}; correct "
-        "the key 'image' or put the image there"
+        f"{file.path}: its image {shown(name)} is missing: no file {where}; correct the key "
+        "'image' or put the image there"
     )
 
 
