@@ -206,6 +206,8 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
 
     if isinstance(value, tuple(filter(dataclasses.is_dataclass, arms(hint)))):
         return value  # which has checked its own options
+    if all(map(dataclasses.is_dataclass, arms(hint))):  # pydantic cannot be asked for none of these
+        raise OptionError(name, f"must be {wanted(hint)}, got {shown(value)}")
     reason = ""
     for given in (as_tuples, _sequences(value, list)):
         try:
@@ -265,7 +267,7 @@ def _validator(hint: Any) -> Any:
 
     others = tuple(arm for arm in arms(hint) if not dataclasses.is_dataclass(arm))
     if len(others) < len(arms(hint)):
-        hint = Union[others or (typing.Never,)]  # noqa: UP007  of what is found at run time
+        hint = Union[others]  # noqa: UP007  of what is found at run time
     infinite = any(isinstance(mark, OrInfinite) for mark in marks_of(hint))
     settings = ConfigDict(strict=True, allow_inf_nan=infinite, arbitrary_types_allowed=True)
     return TypeAdapter(hint, config=settings)
