@@ -194,6 +194,7 @@ def test_noise_is_a_preset_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (changed(preset="paper", classifier=3), "classifier must be a table of options"),
         (
             changed(preset="article"),
             "preset must be 'paper' or 'paper-noise' or None, got 'article'",
