@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +15,6 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
 from pgm_places.models.decoders import named_decoder
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
-
-if TYPE_CHECKING:
-    pass
 
 # A gap below this share of the score, and of the problem's size or of what the labelling loses
 # against the best value of every term, is rounding: it is closed. Some roundings of a number; the

@@ -138,8 +138,9 @@ def told_of(problems: Sequence[LabelingProblem]) -> NDArray[np.int64] | None:
 def of_those_asked(
     losses: NDArray[np.float64], told: NDArray[np.int64] | None
 ) -> NDArray[np.float64]:
-    """(N,) what a wrong label costs, 0 where it is told; the mean stays."""
+    """(N,) what a wrong label costs, 0 where it is told; the mean stays, unless all are 0."""
     if told is None:
         return losses
     asked = np.where(told >= 0, 0.0, losses)
-    return asked * (losses.sum() / asked.sum())
+    total = asked.sum()
+    return asked * (losses.sum() / total) if total > 0 else asked

@@ -167,7 +167,7 @@ def _weighed(
 
 
 def _gain(model: PairwiseModel, unary_range: float) -> NDArray[np.float64] | None:
-    """What :func:`collect` takes; None where products at a node would lose digits.
+    """The gain of messages in products; None where products at a node would lose digits.
 
     A message ranges over no more than the potentials of the edge that it comes along.
     """

@@ -16,8 +16,11 @@ from types import FrameType
 from typing import Any, NoReturn
 
 EXIT_BAD_INPUT = 2
-EXIT_OUT_OF_MEMORY = EXIT_UNREAD = 1
+EXIT_NOT_FOUND = 1
 EXIT_MAPS_FAILED = 3
+EXIT_OUT_OF_MEMORY = 4
+EXIT_UNREAD = 141
+"""As of a program that SIGPIPE ended (128 + 13), which is what pipelines expect."""
 
 
 class _Stops:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import pgm_places as pp
 from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, GivenOptions, Option, option_flags
+from pgm_places.cli.entry import EXIT_NOT_FOUND
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import InputError
@@ -260,7 +261,7 @@ def where(
     region = topology.region_at(x, y)
     if region is None:
         say("no place at this position")
-        raise SystemExit(1)
+        raise SystemExit(EXIT_NOT_FOUND)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
     numbered = f"{region.label} {region.id}"

@@ -153,7 +153,7 @@ def score_intervals(
 
     A block bootstrap over squares of ``BLOCK_M`` of maps, stretches of ``STRETCH_M`` of drives, and
     single nodes of graphs, or ``NODES_PER_BLOCK`` side by side
-    (:func:`pgm_places.evaluation.evaluation.block_bootstrap`). ``labelings`` are those of each
+    (:func:`pgm_places.evaluation.bootstrap.block_bootstrap`). ``labelings`` are those of each
     seed, which are drawn like blocks.
     """
     resamples = Resamples.of(

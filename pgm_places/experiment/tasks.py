@@ -66,7 +66,8 @@ def label_tests(experiment: Experiment, labelers: Labelers, tests: Sequence[Sour
     labelings, doors, seconds = {}, {}, {}
     for name in labelers:
         start, parts = time.perf_counter(), []
-        with experiment.progress.stage(f"labelling with {name}") as stage:
+        stage_name = f"labelling with {name}"
+        with experiment.timed("label"), experiment.progress.stage(stage_name) as stage:
             for item in evidence:
                 parts.append(item.label(name))
                 stage.update(len(parts) / len(evidence))

@@ -121,7 +121,8 @@ def _values(what: str, table: Any, column: str) -> list[Hashable]:
     columns = _columns(table)
     if column not in columns:
         raise InputError(f"{what}: there is no column {column!r}, only {columns}; name it")
-    return list(np.asarray(table[column], object))
+    values = np.asarray(table[column], object)
+    return list(values if values.ndim == 1 else table[column])  # tuples are names, and not rows
 
 
 def is_empty(value: Any) -> bool:

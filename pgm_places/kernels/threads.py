@@ -8,7 +8,8 @@ work in forked processes and are bounded by the caller.
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
+from contextvars import ContextVar, copy_context
+from functools import partial
 from itertools import count
 from threading import Lock, Thread
 
@@ -79,8 +80,10 @@ class _Helper:
         self._thread.start()
 
     def begin(self, work: Callable[[], None]) -> None:
-        """Let it call ``work``."""
-        self._work = work
+        """Let it call ``work`` in the caller's context, with one thread for work inside."""
+        context = copy_context()
+        context.run(_wanted.set, 1)
+        self._work = partial(context.run, work)
         self._begun.release()
 
     def end(self) -> BaseException | None:
@@ -154,7 +157,8 @@ class Crew:
         for helper in busy:
             helper.begin(worker)
         try:
-            worker()
+            with threads(1 if busy else None):
+                worker()
         finally:
             stopped = True  # tasks have run out, or one has failed
             errors = [helper.end() for helper in busy]
@@ -166,8 +170,9 @@ class Crew:
 def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:
     """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads.
 
-    Tasks are handed out in order to whichever thread is free. The first exception stops the
-    handing out and is raised here once the running tasks have ended.
+    Tasks are handed out in order to whichever thread is free. They run in the caller's context, and
+    where several threads share them, work inside a task uses one thread by default. The
+    first exception stops the handing out and is raised here once the running tasks have ended.
     """
     with Crew(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
         crew.run(work, n_tasks)

@@ -336,8 +336,8 @@ class JointLabeler(Labeler):
         NotFittedError
             Before :meth:`fit`.
         """
-        scores = self.scores(grid, drive, mask=mask, n_threads=n_threads, progress=progress)
-        return self.infer(scores)
+        with threads(n_threads), reported(progress):
+            return self.infer(self.scores(grid, drive, mask=mask))
 
     def with_steps(self, **options: Any) -> Self:
         """A copy that has learned the same and looks at drives with other options.

@@ -284,7 +284,7 @@ class PlaceLabeler(Labeler):
         name = method or self.default_method
         with threads(n_threads), reported(progress):
             graph, scores = self.scores(grid, mask=mask, methods=[name])
-        return self.infer(graph, scores, method=name, truth=truth)
+            return self.infer(graph, scores, method=name, truth=truth)
 
     def infer(
         self,

@@ -347,10 +347,9 @@ class TrajectoryLabeler(Labeler):
         truth, n_threads, progress
             As for every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
-        scores = self.scores(
-            trajectory, known_map=known_map, extra=extra, n_threads=n_threads, progress=progress
-        )
-        return self.infer(trajectory, scores, map_prior=map_prior, truth=truth)
+        with threads(n_threads), reported(progress):
+            scores = self.scores(trajectory, known_map=known_map, extra=extra)
+            return self.infer(trajectory, scores, map_prior=map_prior, truth=truth)
 
     def infer(
         self,

@@ -43,7 +43,7 @@ def door_lines(gates: Gates, seen: FloorScores) -> NDArray[np.int64]:
 
     Cells of 0.1 m that networks take for a doorway rather than not, and that touch, are one blob.
     Through each, the line from wall to wall along which they are surest, on average, is taken if
-    that is at least 0.8, if it is 0.4 to 2.5 m long, and if no candidate is there. Cells of a
+    that is at least 0.9, if it is 0.4 to 2.5 m long, and if no candidate is there. Cells of a
     line share sides, as :meth:`Segmentation.of` wants its cuts.
 
     Parameters

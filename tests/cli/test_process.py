@@ -49,6 +49,19 @@ def test_a_full_standard_output_is_one_line(arguments: list[str]) -> None:
     assert "No space left on device" in ended.stderr
 
 
+def test_a_pipe_that_nobody_reads_is_no_missing_place(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def print_on(_: object) -> None:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(app, "run", print_on)
+    code, _, error = run("where", "out", 0, 0)
+    assert (code, error) == (128 + 13, "")
+    codes = (entry.EXIT_NOT_FOUND, entry.EXIT_OUT_OF_MEMORY, entry.EXIT_UNREAD)
+    assert codes == (1, 4, 141)
+
+
 def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def fill(_: object) -> None:
         raise MemoryError

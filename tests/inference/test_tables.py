@@ -25,6 +25,15 @@ def test_rows_of_edges_follow_the_graphs_order() -> None:
     assert problem.node_features.ravel().tolist() == NODES["x"]
 
 
+def test_names_may_be_tuples_as_those_of_grid_graphs_in_networkx_are() -> None:
+    nodes = {"node": [(0, 0), (0, 1)], "x": [0.0, 1.0]}
+    problem, _ = problem_from_tables(
+        nodes, {"source": [(0, 1)], "target": [(0, 0)]}, label_names=["low", "high"]
+    )
+    assert problem.graph.node_names == ((0, 0), (0, 1))
+    assert problem.graph.edges.tolist() == [[0, 1]]
+
+
 def test_a_labelling_goes_back_to_names() -> None:
     problem, labels = problem_from_tables(NODES, EDGES, label_names=["low", "high"])
     looks = np.array(NODES["x"], np.float64)

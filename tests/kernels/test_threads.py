@@ -3,12 +3,13 @@
 import os
 import threading
 from collections.abc import Callable
+from contextvars import ContextVar
 
 import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import Crew, _Helper, resolve_threads, run_tasks
+from pgm_places.kernels.threads import Crew, _Helper, resolve_threads, run_tasks, threads
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])
@@ -23,6 +24,25 @@ def test_every_task_runs_once(n_tasks: int, n_threads: int) -> None:
 
     run_tasks(work, n_tasks, n_threads=n_threads)
     assert (counts == 1).all()
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_tasks_run_in_the_context_of_the_caller(n_threads: int) -> None:
+    """What is reported in a task reaches the caller's reporter, and threads do not multiply."""
+    told: ContextVar[str] = ContextVar("told", default="nobody")
+    told.set("the caller")
+    together = threading.Barrier(n_threads, timeout=60)
+    found = []
+
+    def work(task: int) -> None:
+        together.wait()
+        found.append((told.get(), resolve_threads()))
+
+    run_tasks(work, n_threads, n_threads=n_threads)
+    with threads(7):
+        run_tasks(work, n_threads, n_threads=n_threads)
+    inside = [resolve_threads(), 7] if n_threads == 1 else [1, 1]
+    assert found == [("the caller", n) for n in inside for _ in range(n_threads)]
 
 
 @pytest.mark.parametrize("n_threads", [1, 3])

@@ -11,7 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.told import told_in_parts
+from pgm_places.models.told import of_those_asked, told_in_parts
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.likelihood import maximize_likelihood, negative_log_likelihood
 from pgm_places.solvers.max_margin import MaxMarginProblem
@@ -128,3 +128,9 @@ def test_a_labelling_that_contradicts_the_evidence_is_refused() -> None:
     half = np.array([0, 1, -1])
     with pytest.raises(InputError, match="learner='qp' takes no known labels"):
         build("amn", {"learner": "qp", "unlabelled": "dropped"}).fit([problem], [half])
+
+
+def test_losses_that_are_0_wherever_a_label_is_asked_for_stay_0() -> None:
+    told = np.array([1, -1, -1])
+    assert of_those_asked(np.array([2.0, 0.0, 0.0]), told).tolist() == [0.0, 0.0, 0.0]
+    assert of_those_asked(np.array([2.0, 1.0, 3.0]), told).tolist() == [0.0, 1.5, 4.5]
