@@ -14,6 +14,7 @@ from pgm_places.errors import InputError
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.learned_names import in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
@@ -30,6 +31,7 @@ from pgm_places.models.cliques import clique_terms, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
     labelled_parts,
@@ -133,6 +135,7 @@ class AssociativeMarkovNetwork(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
+    @learned_by_frequency
     def fit(
         self,
         problems: Sequence[LabelingProblem],
@@ -322,6 +325,7 @@ class AssociativeMarkovNetwork(LinearModel):
 
     # ------------------------------------------------------------------ use
 
+    @in_learned_order
     def potentials(self, problem: LabelingProblem) -> Potentials:
         """The log-potentials that the learned weights give a problem's nodes and edges.
 
@@ -343,6 +347,7 @@ class AssociativeMarkovNetwork(LinearModel):
         unary = problem.with_evidence(nodes @ node_weights)
         return Potentials(unary, agreement=edges @ edge_weights)
 
+    @in_learned_order
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.
 

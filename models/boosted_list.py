@@ -44,6 +44,10 @@ class BoostedList:
         Predict the first class whose F is positive (section 3), or the largest bin of z.
     clip : float
         The smallest probability in the histogram, before it is normalised again; 0 for none.
+    in_list_order : bool
+        Whether bins are summed, and columns made of them, in the order of the list, the last first,
+        so that the numbers of the classes have no part in rounding and ties; else in the order of
+        ``classes``, as by lists that earlier versions stored.
     """
 
     classes: NDArray[Any]
@@ -53,6 +57,7 @@ class BoostedList:
     n_features: int
     decision: str = "list"
     clip: float = 1e-6
+    in_list_order: bool = False
 
     def __post_init__(self) -> None:
         """Check that the parts belong together and freeze them."""
@@ -81,6 +86,11 @@ class BoostedList:
         set_fields(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
 
     @property
+    def sequence(self) -> NDArray[np.int64]:
+        """(K,) the classes, by number, in the order of sums and columns made of them."""
+        return self.order[::-1] if self.in_list_order else np.arange(len(self.classes))
+
+    @property
     def used_features(self) -> NDArray[np.int64]:
         """The distinct columns that any classifier looks at, ascending."""
         return np.unique(np.concatenate([item.used_features for item in self.classifiers]))
@@ -105,7 +115,8 @@ class BoostedList:
         log_z = self._unclipped(scores)
         if self.clip > 0:
             np.maximum(log_z, np.log(self.clip), out=log_z)
-            log_z -= np.log(np.exp(log_z).sum(axis=1, keepdims=True))
+            bins = np.exp(log_z[:, self.sequence] if self.in_list_order else log_z)
+            log_z -= np.log(bins.sum(axis=1, keepdims=True))
         return log_z
 
     def _unclipped(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -208,6 +219,7 @@ class BoostedList:
             "n_features": self.n_features,
             "decision": self.decision,
             "clip": self.clip,
+            "in_list_order": self.in_list_order,
         }
         arrays: dict[str, NDArray[Any]] = {
             "order": self.order,
@@ -267,6 +279,7 @@ class BoostedList:
             n_features,
             meta["decision"],
             meta["clip"],
+            bool(meta.get("in_list_order", False)),
         )
 
 

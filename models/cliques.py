@@ -24,6 +24,7 @@ from pgm_places.models.decoders import Decoder, named_decoder
 from pgm_places.models.decoding import decode
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged, model_of
 from pgm_places.models.feature_scaling import column_sizes
+from pgm_places.models.label_order import decoded_by_preference
 from pgm_places.solvers.set_terms import SetNodes, SetTerms
 
 if TYPE_CHECKING:
@@ -187,10 +188,18 @@ def decode_cliques_as(
     Those are ``certify``, ``max_iterations`` and ``clique_dissent``.
     """
     how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
-    if problem.cliques is None:
-        return decode(problem.graph, potentials, inference, **how)
-    how |= {"weight": weight, "dissent": method.clique_dissent}
-    return decode_with_cliques(problem.graph, potentials, problem.cliques, inference, **how)
+
+    def decoded(given: Potentials, order: NDArray[np.int64]) -> Labeling:
+        if problem.cliques is None:
+            return decode(problem.graph, given, inference, **how)
+        earned = np.asarray(weight)[..., order] if np.ndim(weight) else weight
+        sets = {"weight": earned, "dissent": method.clique_dissent}
+        return decode_with_cliques(problem.graph, given, problem.cliques, inference, **how, **sets)
+
+    if inference != "graph-cut":
+        return decoded(potentials, np.arange(problem.n_labels))
+    # Its moves take one label after the other.
+    return decoded_by_preference(potentials, problem.label_names, decoded)
 
 
 def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.learned_names import in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem
@@ -33,6 +34,7 @@ from pgm_places.models.crf_learning import (
 )
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
     held_out_parts,
@@ -143,6 +145,7 @@ class ConditionalRandomField(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
+    @learned_by_frequency
     def fit(
         self,
         problems: Sequence[LabelingProblem],
@@ -310,6 +313,7 @@ class ConditionalRandomField(LinearModel):
 
     # ------------------------------------------------------------------ use
 
+    @in_learned_order
     def potentials(self, problem: LabelingProblem) -> Potentials:
         """The log-potentials that the learned weights give a problem's nodes and edges.
 
@@ -332,6 +336,7 @@ class ConditionalRandomField(LinearModel):
         given = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
         return Potentials(problem.with_evidence(given.unary), pairwise=given.tables)
 
+    @in_learned_order
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels that the chosen decoder finds, with their score.
 

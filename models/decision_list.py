@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from pgm_places._checks import require_shape
 from pgm_places.errors import InputError
+from pgm_places.inference.learned_names import renumbered
 from pgm_places.kernels.threads import threads
 from pgm_places.models.boosted_list import BoostedList, check_decision
 from pgm_places.models.boosted_trees import BoostedTrees
@@ -108,8 +109,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     groups should be buildings or contiguous blocks, never single cells. Without groups the
     heuristic rates its classifiers on the training examples, and the exhaustive search and Platt's
     scaling hold out the last quarter of each class's examples in the order given. The final
-    classifiers are always trained on all examples. Equal rates or scores: the order that comes
-    first by label wins.
+    classifiers are always trained on all examples. Of equal rates or
+    scores, the order with the heavier class first wins.
 
     Examples
     --------
@@ -165,7 +166,11 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         """
         options = taken_from(ListOptions, self)
         values, given, weight = checked_training_data(self, X, y, sample_weight)
-        classes, labels = np.unique(given, return_inverse=True)
+        ascending, labels = np.unique(given, return_inverse=True)
+        # By weight, so that the numbers of the classes have no part in rounding and ties.
+        carried = np.bincount(labels, weights=weight, minlength=len(ascending))
+        number = np.argsort(-carried, kind="stable")
+        classes, labels = ascending[number], renumbered(labels, number)
         check_two_classes(classes)
         check_decision(self.decision, self.clip, len(classes))
         explicit = self._explicit_order(classes)
@@ -182,19 +187,22 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
                 options,
             )
             order = explicit or self._chosen_order(training, classes)
+            if self.rates_ is not None:
+                self.rates_ = self.rates_[np.argsort(number)]
             calibration = prior_calibration(order, labels, weight, self.prior_weight)
             if self.calibration == "platt":
                 calibration = training.platt_calibration(order)
             elif self.calibration == "temperature":
                 calibration = training.tempered(calibration, order)
             self.boosted_list_ = BoostedList(
-                classes,
-                np.array(order),
+                ascending,
+                number[list(order)],
                 training.members(order),
                 calibration,
                 self.n_features_in_,
                 self.decision,
                 float(self.clip),
+                in_list_order=True,
             )
         return self
 

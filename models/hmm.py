@@ -16,6 +16,7 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_statistics import (
@@ -54,7 +55,7 @@ RUNS_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenMarkovModel(StepFilter, Options):
+class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     """Labels the steps of a trajectory: what the classifier says, and which place follows which.
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
@@ -158,7 +159,7 @@ class HiddenMarkovModel(StepFilter, Options):
         tables = learned_tables(
             problems, labelings, self._moved, smoothing=float(self.smoothing), weights=weights
         )
-        learned_now = replace(self, **tables, learning_curve=None)
+        learned_now = replace(self, **tables, learning_curve=None).with_names_of(problems[0])
         if self.unlabelled == "hidden":
             from pgm_places.models.baum_welch import with_unlabelled  # labelling does without it
 
@@ -266,6 +267,7 @@ class HiddenMarkovModel(StepFilter, Options):
         weights = weights_at(self.fitted_weights, from_m, to_m)
         return replace(self, transition=table, fitted_weights=weights), changed
 
+    @in_learned_order
     def infer(self, problem: LabelingProblem, *, further: ArrayLike | None = None) -> Labeling:
         """A label per step, with its beliefs unless the mode is ``viterbi``.
 

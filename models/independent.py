@@ -8,6 +8,7 @@ from pgm_places.inference.backends import Traits
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary
+from pgm_places.models.label_order import preference_order
 from pgm_places.solvers.relaxation import starting_beliefs
 
 
@@ -23,13 +24,16 @@ class Independent:
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The argmax of the unary at every node; beliefs are the normalised unaries.
 
+        Ties go to the label that more nodes prefer, so that the order of the labels has no part.
+
         Raises
         ------
         InputError
             The problem has no unary, or forbids every label at some node.
         """
         unary = evident_unary(problem, "independent")
-        labels = sealed(unary.argmax(axis=1))
+        order = preference_order(unary, problem.label_names)
+        labels = sealed(order[unary[:, order].argmax(axis=1)])
         total = score(problem.graph, Potentials(unary), labels)
         beliefs = sealed(starting_beliefs(unary))
         return Labeling(labels, Status.EXACT, beliefs=beliefs, score=total, bound=total)

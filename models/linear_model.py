@@ -12,6 +12,7 @@ from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.cliques import (
@@ -53,7 +54,7 @@ class TermSizes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinearModel:
+class LinearModel(LearnedNames):
     """The options and learned arrays that networks and fields share; a model adds its own.
 
     Parameters
@@ -153,6 +154,7 @@ class LinearModel:
         """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
         return tuple(resolved_edges(problem, self.edge_features))
 
+    @in_learned_order
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
         """(C, K) what a clique in which all nodes agree on a label earns for each of them.
 

@@ -15,6 +15,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
@@ -27,7 +28,7 @@ from pgm_places.solvers.relaxation import OnIteration, Relaxed, relax_graph
 
 
 @dataclass(frozen=True, eq=False)
-class Relaxation:
+class Relaxation(LearnedNames):
     """Lets every node revise its beliefs by those of its neighbours, all at once, again and again.
 
     A label gains where the neighbours' labels go with it (paper eq. 4-6, Rosenfeld, Hummel and
@@ -119,7 +120,7 @@ class Relaxation:
             self,
             pair_counts=total,
             compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
-        )
+        ).with_names_of(pairs[0][0])
 
     def _counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
         """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""
@@ -136,6 +137,7 @@ class Relaxation:
 
     # ------------------------------------------------------------------ inference
 
+    @in_learned_order
     def infer(self, problem: LabelingProblem, *, truth: ArrayLike | None = None) -> Labeling:
         """The label of the largest belief at every node, with the beliefs.
 

@@ -13,6 +13,7 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
+from pgm_places.unary.space_model import log_sum
 
 _AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
 """Cells so far beside, and before or behind, a gate may be its doorway."""
@@ -42,7 +43,7 @@ def doorways_at_gates(
         changed[some] = log_z[some]
         beyond = first + np.flatnonzero(added[part[some]])
         changed[beyond, doorway] += added[part[beyond]]
-        changed[beyond] -= np.logaddexp.reduce(changed[beyond].T, axis=0)[:, np.newaxis]
+        changed[beyond] -= log_sum(changed[beyond], doorway)[:, np.newaxis]
     return changed
 
 

@@ -68,10 +68,16 @@ class FloorModel:
         shares = np.where(columns == LABELS.index("doorway"), self.doorway_share, self.share)
         return np.where(columns < 0, 0.0, shares)
 
+    @property
+    def _by_column(self) -> NDArray[np.int64]:
+        """(K,) the labels in the networks' order, so that sums do not depend on their numbers."""
+        return np.argsort(self.columns, kind="stable")
+
     def mean(self, log_z: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
         """(..., K) the weighted mean of a list's log-odds and the networks', normalised."""
         mixed = (1 - self.shares) * log_z + self.shares * seen
-        return np.asarray(mixed - np.logaddexp.reduce(mixed, axis=-1, keepdims=True))
+        total = np.logaddexp.reduce(mixed[..., self._by_column], axis=-1, keepdims=True)
+        return np.asarray(mixed - total)
 
     def with_more(self, n_labels: int) -> "FloorModel":
         """The same beside so many more labels that the networks do not know."""
@@ -83,7 +89,8 @@ class FloorModel:
         log_p[:, _CORRIDOR] = np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
         spread = seen.doubt(cells_rc)[:, np.newaxis].astype(np.float64)
         logits = log_p[:, self.columns] / np.sqrt(1 + np.pi / 8 * spread**2)
-        return np.asarray(logits - np.logaddexp.reduce(logits.T, axis=0)[:, np.newaxis])
+        total = np.logaddexp.reduce(logits.T[self._by_column], axis=0)
+        return np.asarray(logits - total[:, np.newaxis])
 
     def judged(
         self, seen: FloorScores, gates: Gates, probability: NDArray[np.float64]

@@ -173,7 +173,8 @@ class UnaryLearner:
         cells, parts = laser.cells, []
         for m, part in enumerate(cells.by_map(np.exp(laser.scores(held_out=True)))):
             resolution_m = cells.maps[m].grid.resolution_m
-            parts.append(window_means(cells.layout(m), part, self.context_m, resolution_m))
+            scores = part[:, laser.fitted.classes[laser.fitted.sequence]]
+            parts.append(window_means(cells.layout(m), scores, self.context_m, resolution_m))
         means = np.concatenate(parts)
         # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
         order = laser.fitted.classes[laser.fitted.order].tolist()

@@ -287,9 +287,10 @@ class UnaryModel:
     ) -> None:
         """Turn ``context`` (N, K), the list's votes on laser features so far, into its log z."""
         context_part = second.part(np.arange(n_columns(self.features), second.n_features))
+        labels = second.classes[second.sequence]
         bands = iter_window_means(
             layout,
-            lambda nodes: np.exp(laser[nodes]),
+            lambda nodes: np.exp(laser[nodes])[:, labels],
             self.n_labels,
             self.context_m,
             grid.resolution_m,

@@ -222,5 +222,16 @@ def with_gates(
     for some in row_blocks(len(log_z)):
         joined[some] = log_z[some]
         joined[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
-        joined[some] -= np.logaddexp.reduce(joined[some].T, axis=0)[:, None]
+        joined[some] -= log_sum(joined[some], doorway)[:, None]
     return joined
+
+
+def log_sum(log_z: NDArray[np.float64], last: int) -> NDArray[np.float64]:
+    """(N,) logarithm of the sum of bins (N, K), rounded alike however the labels are numbered.
+
+    The label ``last`` is added last, the others from the smallest on.
+    """
+    others = np.delete(log_z, last, axis=1)
+    if others.shape[1] > 2:  # two may be added either way
+        others = np.sort(others, axis=1)
+    return np.asarray(np.logaddexp(np.logaddexp.reduce(others.T, axis=0), log_z[:, last]))

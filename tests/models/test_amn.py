@@ -319,7 +319,7 @@ def test_learned_arrays_bring_the_network_back() -> None:
     truth = ((np.mgrid[:8, :12][1] // 2) % 3).ravel().astype(np.int64)
     fitted = network.fit([problem], [truth])
     arrays = learned_arrays(fitted)
-    assert len(arrays) == 10
+    assert len(arrays) == 11
     assert all(np.isfinite(array).all() for array in arrays.values())
     again = replace(AssociativeMarkovNetwork(), **arrays)  # type: ignore[arg-type]
     np.testing.assert_array_equal(again.infer(problem).labels, fitted.infer(problem).labels)

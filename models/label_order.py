@@ -1,0 +1,100 @@
+"""The order of labels inside of methods: by frequency, whatever their order in a problem.
+
+Sums of rounded numbers, ties and the moves of a graph cut depend on the order in which labels are
+taken. Learners and decoders take them in an order that follows from the data, so that results do
+not depend on how labels are numbered.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.learned_names import (
+    LearnedNames,
+    renumbered,
+    reordered,
+    reordered_potentials,
+    restored_labeling,
+)
+from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
+
+
+def frequency_order(labelings: Sequence[NDArray[np.integer]], n_labels: int) -> NDArray[np.int64]:
+    """(K,) the labels from the most frequent to the rarest; of equals, the one met first.
+
+    Examples
+    --------
+    >>> frequency_order([np.array([2, -1, 0, 2]), np.array([1])], 3).tolist()
+    [2, 0, 1]
+    """
+    every = np.concatenate([np.asarray(labels) for labels in labelings])
+    found, first = np.unique(every, return_index=True)
+    place = np.full(n_labels, len(every))
+    place[found[found >= 0]] = first[found >= 0]
+    return np.lexsort((place, -np.bincount(every[every >= 0], minlength=n_labels)))
+
+
+def preference_order(unary: NDArray[np.floating[Any]], names: Sequence[str]) -> NDArray[np.int64]:
+    """(K,) the labels from the one that most nodes prefer by themselves (N, K) to that of fewest.
+
+    A node prefers all labels of its highest score. Equals are in the order of the alphabet.
+
+    Examples
+    --------
+    >>> preference_order(np.array([[0.0, 1.0], [1.0, 1.0]]), ["a", "b"]).tolist()
+    [1, 0]
+    """
+    best = unary.max(axis=1)
+    preferred = [int((unary[:, k] == best).sum()) for k in range(unary.shape[1])]
+    return np.lexsort((np.argsort(np.argsort(names)), -np.array(preferred)))
+
+
+def decoded_by_preference(
+    potentials: Potentials,
+    names: Sequence[str],
+    decoded: Callable[[Potentials, NDArray[np.int64]], Labeling],
+) -> Labeling:
+    """What a decoder finds with labels in the order of :func:`preference_order`.
+
+    ``decoded`` is given the potentials in that order, and the order (K,).
+    """
+    order = preference_order(potentials.unary, names)
+    if (order == np.arange(len(order))).all():
+        return decoded(potentials, order)
+    return restored_labeling(decoded(reordered_potentials(potentials, order), order), order)
+
+
+Fit = TypeVar("Fit", bound=Callable[..., Any])
+
+
+def learned_by_frequency(fit: Fit) -> Fit:
+    """A ``fit`` that is given problems with their labels by frequency, and keeps their names.
+
+    A model that goes on learning (``warm_start``) keeps its order.
+    """
+
+    @wraps(fit)
+    def ordered(
+        self: LearnedNames,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        **options: Any,
+    ) -> Any:
+        pairs = labelled_problems(problems, labelings)
+        first = pairs[0][0]
+        if getattr(self, "warm_start", False) and getattr(self, "node_weights", None) is not None:
+            order = self.order_in(first)
+        else:
+            every = [labels for _, labels in pairs]
+            every += [problem.known for problem, _ in pairs if problem.known is not None]
+            order = frequency_order(every, first.n_labels)
+        given = [reordered(problem, order) for problem, _ in pairs]
+        fitted = fit(self, given, [renumbered(labels, order) for _, labels in pairs], **options)
+        return fitted.with_names_of(given[0])
+
+    return cast(Fit, ordered)
