@@ -66,7 +66,6 @@ PICTURES: dict[str, Callable[[], None]] = {
     "faq": guides.faq,
     "reliability": kills.reliability,
     "mutation_testing": mutants.mutation_testing,
-    "reproduce": report_page.report_page,
     "comparison": report_page.comparison_page,
     "hidden_rooms": hidden.hidden,
     "many_maps": batch.many_maps,

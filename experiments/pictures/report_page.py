@@ -1,4 +1,4 @@
-"""Pictures of the pages that ``reproduce`` and ``compare`` write, of generated buildings."""
+"""Pictures of the page that ``compare`` writes, of a generated building."""
 
 import os
 import subprocess
@@ -13,18 +13,8 @@ from experiments.pictures.kept import keep
 from tests.studio.browser import launched
 
 FOLDER = Path(__file__).resolve().parents[1] / "reproduced"
-"""Kept between runs; the section takes half an hour."""
-SECTION = "7.5"
+"""Kept between runs."""
 SIZE = {"width": 1240, "height": 900}
-
-
-def report_page() -> None:
-    """The beginning of a section of the paper, for light pages and for dark ones."""
-    page = _made(FOLDER / "generated" / "reproduce.html", "reproduce", SECTION)
-    for theme, shown in _shown(page):
-        top = shown.locator("h2", has_text=SECTION).bounding_box()["y"] - 20
-        figure = shown.locator("figure, img").first.bounding_box()
-        _keep(f"reproduce_{theme}", shown, top, figure["y"] + figure["height"] + 26)
 
 
 def comparison_page() -> None:
