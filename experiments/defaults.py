@@ -27,7 +27,8 @@ from pgm_places.models.hmm import MODES, HiddenMarkovModel
 from pgm_places.models.mrf import PottsField
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 
-OBSERVATIONS: tuple[Literal["hard", "soft", "posterior"], ...] = ("hard", "soft", "posterior")
+OBSERVATIONS: tuple[Literal["hard", "soft", "posterior", "auto"], ...]
+OBSERVATIONS = ("hard", "soft", "posterior", "auto")
 WEIGHTS = ("auto", 0.1, 0.25, 0.5, 1.0)
 Truth = NDArray[np.int64]
 Labelled = tuple[LabelingProblem, Truth]
@@ -97,7 +98,9 @@ def _rates(chains: list[Labelled], classifier: Any) -> NDArray[np.float64]:
     test = chains[12:]
     rates = np.empty((len(OBSERVATIONS), len(MODES), 2))
     for s, seen in enumerate(OBSERVATIONS):
-        fitted = HiddenMarkovModel(observation=seen).fit(train, [truth for _, truth in chains[:12]])
+        weight: Any = "fitted" if seen == "auto" else 1.0
+        model = HiddenMarkovModel(observation=seen, evidence_weight=weight)
+        fitted = model.fit(train, [truth for _, truth in chains[:12]])
         for m, mode in enumerate(MODES):
             found = [replace(fitted, mode=mode).infer(problem).labels for problem in test_problems]
             confusion = confusion_matrix(_truth(test), np.concatenate(found))

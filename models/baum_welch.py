@@ -164,7 +164,7 @@ def with_unlabelled(
         chains,
         ChainTables(model.initial, model.transition, model.confusion),
         model.prior,
-        observation=model.observation,
+        observation=model.observation_model,
         learns_start=model.start == "learned",
         smoothing=float(model.smoothing),
     )

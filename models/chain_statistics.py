@@ -1,5 +1,6 @@
 """Counts of labels, of consecutive labels, and of confusions, as probabilities."""
 
+import logging
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,6 +11,8 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
+
+logger = logging.getLogger(__name__)
 
 # Of a table that has a logarithm: below, one step forgets all that was before.
 LEAST_EIGENVALUE = 1e-12
@@ -269,3 +272,14 @@ def normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     total = counts.sum(axis=-1, keepdims=True)
     even = np.full_like(counts, 1.0 / counts.shape[-1])
     return np.divide(counts, total, out=even, where=total > 0)
+
+
+def log_impossible(steps: NDArray[np.int64], n_steps: int) -> None:
+    """Log that observations of some steps have probability 0."""
+    logger.warning(
+        "the hidden Markov model gives what was seen at %d of %d steps (first %d) no probability; "
+        "learn with smoothing above 0",
+        len(steps),
+        n_steps,
+        steps[0],
+    )

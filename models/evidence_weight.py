@@ -1,9 +1,9 @@
-"""How much a chain's observations and its rare labels count: fitted on training sequences."""
+"""What a chain's observations say, and how much: chosen on training sequences."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
 
 Observation = Literal["posterior", "hard", "soft"]
+
+OBSERVATIONS: tuple[Observation, ...] = ("soft", "hard", "posterior")
+"""Observation models in the order in which they are tried; of equals, the first is taken."""
 
 # Of a transition that was learned to be impossible, where labels are known that prove it wrong: so
 # little that it is taken only there, and enough for floats when multiplied by a belief.
@@ -74,6 +77,22 @@ BALANCES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Exponents of the labels' shares that are tried."""
 
 
+class FittedWeights(NamedTuple):
+    """The best weight of the evidence and exponent of the shares, and what they reach.
+
+    Parameters
+    ----------
+    weight, balance : float
+    accuracy, balanced_accuracy : float
+        On the known steps of the training sequences.
+    """
+
+    weight: float
+    balance: float
+    accuracy: float
+    balanced_accuracy: float
+
+
 def best_weights(
     labels_at: Callable[[float, float, LabelingProblem], NDArray[np.integer]],
     problems: Sequence[LabelingProblem],
@@ -82,13 +101,15 @@ def best_weights(
     weights: Sequence[float] = WEIGHTS,
     balances: Sequence[float] = BALANCES,
     node_weights: Sequence[NDArray[np.float64]] | None = None,
-) -> tuple[float, float]:
+    least_accuracy: float = 0.0,
+) -> FittedWeights:
     """The weight of the evidence and the exponent of the shares with the best labels.
 
     Best is the mean of accuracy and balanced accuracy over the known steps: accuracy alone would
     give up what is rare and short, such as doorways, for long runs of what is frequent. Of equals,
     the largest weight and the least exponent. An exponent above the least one must not cost
-    accuracy: rare labels are named where that is free.
+    accuracy: rare labels are named where that is free. Pairs below ``least_accuracy`` are taken
+    only where all are, and then the most accurate one.
 
     Parameters
     ----------
@@ -101,28 +122,34 @@ def best_weights(
         What is tried.
     node_weights : sequence of (N,) float, optional
         What each step counts.
+    least_accuracy : float
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
     counts = None if node_weights is None else np.concatenate(node_weights)[known]
 
-    def best_of(tried: Sequence[float], least: float) -> tuple[tuple[float, float], float]:
-        """The best pair with at least that accuracy, and its accuracy."""
-        best, highest, right = (1.0, 0.0), -1.0, 0.0
+    def tried_with(balance: float) -> list[FittedWeights]:
+        found = []
         for weight in sorted(weights, reverse=True):
-            for balance in tried:
-                answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
-                confusion = confusion_matrix(truth[known], answers[known], weights=counts)
-                share = float(accuracy(confusion))
-                quality = share + float(balanced_accuracy(confusion))
-                if share >= least and quality > highest + 1e-9:
-                    best, highest, right = (weight, balance), quality, share
-        return best, right
+            answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
+            confusion = confusion_matrix(truth[known], answers[known], weights=counts)
+            right, balanced = float(accuracy(confusion)), float(balanced_accuracy(confusion))
+            found.append(FittedWeights(weight, balance, right, balanced))
+        return found
 
-    plain, right = best_of(sorted(balances)[:1], 0.0)
-    if len(balances) == 1:
-        return plain
-    return best_of(sorted(balances), right - 1e-9)[0]
+    def best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights:
+        enough = [item for item in tried if item.accuracy >= least - 1e-9]
+        if not enough:
+            return max(tried, key=lambda item: round(item.accuracy, 9))
+        return max(enough, key=lambda item: round(item.accuracy + item.balanced_accuracy, 9))
+
+    plain, *further = sorted(balances)
+    tried = tried_with(plain)
+    best = best_of(tried, least_accuracy)
+    if not further:
+        return best
+    by_weight = zip(tried, *map(tried_with, further), strict=True)
+    return best_of([item for row in by_weight for item in row], best.accuracy)
 
 
 def fitted_by_mode(
@@ -132,38 +159,103 @@ def fitted_by_mode(
     labelings: Sequence[NDArray[np.int64]],
     node_weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> dict[str, Any]:
-    """The best weights and exponents of each mode, by name; None for what is not to be fitted.
+    """The best observation model, weight and exponent of each mode, by name; None if not fitted.
 
-    ``model`` is a hidden Markov model with options to be fitted. Viterbi's sequence does not depend
-    on the exponent. Other arguments as of :func:`best_weights`.
+    ``model`` is a hidden Markov model with options to be fitted. No mode takes what is less
+    accurate on the sequences than each step by itself, where there is anything else. Viterbi's
+    sequence does not depend on the exponent. Other arguments as of :func:`best_weights`.
     """
     weight, balance = model.evidence_weight, model.balance
     weights = WEIGHTS if weight == "fitted" else (weight,)
     balances = BALANCES if balance == "fitted" else (balance,)
+    kinds = OBSERVATIONS if model.observation == "auto" else (model.observation,)
+    alone = _alone(problems, labelings, node_weights)
 
     def labels_at(
-        mode: Any, weight: float, balance: float, problem: LabelingProblem
+        mode: Any, kind: Observation, weight: float, balance: float, problem: LabelingProblem
     ) -> NDArray[np.integer]:
-        other = replace(model, mode=mode, evidence_weight=weight, balance=balance)
+        other = replace(model, mode=mode, observation=kind, evidence_weight=weight, balance=balance)
         labels: NDArray[np.int64] = other.infer(problem).labels
         return labels
 
-    pairs = [
-        best_weights(
-            partial(labels_at, mode),
-            problems,
-            labelings,
-            weights=weights,
-            balances=(0.0,) if mode == "viterbi" else balances,
-            node_weights=node_weights,
-        )
-        for mode in modes
-    ]
-    best = np.array(pairs).T
+    chosen: list[tuple[int, FittedWeights]] = []
+    for mode in modes:
+        by_kind = [
+            best_weights(
+                partial(labels_at, mode, kind),
+                problems,
+                labelings,
+                weights=weights,
+                balances=(0.0,) if mode == "viterbi" else balances,
+                node_weights=node_weights,
+                least_accuracy=alone[0],
+            )
+            for kind in kinds
+        ]
+        chosen.append(_best_kind(by_kind, alone[0]))
+    best = np.array([fitted[:2] for _, fitted in chosen]).T
+    numbers = np.array([OBSERVATIONS.index(kinds[k]) for k, _ in chosen], np.int64)
     return {
         "fitted_weights": best[0] if weight == "fitted" else None,
         "fitted_balances": best[1] if balance == "fitted" else None,
+        "fitted_observations": numbers if model.observation == "auto" else None,
+        "fitted_scores": np.array([[*fitted[2:], *alone] for _, fitted in chosen]),
     }
+
+
+def _best_kind(by_kind: Sequence[FittedWeights], least: float) -> tuple[int, FittedWeights]:
+    """The number of the best observation model, as accurate as each step alone, and its figures."""
+    enough = [k for k, item in enumerate(by_kind) if item.accuracy >= least - 1e-9]
+    if enough:
+        best = max(
+            enough, key=lambda k: round(by_kind[k].accuracy + by_kind[k].balanced_accuracy, 9)
+        )
+    else:
+        best = max(range(len(by_kind)), key=lambda k: round(by_kind[k].accuracy, 9))
+    return best, by_kind[best]
+
+
+def _alone(
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+    node_weights: Sequence[NDArray[np.float64]] | None,
+) -> tuple[float, float]:
+    """Accuracy and balanced accuracy of the classifier's best labels on the known steps."""
+    truth = np.concatenate([np.asarray(labels) for labels in labelings])
+    known = np.flatnonzero(truth >= 0)
+    best = [np.asarray(item.unary, np.float64).argmax(axis=1) for item in problems]
+    counts = None if node_weights is None else np.concatenate(node_weights)[known]
+    confusion = confusion_matrix(truth[known], np.concatenate(best)[known], weights=counts)
+    return float(accuracy(confusion)), float(balanced_accuracy(confusion))
+
+
+def chosen_observation(model: Any, mode: int) -> Observation:
+    """The observation model of a hidden Markov model in the mode of that number."""
+    if model.observation != "auto":
+        option: Observation = model.observation
+        return option
+    chosen = model.fitted_observations
+    return "soft" if chosen is None else OBSERVATIONS[int(chosen[mode])]
+
+
+def words_of_choices(model: Any, mode: int) -> dict[str, str]:
+    """What was chosen on training sequences for the mode of that number, by option."""
+    if model.fitted_scores is None:
+        return {}
+    chosen = {}
+    if model.observation == "auto":
+        chosen["observation"] = str(chosen_observation(model, mode))
+    if model.fitted_weights is not None:
+        chosen["evidence_weight"] = f"{model.fitted_weights[mode]:g}"
+    if model.fitted_balances is not None:
+        chosen["balance"] = f"{model.fitted_balances[mode]:g}"
+    right, balanced, alone, alone_balanced = (100 * model.fitted_scores[mode]).tolist()
+    if chosen:
+        chosen[next(iter(chosen))] += (
+            f" (accuracy on the training sequences {right:.1f}, balanced {balanced:.1f}; each step "
+            f"alone {alone:.1f}, {alone_balanced:.1f})"
+        )
+    return chosen
 
 
 def weights_at(

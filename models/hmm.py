@@ -1,6 +1,5 @@
 """Hidden Markov model: places along a trajectory, with transitions learned from training data."""
 
-import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,16 +21,19 @@ from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_statistics import (
     counted_tables,
     learned_tables,
+    log_impossible,
     moved_steps,
     require_chain,
     transition_at,
 )
 from pgm_places.models.evidence_weight import (
     Observation,
+    chosen_observation,
     fitted_by_mode,
     log_likelihood,
     possible,
     weights_at,
+    words_of_choices,
 )
 from pgm_places.models.step_filter import StepFilter
 from pgm_places.options import AtLeastZero, Options
@@ -44,8 +46,6 @@ from pgm_places.solvers.forward import (
     smoothed_beliefs,
     viterbi,
 )
-
-logger = logging.getLogger(__name__)
 
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -66,10 +66,12 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     ----------
     mode : {"filter", "smooth", "viterbi"}
         Beliefs from the steps so far, as online; from all steps; or the most probable sequence.
-    observation : {"posterior", "hard", "soft"}
+    observation : {"auto", "posterior", "hard", "soft"}
         The likelihood ``P(z | l)`` of what the classifier says. ``hard`` looks up its best label in
         the confusions of training (the paper's); ``soft`` averages that over its probabilities z;
         ``posterior`` is z over the share of each label in training, which trusts z as it is.
+        ``auto`` takes for each mode the one that labels the training sequences best, as
+        ``evidence_weight`` is chosen; ``soft`` without labelled sequences.
     start : {"uniform", "learned"}
         Belief before the first step: the same for all labels (the paper's), or as trajectories
         began in training.
@@ -111,12 +113,12 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     )
 
     mode: Mode = "filter"
-    observation: Observation = "posterior"
+    observation: Observation | Literal["auto"] = "auto"
     start: Literal["uniform", "learned"] = "uniform"
     smoothing: AtLeastZero = 1.0
     unlabelled: Literal["dropped", "hidden"] = "dropped"
     stay_below_m: AtLeastZero = 0.0
-    evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = 1.0
+    evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = "fitted"
     balance: Annotated[float, Ge(0), Le(1)] | Literal["fitted"] = 0.0
     transition: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each (row), where the robot moved."""
@@ -134,6 +136,11 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
     fitted_balances: NDArray[np.float64] | None = learned()
     """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
+    fitted_observations: NDArray[np.int64] | None = learned()
+    """(3,) the observation model for each mode, as an index into ``OBSERVATIONS``."""
+    fitted_scores: NDArray[np.float64] | None = learned()
+    """(3, 4) accuracy and balanced accuracy on the training sequences: of each mode with what was
+    chosen for it, and of each step by itself."""
     learning_curve: NDArray[np.float64] | None = learned()
     """(R,) objective of Baum-Welch by rounds, where steps without a label were learned from."""
 
@@ -174,13 +181,11 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         *,
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """A new one with what labelled sequences teach beside counts: its fitted options.
+        """A new one with the options that labelled sequences choose, for each mode by itself.
 
-        That is ``evidence_weight`` and ``balance``, as far as they are to be fitted, and for each
-        mode by itself: see :func:`pgm_places.models.evidence_weight.best_weights`. Arguments as of
-        :meth:`fit`.
+        See :func:`pgm_places.models.evidence_weight.fitted_by_mode`; arguments as of :meth:`fit`.
         """
-        if "fitted" not in (self.evidence_weight, self.balance):
+        if not {"fitted", "auto"} & {self.evidence_weight, self.balance, self.observation}:
             return self
         weights = weights_of(sample_weight, problems)
         fitted = fitted_by_mode(self, MODES, problems, labelings, weights)
@@ -192,8 +197,7 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         balance = self._fitted(self.balance, self.fitted_balances, 0.0)
         if balance == 0 or self.prior is None:
             return rows.argmax(axis=1)
-        share = np.where(self.prior > 0, self.prior, 1.0)
-        return (rows / share**balance).argmax(axis=1)
+        return (rows / np.where(self.prior > 0, self.prior, 1.0) ** balance).argmax(axis=1)
 
     def with_counts(
         self,
@@ -231,15 +235,8 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         >>> model.confusion.tolist(), model.transition.tolist()
         ([[0.8, 0.2], [0.1, 0.9]], [[0.95, 0.05], [0.05, 0.95]])
         """
-        learned_now = counted_tables(
-            confusions,
-            moves,
-            stays,
-            first,
-            smoothing=self.smoothing,
-            begun=self.initial is not None,
-        )
-        return replace(self, **learned_now)
+        counts, begun = (confusions, moves, stays, first), self.initial is not None
+        return replace(self, **counted_tables(*counts, smoothing=self.smoothing, begun=begun))
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """One for updates every ``to_m`` metres, and how far its table had to be changed.
@@ -313,13 +310,7 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
             total = None
             info["log_evidence"] = -np.inf if len(impossible) else chain.log_evidence
         if len(impossible):
-            logger.warning(
-                "the hidden Markov model gives what was seen at %d of %d steps (first %d) no "
-                "probability; learn with smoothing above 0",
-                len(impossible),
-                len(labels),
-                impossible[0],
-            )
+            log_impossible(impossible, len(labels))
         info["impossible"] = impossible.tolist()
         info["seconds"] = time.perf_counter() - begin
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
@@ -346,13 +337,23 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         Labels that are allowed are alike where the classifier's confusions exclude them all.
         """
         confusion, prior = self._said
-        if len(prior) != unary.shape[1]:
+        k = unary.shape[1]
+        if len(prior) != k:
             raise InputError(
-                f"the hidden Markov model learned {len(prior)} labels, but there are "
-                f"{unary.shape[1]}"
+                f"the hidden Markov model learned {len(prior)} labels, but there are {k}"
             )
         weight = self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
-        return log_likelihood(unary, self.observation, confusion, prior, weight)
+        return log_likelihood(unary, self.observation_model, confusion, prior, weight)
+
+    @property
+    def observation_model(self) -> Observation:
+        """The observation model of this mode, as given or as chosen."""
+        return chosen_observation(self, MODES.index(self.mode))
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """In words, what was chosen on training sequences for this mode, by option."""
+        return words_of_choices(self, MODES.index(self.mode))
 
     def _fitted(
         self,

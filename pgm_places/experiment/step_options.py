@@ -29,6 +29,6 @@ class StepOptions(Options):
     every_m: AtLeastZero = EVERY_M
     loop_m: AtLeastZero = 0.0
     max_range_m: Positive = REACH_M
-    n_runs: Whole = 1000
+    n_runs: Whole = 100_000
     seed: Seed = 0
     beams: BeamOptions = field(default_factory=BeamOptions)

@@ -60,7 +60,7 @@ def learn_movement(
     n_labels: int,
     *,
     model: HiddenMarkovModel | None = None,
-    n_runs: int = 1000,
+    n_runs: int = 100_000,
     seed: int = 0,
 ) -> HiddenMarkovModel:
     """A hidden Markov model whose moves are simulated and whose observations are counted.

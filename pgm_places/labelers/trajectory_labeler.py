@@ -41,7 +41,7 @@ EVERY_M = 0.1
 # Farther away, walls seen by a laser and walls of a map differ too much (glass, clutter, beams).
 REACH_M = 12.0
 
-METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted")
+METHOD = HiddenMarkovModel()
 SENSOR = Sensor(max_range_m=REACH_M)
 BEAMS = BeamOptions()
 
@@ -121,7 +121,7 @@ class TrajectoryLabeler(Labeler):
     sensor: Sensor = SENSOR
     classifier: "DecisionListClassifier | None" = None
     n_folds: NumberOfFolds = 5
-    n_runs: Whole = 1000
+    n_runs: Whole = 100_000
     seed: Seed = 0
     features: Sequence[Any] = ()
     extra_names: Sequence[str] = ()

@@ -87,8 +87,9 @@ def test_steps_without_a_label_teach_what_follows_what() -> None:
     problem = LabelingProblem(LabelGraph.from_lattice((600,)), ("a", "b", "c"), np.log(z))
     labels = np.where(np.arange(600) % 12 == 0, truth, -1)
     labels[12 * np.arange(3) + 4] = truth[12 * np.arange(3) + 4]
-    dropped = build("hmm", {"mode": "viterbi"}).fit([problem], [labels])
-    hidden = build("hmm", {"mode": "viterbi", "unlabelled": "hidden"}).fit([problem], [labels])
+    options = {"mode": "viterbi", "observation": "posterior", "evidence_weight": 1.0}
+    dropped = build("hmm", options).fit([problem], [labels])
+    hidden = build("hmm", {**options, "unlabelled": "hidden"}).fit([problem], [labels])
     np.testing.assert_allclose(dropped.transition, 1 / 3, atol=0.01)
     after = np.array([[2, 1, 0], [0, 2, 1], [1, 0, 2]]) / 3
     np.testing.assert_allclose(hidden.transition, after, atol=0.06)

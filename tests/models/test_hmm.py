@@ -12,7 +12,7 @@ from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.evidence_weight import best_weights
+from pgm_places.models.evidence_weight import WEIGHTS, best_weights
 from pgm_places.models.hmm import HiddenMarkovModel
 from tests.reference.chains import joint, marginals
 
@@ -177,7 +177,7 @@ def test_an_online_step_at_which_nothing_was_seen_is_passed_over(observation: st
 
 def test_the_viterbi_score_is_the_judges() -> None:
     problem, _ = a_walk(4, 30)
-    model = fitted(mode="viterbi", observation="posterior")
+    model = fitted(mode="viterbi", observation="posterior", evidence_weight=1.0)
     labeling = model.infer(problem)
     assert model.transition is not None
     assert model.prior is not None
@@ -200,7 +200,10 @@ def test_a_single_step_and_no_step() -> None:
     ("options", "message"),
     [
         ({"mode": "filtre"}, "mode must be 'filter', 'smooth' or 'viterbi', got 'filtre'"),
-        ({"observation": "firm"}, "observation must be 'posterior', 'hard' or 'soft', got 'firm'"),
+        (
+            {"observation": "firm"},
+            "observation must be 'posterior', 'hard' or 'soft' or 'auto', got 'firm'",
+        ),
         ({"start": "anywhere"}, "start must be 'uniform' or 'learned'"),
         ({"smoothing": -1.0}, "smoothing"),
         ({"stay_below_m": float("inf")}, "stay_below_m"),
@@ -306,7 +309,7 @@ def test_evidence_that_repeats_itself_is_made_to_count_less(mode: Any) -> None:
     learn = [correlated_chain(seed, 6) for seed in range(4)]
     problems, truths = (list(part) for part in zip(*learn, strict=True))
     model = HiddenMarkovModel(mode, "soft", evidence_weight="fitted").fit(problems, truths)
-    plain = HiddenMarkovModel(mode, "soft").fit(problems, truths)
+    plain = HiddenMarkovModel(mode, "soft", evidence_weight=1.0).fit(problems, truths)
     assert model.fitted_weights is not None
     assert (model.fitted_weights < 1.0).all()
     new = [correlated_chain(seed, 6) for seed in range(10, 18)]
@@ -315,10 +318,6 @@ def test_evidence_that_repeats_itself_is_made_to_count_less(mode: Any) -> None:
         for kind, one in (("plain", plain), ("weighed", model))
     }
     assert right["weighed"] > right["plain"] + 0.01
-    at_full = HiddenMarkovModel(mode, "soft", evidence_weight=1.0).fit(problems, truths)
-    np.testing.assert_array_equal(
-        plain.infer(problems[0]).labels, at_full.infer(problems[0]).labels
-    )
 
 
 def test_a_weight_is_an_exponent_of_the_likelihood() -> None:
@@ -377,11 +376,11 @@ def test_the_balance_names_rare_labels_where_that_costs_no_accuracy() -> None:
         return np.array(answers[weight, balance])
 
     tried: dict[str, Any] = {"weights": (0.5, 1.0), "balances": (0.0, 0.5, 1.0)}
-    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 0.5)
+    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 0.5, 0.9, 0.75)
     answers[1.0, 1.0] = [0] * 6 + [1] * 4  # 0.8 right as well: it is free now
-    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 1.0)
+    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 1.0, 0.8, 0.875)
     tried["balances"] = (0.0,)
-    assert best_weights(labels_at, [problem], [truth], **tried) == (0.5, 0.0)
+    assert best_weights(labels_at, [problem], [truth], **tried) == (0.5, 0.0, 0.8, 0.6875)
 
 
 def test_weights_are_fitted_for_each_mode_as_far_as_they_are_to_be() -> None:
@@ -439,3 +438,59 @@ def test_steps_of_weight_zero_teach_nothing() -> None:
         build("hmm", {"smoothing": 0.0}).fit(
             [problem, problem], [truth, truth - truth - 1], sample_weight=[0.0, 1.0]
         )
+
+
+def chosen_of(
+    unary: NDArray[np.float64], truth: NDArray[np.int64], **options: Any
+) -> HiddenMarkovModel:
+    graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
+    problem = LabelingProblem(graph, NAMES[:2], unary=unary)
+    return HiddenMarkovModel(**options).fit([problem], [truth])
+
+
+def test_the_observation_model_is_the_one_that_labels_the_sequences_best() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.repeat(rng.integers(0, 2, 60), rng.integers(3, 9, 60))
+    sure = rng.random(len(truth))  # probabilities that say how sure the classifier is
+    right = rng.random(len(truth)) < 0.5 + 0.5 * sure
+    said = np.where(right, truth, 1 - truth)
+    z = np.where(np.eye(2)[said] == 1, 0.5 + 0.49 * sure[:, None], 0.5 - 0.49 * sure[:, None])
+    for unary in (np.log(z), np.log(0.9 * np.eye(2)[said] + 0.05)):
+        auto = chosen_of(unary, truth)
+        graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
+        problem = LabelingProblem(graph, NAMES[:2], unary=unary)
+        quality = {}
+        for kind in ("soft", "hard", "posterior"):
+            for weight in WEIGHTS:
+                one = replace(auto, observation=kind, evidence_weight=weight)
+                labels = one.infer(problem).labels
+                quality[kind, weight] = np.mean(labels == truth) + np.mean(
+                    [np.mean(labels[truth == k] == k) for k in (0, 1)]
+                )
+        assert auto.fitted_weights is not None
+        taken = auto.observation_model, float(auto.fitted_weights[0])
+        assert quality[taken] == pytest.approx(max(quality.values()))
+        same = replace(auto, observation=taken[0], evidence_weight=taken[1])
+        np.testing.assert_array_equal(auto.infer(problem).labels, same.infer(problem).labels)
+        words = auto.choices
+        assert words["observation"].startswith(f"{taken[0]} (accuracy on the training sequences ")
+        assert words["evidence_weight"] == f"{taken[1]:g}"
+
+
+def test_nothing_is_chosen_that_is_less_accurate_than_each_step_alone() -> None:
+    """Labels that alternate, of which the classifier knows nearly all."""
+    rng = np.random.default_rng(1)
+    truth = rng.integers(0, 2, 400)
+    said = np.where(rng.random(400) < 0.95, truth, 1 - truth)
+    model = chosen_of(np.log(0.9 * np.eye(2)[said] + 0.05), truth, balance="fitted")
+    assert model.fitted_scores is not None
+    assert (model.fitted_scores[:, 0] >= model.fitted_scores[:, 2]).all()
+    assert model.fitted_scores[:, 2] == pytest.approx(np.mean(said == truth))
+
+
+def test_without_sequences_observations_are_soft_and_nothing_was_chosen() -> None:
+    model = HiddenMarkovModel().with_counts(confusions=[[8, 2], [1, 9]], moves=[[19, 1], [1, 19]])
+    assert (model.observation_model, model.choices) == ("soft", {})
+    assert chosen_of(
+        np.zeros((4, 2)), np.array([0, 1, 0, 1]), observation="hard"
+    ).choices.keys() == {"evidence_weight"}

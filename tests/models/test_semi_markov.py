@@ -103,7 +103,7 @@ def test_knowing_durations_names_more_steps_right() -> None:
 def test_every_mode_is_the_chain_of_its_rates() -> None:
     trained = rooms_and_doorways(0, 20)
     problem = a_problem(trained, 1, 0.8)
-    model = SemiMarkovModel().fit([problem], [trained])
+    model = SemiMarkovModel(observation="posterior", evidence_weight=1.0).fit([problem], [trained])
     parts = known(model.leaving), known(model.edges_m), known(model.rates)
     chain = SemiMarkovChain([0.5, 0.5], *parts)
     assert problem.unary is not None and model.prior is not None
