@@ -251,6 +251,7 @@ def test_a_copy_shares_nothing_that_a_fit_changes(case: Case) -> None:
 def test_the_three_take_the_same_keywords() -> None:
     shared = {"method", "mask", "truth", "n_threads", "progress"}
     own = {"self", "known", "known_map", "map_prior", "extra", "lean", "methods", "scores", "own"}
+    own |= {"with_spaces"}
     for kind in (PlaceLabeler, TrajectoryLabeler, StructuredLabeler):
         for name in ("label", "infer", "scores"):
             found = inspect.signature(getattr(kind, name)).parameters
