@@ -156,7 +156,12 @@ def with_unlabelled(
         )
     pairs = labelled_problems(problems, labelings)
     chains = [
-        ChainToLearn(evident_unary(problem, "hmm"), labels, moved(problem.graph), float(weight[0]))
+        ChainToLearn(
+            evident_unary(problem, "hmm", observed=True),
+            labels,
+            moved(problem.graph),
+            float(weight[0]),
+        )
         for (problem, labels), weight in zip(pairs, weights, strict=True)
         if len(labels)
     ]
@@ -206,6 +211,8 @@ def _confusions(
     observation: Observation,
 ) -> NDArray[np.float64]:
     """(K, K) how often the classifier is expected to say the column where the row is true."""
+    said_something = ~np.isnan(unary).any(axis=1)
+    unary, beliefs = unary[said_something], beliefs[said_something]
     if observation == "hard":
         return beliefs.T @ np.eye(unary.shape[1])[unary.argmax(axis=1)]
     said = starting_beliefs(unary)

@@ -32,7 +32,7 @@ def log_likelihood(
     """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
 
     Labels that are allowed are alike where the classifier's confusions exclude them all, and where
-    it says nothing of any.
+    it says nothing of any: where all are forbidden, or those allowed are NaN.
 
     Parameters
     ----------
@@ -47,6 +47,8 @@ def log_likelihood(
     weight : float
         Exponent of the likelihood.
     """
+    missing = np.isnan(unary)
+    unary = np.where(missing, 0.0, unary)
     scores = np.full(unary.shape, -np.inf)
     said = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
     with np.errstate(divide="ignore"):
@@ -57,6 +59,7 @@ def log_likelihood(
         else:
             scores[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
     scores *= weight
+    scores[missing.any(axis=1)] = 0.0
     allowed = unary > -np.inf
     restricted = ~allowed.all(axis=1)
     scores[restricted] = np.where(allowed[restricted], scores[restricted], -np.inf)

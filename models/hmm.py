@@ -290,7 +290,7 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
             Not a chain, no unary, or other labels than learned.
         """
         begin = time.perf_counter()
-        unary = evident_unary(problem, "hmm")
+        unary = evident_unary(problem, "hmm", observed=True)
         require_chain(problem.graph)
         observed = self._log_likelihood(unary)
         if further is not None:

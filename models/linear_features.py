@@ -103,7 +103,10 @@ def _probabilities(
             "Give them, or use node_features='raw' and edge features that need no unary"
         )
     floored = np.maximum(problem.unary.astype(np.float64, copy=False), LOG_FLOOR)
-    return floored if logarithm else np.exp(floored)
+    values = floored if logarithm else np.exp(floored)
+    if problem.unseen is not None and not problem.unseen.all():
+        values = np.where(problem.unseen[:, None], values[~problem.unseen].mean(axis=0), values)
+    return values
 
 
 def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:

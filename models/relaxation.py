@@ -169,7 +169,7 @@ class Relaxation(LearnedNames):
                 f"the problem has {problem.n_labels}"
             )
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
-        relaxed = self._relax(problem.graph, unary, recorder)
+        relaxed = self._relax(problem.graph, self._from_prior(problem, unary), recorder)
         history = {
             "change": relaxed.max_change,
             "mean_change": relaxed.mean_change,
@@ -187,6 +187,20 @@ class Relaxation(LearnedNames):
             beliefs=sealed(relaxed.beliefs),
             info=info,
         )
+
+    def _from_prior(
+        self, problem: LabelingProblem, unary: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The unary, with the labels' shares in training where nothing was observed.
+
+        Coefficients say how much likelier than by those shares a label is beside another: from
+        equal beliefs, a rare label would spread for no reason.
+        """
+        if problem.unseen is None or self.pair_counts is None:
+            return unary
+        shares = self.pair_counts.sum(axis=(0, 2))[:-1] + 1.0
+        unseen = problem.unseen[:, None] & (unary > -np.inf)
+        return np.where(unseen, np.log(shares / shares.sum()), unary).astype(unary.dtype)
 
     def _relax(
         self, graph: LabelGraph, unary: NDArray[np.float64], on_iteration: OnIteration | None

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import finite_array, number_array
 
 
 class StepFilter(ABC):
@@ -25,8 +25,8 @@ class StepFilter(ABC):
         Parameters
         ----------
         unary : (K,) float
-            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
-            them it says that nothing was seen.
+            Log-probabilities of the labels from the classifier; -inf forbids a label, NaN for all
+            of them says that nothing was seen.
         state : optional
             What the model has to know of all before, None at the first step: the belief (K,) in a
             hidden Markov model.
@@ -35,7 +35,9 @@ class StepFilter(ABC):
         further : (K,) float, optional
             Log-likelihoods of what else was observed.
         """
-        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
+        row = number_array("unary", unary)
+        if row.ndim != 1 or not row.size or not np.isnan(row).all():
+            row = finite_array("unary", row, ("K",), allow_minus_inf=True)
         observed = self._log_likelihood(row[None])[0]
         if further is not None:
             observed += finite_array("further", further, row.shape)

@@ -233,8 +233,21 @@ def _check_nodes(config: ExperimentConfig) -> None:
     for method in config.methods:
         if method.unary == "none":
             raise ConfigError(f"methods.{method.id}: unary = 'none' is for nodes = 'graph'")
+    if nodes == "steps":
+        _check_classifier_of_steps(config.classifier)
     if nodes == "both" and not has_drive:
         raise ConfigError("train: learning cells and steps together needs at least one drive")
+
+
+def _check_classifier_of_steps(given: ClassifierOptions) -> None:
+    """Refuse options of the list that training on drives does not read."""
+    default = ClassifierOptions()
+    for name in ("learn_on", "n_node_features", "max_examples_per_map"):
+        if getattr(given, name) != getattr(default, name):
+            raise ConfigError(
+                f"classifier.{name} is for cells of maps, and nodes = 'steps' labels steps of "
+                "drives; remove it"
+            )
 
 
 def _check_graphs(config: ExperimentConfig) -> None:

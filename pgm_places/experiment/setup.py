@@ -19,7 +19,6 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.options import option_values, plain_values
 from pgm_places.trained import trained_floor
-from pgm_places.unary.options import ClassifierOptions
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
@@ -81,15 +80,14 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
 def step_labeler(config: ExperimentConfig, extra_names: Sequence[str] = ()) -> TrajectoryLabeler:
     """The unfitted labeler of drives that a configuration describes, with further columns."""
     names, steps, settings = tuple(config.labels.names), config.steps, config.classifier
-    # By default the prior is left to the method, which knows how frequent places are on a path.
-    is_default = settings == ClassifierOptions(seed=settings.seed)
     labeler = TrajectoryLabeler(
         names,
         every_m=steps.every_m,
         loop_m=steps.loop_m,
         beams=steps.beams,
         sensor=replace(config.sensor, max_range_m=steps.max_range_m),
-        classifier=None if is_default else settings.classifier(names),
+        # The prior is left to the method, which knows how frequent places are on a path.
+        classifier=settings.classifier(names, auto_prior=0.0),
         n_folds=settings.n_folds,
         n_runs=steps.n_runs,
         seed=steps.seed,

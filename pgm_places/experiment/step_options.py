@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from pgm_places.labelers.trajectory_labeler import EVERY_M, REACH_M
 from pgm_places.options import AtLeastZero, Options, Positive, Seed, Whole
+from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.unary.scan_model import BeamOptions
 
 
@@ -29,6 +30,6 @@ class StepOptions(Options):
     every_m: AtLeastZero = EVERY_M
     loop_m: AtLeastZero = 0.0
     max_range_m: Positive = REACH_M
-    n_runs: Whole = 100_000
+    n_runs: Whole = N_RUNS
     seed: Seed = 0
     beams: BeamOptions = field(default_factory=BeamOptions)

@@ -13,6 +13,7 @@ from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.description import ProblemDescription, describe
+from pgm_places.inference.unseen import with_unseen_nodes, with_unseen_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,7 @@ class LabelingProblem:
     unary : (N, K) float64 or float32, optional
         Log-probabilities of the labels from a classifier that looks at each node alone. In single
         precision they take half the memory; all methods but ``relaxation`` make a copy in double.
+        A row of NaN is a node of which nothing was observed, see ``unseen``.
     node_features : (N, D) float, optional
         Features of the nodes, for models that learn their own unary potentials. Sparse ones of
         SciPy (words of a sentence, codes of a vocabulary) stay sparse.
@@ -46,6 +48,12 @@ class LabelingProblem:
     clique_features : (C, G) float, optional
         Features of these sets, at least 0, for models that learn weights of sets: how alike their
         nodes are, how sure one is that they belong together, or 1 in the column of their kind.
+    unseen : (N,) bool, optional
+        Nodes of which nothing was observed: those whose row of ``unary`` is NaN, beside those given
+        here; None where there are none. Their row becomes ``-log K``, and no method takes it for an
+        observation: ``independent`` gives equal beliefs, all others go by the neighbours, and
+        ``relaxation`` begins there with the labels' shares in training. Networks that learn from
+        ``unary`` see the mean of the other nodes in its place.
 
     At least one of ``unary``, ``node_features`` and ``known`` is needed; with ``known`` alone the
     unary is 0 for all labels.
@@ -72,6 +80,7 @@ class LabelingProblem:
     known: NDArray[np.int64] | None = None
     cliques: Cliques | None = None
     clique_features: NDArray[np.float64] | None = None
+    unseen: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         _checks.require_type("graph", self.graph, LabelGraph)
@@ -97,11 +106,11 @@ class LabelingProblem:
                 f"node_features of shape ({n}, D); it has neither"
             )
         if self.unary is not None:
-            unary = _checks.finite_array(
-                "unary", self.unary, (n, len(names)), dtype=None, allow_minus_inf=True
-            )
-            _checks.set_fields(self, unary=unary)
+            unary, unseen = with_unseen_nodes(self.unary, self.unseen, n, len(names))
+            _checks.set_fields(self, unary=unary, unseen=unseen)
             self._check_allowed()
+        elif self.unseen is not None:
+            raise InputError("unseen names nodes whose unary says nothing; there is no unary")
         if self.node_features is not None:
             nodes = _checks.feature_rows("node_features", self.node_features, n)
             _checks.set_fields(self, node_features=nodes)
@@ -153,15 +162,17 @@ class LabelingProblem:
     ) -> Self:
         """The problem whose unary is the logarithm of (N, K) probabilities, such as a classifier's.
 
-        A probability of 0 forbids the label there, whatever the neighbours say.
+        A probability of 0 forbids the label there, whatever the neighbours say; a row of NaN says
+        that nothing was observed.
 
         Raises
         ------
         InputError
-            A probability outside 0..1, or a row whose sum is not 1 within 1e-3.
+            A row that is NaN in part, a probability outside 0..1, or a row whose sum is not 1
+            within 1e-3.
         """
-        table = _checks.finite_array(
-            "probabilities", probabilities, (graph.n_nodes, len(label_names))
+        table, unseen = with_unseen_rows(
+            "probabilities", probabilities, graph.n_nodes, len(label_names), probable=True
         )
         if table.size and (table.min() < 0 or table.max() > 1):
             raise InputError(
@@ -175,7 +186,8 @@ class LabelingProblem:
                 f"{int(wrong[0])}"
             )
         with np.errstate(divide="ignore"):
-            return cls(graph, label_names, np.log(table), node_features, edge_features, known)
+            unary = np.log(table)
+        return cls(graph, label_names, unary, node_features, edge_features, known, unseen=unseen)
 
     @property
     def n_labels(self) -> int:
@@ -199,6 +211,7 @@ class LabelingProblem:
             None if self.known is None else self.known[keep],
             graph.cliques if sets is self.graph.cliques or sets is None else sets.among(keep),
             of_sets,
+            None if self.unseen is None else self.unseen[keep],
         )
 
     def describe(self, labels: ArrayLike | None = None) -> ProblemDescription:
@@ -227,10 +240,13 @@ class LabelingProblem:
         return describe(self.graph, self.label_names, truth, self.unary, self.cliques)
 
     def with_unary(self, unary: NDArray[np.float64]) -> Self:
-        """The problem with other scores (N, K); labels that were forbidden (-inf) stay so."""
+        """The problem with other scores (N, K); labels that were forbidden (-inf) stay so.
+
+        Nothing is unseen in it but rows of NaN.
+        """
         if self._forbids_some:
             unary = np.where(self.unary == -np.inf, -np.inf, unary)
-        return replace(self, unary=unary)
+        return replace(self, unary=unary, unseen=None)
 
     def with_evidence(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
         """Scores (N, K) with -inf for every label that is not allowed: how methods keep evidence.
@@ -297,11 +313,17 @@ def require_no_cliques(problem: LabelingProblem) -> None:
 
 
 def evident_unary(
-    problem: LabelingProblem, method: str, *, with_cliques: bool = False, single: bool = False
+    problem: LabelingProblem,
+    method: str,
+    *,
+    with_cliques: bool = False,
+    single: bool = False,
+    observed: bool = False,
 ) -> NDArray[np.float64]:
     """(N, K) the unary with what is known or forbidden, for a method that needs one.
 
-    It is of double precision, unless the method takes ``single`` and the problem has that.
+    It is of double precision, unless the method takes ``single`` and the problem has that. With
+    ``observed``, allowed labels are NaN where nothing was observed.
 
     Raises
     ------
@@ -314,6 +336,8 @@ def evident_unary(
     if problem.unary is None:
         raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
     unary = problem.with_evidence(problem.unary)
+    if observed and problem.unseen is not None:
+        unary = np.where(problem.unseen[:, None] & (unary > -np.inf), np.nan, unary)
     return unary if single else unary.astype(np.float64, copy=False)
 
 

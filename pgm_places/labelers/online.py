@@ -55,7 +55,10 @@ class BeliefFilter:
             self._map_sum = np.zeros_like(self._map_sum)
 
     def step(self, x: float, y: float, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K,) belief after the list said ``log_z`` (K,) of a scan taken at (x, y) in metres."""
+        """(K,) belief after the list said ``log_z`` (K,) of a scan taken at (x, y) in metres.
+
+        NaN says that nothing was observed.
+        """
         return self._step(x, y, log_z)[0]
 
     def _step(
@@ -67,9 +70,10 @@ class BeliefFilter:
             self._sum, self._count = np.zeros(len(log_z)), 0
             self._map_sum, self._map_count = np.zeros(len(log_z)), 0
         assert self._sum is not None  # the first step opens a segment
-        self._sum = self._sum + np.exp(log_z)
-        self._count += 1
-        with np.errstate(divide="ignore"):
+        if not np.isnan(log_z).all():
+            self._sum = self._sum + np.exp(log_z)
+            self._count += 1
+        with np.errstate(divide="ignore", invalid="ignore"):
             mean = np.log(self._sum / self._count)
         further = None
         if self._map_prior is not None:

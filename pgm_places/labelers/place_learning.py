@@ -22,7 +22,7 @@ from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Stage, staged, warn
-from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
+from pgm_places.sensing.simulated_moves import N_RUNS, STAY_M, simulate_moves
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import columns_of
 from pgm_places.unary.halls import HallNames
@@ -60,7 +60,7 @@ def learn_movement(
     n_labels: int,
     *,
     model: HiddenMarkovModel | None = None,
-    n_runs: int = 100_000,
+    n_runs: int = N_RUNS,
     seed: int = 0,
 ) -> HiddenMarkovModel:
     """A hidden Markov model whose moves are simulated and whose observations are counted.

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places._checks import stacked_rows
 from pgm_places.graph.edge_kind import EdgeKind
@@ -69,6 +70,7 @@ def beside(problems: Sequence[LabelingProblem]) -> LabelingProblem | None:
         _stacked([problem.node_features for problem in problems]),
         _stacked([problem.edge_features for problem in problems]),
         known_beside([(problem.known, problem.graph.n_nodes) for problem in problems]),
+        unseen=_unseen_beside(problems),
     )
 
 
@@ -99,6 +101,17 @@ def _decoder(backend: Any, problem: LabelingProblem) -> str:
 def _has_diagonals(problem: LabelingProblem) -> bool:
     kinds = problem.graph.edge_kind
     return kinds is not None and bool((kinds == EdgeKind.DIAGONAL).any())
+
+
+def _unseen_beside(problems: Sequence[LabelingProblem]) -> NDArray[np.bool_] | None:
+    if all(problem.unseen is None for problem in problems):
+        return None
+    return np.concatenate(
+        [
+            np.zeros(problem.graph.n_nodes, np.bool_) if problem.unseen is None else problem.unseen
+            for problem in problems
+        ]
+    )
 
 
 def _stacked(parts: Sequence[Any]) -> Any:

@@ -25,6 +25,7 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.options import AtLeastZero, Seed, Whole
 from pgm_places.progress import Progress, reported, staged
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
@@ -121,7 +122,7 @@ class TrajectoryLabeler(Labeler):
     sensor: Sensor = SENSOR
     classifier: "DecisionListClassifier | None" = None
     n_folds: NumberOfFolds = 5
-    n_runs: Whole = 100_000
+    n_runs: Whole = N_RUNS
     seed: Seed = 0
     features: Sequence[Any] = ()
     extra_names: Sequence[str] = ()

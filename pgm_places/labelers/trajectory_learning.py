@@ -12,6 +12,7 @@ from pgm_places.evaluation.folds import fold_of_buildings, groups_of, map_buildi
 from pgm_places.features.own import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.unseen import with_unseen_rows
 from pgm_places.labelers.method import as_backend, with_edge_kinds
 from pgm_places.labelers.place_learning import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
@@ -183,12 +184,21 @@ def segment_problem(
 ) -> LabelingProblem:
     """The graph of a trajectory's segments with the mean scores (T, K) of their steps.
 
+    Steps whose scores are NaN, of which nothing was observed, do not count.
+
     A chain and, for ``loop_m`` > 0 and methods that label more than chains, links between passes of
     one spot.
     """
     loop_m = 0.0 if traits_of(method).chains_only else labeler.loop_m
-    means, names = segments.means(np.exp(scores)), tuple(labeler.label_names)
-    return LabelingProblem(segments.graph(loop_m=loop_m), names, unary=np.log(means))
+    names = tuple(labeler.label_names)
+    logs, unseen = with_unseen_rows("scores", scores, len(segments.of_step), len(names))
+    means = segments.means(np.exp(logs))
+    if unseen is not None:
+        means = segments.means(np.where(unseen[:, None], 0.0, np.exp(logs)))
+        seen = segments.means(~unseen[:, None])
+        means = np.divide(means, seen, out=np.full_like(means, np.nan), where=seen > 0)
+    with np.errstate(divide="ignore"):
+        return LabelingProblem(segments.graph(loop_m=loop_m), names, unary=np.log(means))
 
 
 def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:

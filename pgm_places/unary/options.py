@@ -1,7 +1,7 @@
 """Options of the boosted lists that give every cell its unary potential."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pgm_places._option_marks import Ge, Gt, Le
@@ -43,24 +43,35 @@ class ClassifierOptions(ListOptions):
         Folds of the held-out scores.
     n_node_features : int
         Number of features passed to structured methods: the first ones chosen by boosting.
+    prior_weight : float or "auto"
+        As of :class:`~pgm_places.models.list_options.ListOptions`; ``"auto"`` is 0.5 for cells of
+        maps and nodes of graphs, and 0 for steps of drives, whose method knows how frequent labels
+        are.
     """
 
-    prior_weight: PriorWeight = PRIOR_WEIGHT
+    prior_weight: PriorWeight | Literal["auto"] = "auto"  # type: ignore[assignment]
     order: Literal["rarest-first", "heuristic", "exhaustive"] | tuple[str, ...] = "rarest-first"
     max_examples_per_map: NumberOfExamples | None = None
     learn_on: LearnOn = "out-of-fold"
     n_folds: NumberOfFolds = 5
     n_node_features: NumberOfNodeFeatures = 30
 
-    def classifier(self, label_names: Sequence[str]) -> "DecisionListClassifier":
-        """The unfitted list; an order of names becomes one of label numbers."""
+    def classifier(
+        self, label_names: Sequence[str], *, auto_prior: float = PRIOR_WEIGHT
+    ) -> "DecisionListClassifier":
+        """The unfitted list; an order of names becomes one of label numbers.
+
+        ``auto_prior`` is what ``prior_weight="auto"`` stands for.
+        """
         from pgm_places.models.decision_list import DecisionListClassifier
 
         order: Any = self.order
         if isinstance(order, tuple):
             rest = [name for name in label_names if name not in order]
             order = [list(label_names).index(name) for name in (*order, *rest)]
-        return DecisionListClassifier(order=order, **option_values(taken_from(ListOptions, self)))
+        weight = auto_prior if self.prior_weight == "auto" else self.prior_weight
+        shared = option_values(taken_from(ListOptions, replace(self, prior_weight=weight)))
+        return DecisionListClassifier(order=order, **shared)
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,17 @@
 
 from typing import Any
 
+import pytest
+
+from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.runs import method_result
 from pgm_places.experiment.setup import graph_labelers, joint_labeler, make_labeler, step_labeler
 from pgm_places.labelers.method import PlaceMethod
 from tests.report.comparisons import NAMES, labeling_of, small_map
+
+DRIVE = {"drive": {"generated": 1, "length_m": 10.0}}
+HMM = [{"name": "hmm"}]
 
 CLASSIFIER = {
     "n_rounds": 7,
@@ -105,3 +111,27 @@ def test_the_time_of_a_method_is_without_that_of_recording_its_accuracy() -> Non
     method = PlaceMethod("independent", "laser")
     found = method_result("m", method, NAMES, [item], [labeling], {"learn": 1.0, "infer": 5.0})
     assert found.seconds == {"learn": 1.0, "infer": 3.0}
+
+
+@pytest.mark.parametrize("others", [{}, {"n_folds": 4}, {"n_rounds": 7, "seed": 3}])
+def test_the_prior_of_drives_does_not_depend_on_other_options(others: dict[str, Any]) -> None:
+    given = config(nodes="steps", train=[DRIVE], test=[DRIVE], classifier=others, methods=HMM)
+    found = step_labeler(given)
+    assert found.classifier is not None
+    assert found.classifier.prior_weight == 0.0
+    of_maps = make_labeler(config(classifier=others)).classifier
+    assert of_maps is not None and of_maps.prior_weight == 0.5
+    chosen = config(
+        nodes="steps", train=[DRIVE], test=[DRIVE], classifier={"prior_weight": 0.7}, methods=HMM
+    )
+    as_given = step_labeler(chosen).classifier
+    assert as_given is not None and as_given.prior_weight == 0.7
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("learn_on", "in-sample"), ("n_node_features", 11), ("max_examples_per_map", 123)],
+)
+def test_options_of_cells_are_refused_for_drives(name: str, value: Any) -> None:
+    with pytest.raises(ConfigError, match=f"classifier.{name} is for cells of maps"):
+        config(nodes="steps", train=[DRIVE], test=[DRIVE], classifier={name: value}, methods=HMM)

@@ -1,18 +1,22 @@
 """Lists for trajectories that are the mean of lists without one domain."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pgm_places.errors import InputError
 from pgm_places.features.own import n_columns
 from pgm_places.labelers import trajectory_learning
+from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.labelers.trajectory_learning import Examples, learn_list
+from pgm_places.labelers.trajectory_learning import Examples, learn_list, segment_problem
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.list_average import list_average
+from pgm_places.trajectories.segments import Segments
 
 NAMES = ("room", "corridor", "doorway")
 TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
@@ -67,3 +71,28 @@ def test_without_domains_there_is_one_list() -> None:
     np.testing.assert_array_equal(
         model.classifier.log_histogram(plain.features), alone.log_histogram(plain.features)
     )
+
+
+def test_steps_of_which_nothing_was_observed_do_not_count_in_their_segment() -> None:
+    labeler = SimpleNamespace(label_names=("a", "b"), loop_m=0.0)
+    poses = np.column_stack([[0.0, 0.1, 0.2, 1.0, 1.1, 2.0], np.zeros((6, 2))])
+    scores = np.log(np.repeat([[0.2, 0.8]], 6, axis=0))
+    scores[[1, 3, 4]] = np.nan
+    problem = segment_problem(labeler, HiddenMarkovModel(), Segments(poses, 0.5), scores)
+    assert problem.unseen is not None and problem.unseen.tolist() == [False, True, False]
+    assert problem.unary is not None
+    np.testing.assert_allclose(np.exp(problem.unary[[0, 2]]), [[0.2, 0.8]] * 2)
+    scores[0, 1] = np.nan
+    with pytest.raises(InputError, match="row 0 is NaN in part"):
+        segment_problem(labeler, HiddenMarkovModel(), Segments(poses, 0.5), scores)
+
+
+def test_a_filter_of_steps_passes_over_what_was_not_observed() -> None:
+    counts = {"confusions": [[90, 10], [1, 9]], "moves": [[19, 1], [1, 19]]}
+    model = HiddenMarkovModel(smoothing=0.0).with_counts(**counts)
+    steps = BeliefFilter(model, 0.5)
+    seen = np.log([0.9, 0.1])
+    first = steps.step(0.0, 0.0, seen)
+    np.testing.assert_allclose(steps.step(0.1, 0.0, np.full(2, np.nan)), first)
+    after = steps.step(1.0, 0.0, np.full(2, np.nan))
+    np.testing.assert_allclose(after, first @ [[0.95, 0.05], [0.05, 0.95]])
