@@ -29,6 +29,9 @@ SAME_RESOLUTION = 0.02
 MAX_REFINED_CELLS = 100_000_000
 
 
+LARGEST_CELLS_M = 1.0
+
+
 def at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid, *, max_cells: int | None = None
 ) -> tuple[OccupancyGrid, list[str]]:
@@ -45,13 +48,18 @@ def at_model_resolution(
     ------
     MapError
         The map has no free cell, or none that is left at the model's resolution, or would have to
-        be refined to too many cells.
+        be refined to too many cells, or its cells are too large to show walls.
     """
     if not grid.free.any():
         raise MapError(
             "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
         )
     wanted = labeler.resolution_m_
+    if grid.resolution_m > LARGEST_CELLS_M:
+        raise MapError(
+            f"the map has cells of {grid.resolution_m:g} m, which show neither walls nor doorways; "
+            "correct its resolution, in metres a cell"
+        )
     if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
     note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "

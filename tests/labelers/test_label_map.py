@@ -273,3 +273,10 @@ def test_models_that_know_no_spaces_hand_on_no_doorways() -> None:
     without.unary_model_ = replace(without.unary_model_, space=None)
     grid = generate_building(3, size="small", resolution_m=0.1).grid
     assert label_map(without, grid, method="laser").doorways is None
+
+
+def test_cells_too_large_for_walls_are_refused_before_they_are_split() -> None:
+    """A resolution of 3.15, instead of 0.05 or of cells a metre, took minutes."""
+    grid = OccupancyGrid(np.zeros((90, 90), np.int8), 3.15)
+    with pytest.raises(MapError, match=r"cells of 3\.15 m, which show neither walls nor doorways"):
+        label_map(labeler(), grid)
