@@ -25,6 +25,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.kernels.threads import threads as thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.solvers.grid_relaxation import relax_grid
@@ -58,16 +59,16 @@ class Case:
 
     def compiled(self, threads: int) -> NDArray[np.float64]:
         """Ours."""
-        return relax_grid(
-            self.unary,
-            self.cells,
-            self.free.shape,
-            self.r,
-            walls=self.walls,
-            max_iterations=ITERATIONS,
-            tolerance=0,
-            n_threads=threads,
-        ).beliefs
+        with thread_limit(threads):
+            return relax_grid(
+                self.unary,
+                self.cells,
+                self.free.shape,
+                self.r,
+                walls=self.walls,
+                max_iterations=ITERATIONS,
+                tolerance=0,
+            ).beliefs
 
     def planes(self) -> Planes:
         """(4, H + 2, W + 2): three labels and the wall, with a border of nothing."""
@@ -97,16 +98,16 @@ class Case:
         """Our kernel for any graph, on the same cells; it knows no walls."""
         graph = LabelGraph.from_grid(self.free)
         near = graph.neighbours
-        return relax_graph(
-            self.unary,
-            near.start,
-            near.node,
-            self.r[:, :3, :3],
-            weight=np.full(len(near.node), 1 / 8),
-            max_iterations=ITERATIONS,
-            tolerance=0,
-            n_threads=1,
-        ).beliefs
+        with thread_limit(1):
+            return relax_graph(
+                self.unary,
+                near.start,
+                near.node,
+                self.r[:, :3, :3],
+                weight=np.full(len(near.node), 1 / 8),
+                max_iterations=ITERATIONS,
+                tolerance=0,
+            ).beliefs
 
 
 def slices(planes: Planes) -> Planes:

@@ -20,7 +20,7 @@ from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import exports_record, write_export
 from pgm_places.studio.guard import Guard
 from pgm_places.studio.layers import Theme
-from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.shelf import LIVE_S, Shelf
 
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -28,7 +28,7 @@ KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
 }
-WAIT_S, LOOK_S = 20.0, 0.04
+WAIT_S, LOOK_S = LIVE_S - 5, 0.04
 """How long a question for news waits for some, and how often it looks."""
 
 
@@ -82,7 +82,7 @@ class _Answers(_Files):
     def __init__(self, shelf: Shelf, number: int) -> None:
         super().__init__("index.html")
         self.shelf, self.number = shelf, number
-        self.tabs: dict[str, float] = {}
+        self.tabs = shelf.tabs[number]
 
     @property
     def desk(self) -> Desk:
@@ -90,32 +90,22 @@ class _Answers(_Files):
 
     async def state(self, request: Request) -> Response:
         """The state as soon as it is newer than ``after``; the old one when nothing happens."""
-        desk = await run_in_threadpool(lambda: self.desk)
         after = int(request.query_params.get("after", "-1"))
         tab = request.query_params.get("tab", "")
-        self._seen(tab)
-        tabs, deadline = self._n_tabs(), time.monotonic() + WAIT_S
-        while desk.tick == after and self._n_tabs() == tabs and time.monotonic() < deadline:
+        self.tabs.seen(tab)  # first: the map of a tab stays open
+        desk = await run_in_threadpool(lambda: self.desk)
+        tabs, deadline = len(self.tabs), time.monotonic() + WAIT_S
+        while desk.tick == after and len(self.tabs) == tabs and time.monotonic() < deadline:
             await asyncio.sleep(LOOK_S)
             if desk.closing:
                 break
             if await request.is_disconnected():
-                self.tabs.pop(tab, None)
+                self.tabs.left(tab)
                 return _json({})
-        self._seen(tab)
+        self.tabs.seen(tab)
         record = await run_in_threadpool(records.state_record, desk)
         position = {"number": self.number, "of": len(self.shelf)}
-        return _json({**record, "tabs": self._n_tabs(), "shelf": position})
-
-    def _seen(self, tab: str) -> None:
-        if tab.isalnum() and len(tab) <= 40:
-            self.tabs[tab] = time.monotonic()
-
-    def _n_tabs(self) -> int:
-        oldest = time.monotonic() - WAIT_S - 5
-        for tab in [tab for tab, seen in list(self.tabs.items()) if seen < oldest]:
-            self.tabs.pop(tab, None)
-        return len(self.tabs)
+        return _json({**record, "tabs": len(self.tabs), "shelf": position})
 
     def places(self, _: Request) -> Response:
         taught = self.desk.taught

@@ -1,6 +1,7 @@
 """The shelf: the maps of one studio, of which a few are open at a time."""
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,10 @@ from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import ExportFolders, write_training
 
 MOST_OPEN = 4
-"""So many maps stay in memory with all that is known of their cells."""
+"""So many maps stay in memory with all that is known of their cells, and all that have a tab."""
+
+LIVE_S = 25.0
+"""A tab polls more often than this; one that does not was closed."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,28 @@ class Book:
     open: Callable[[], Desk]
 
 
+class Tabs:
+    """The tabs of a browser that show one map; all methods may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, float] = {}
+
+    def seen(self, tab: str) -> None:
+        """A tab has polled."""
+        if tab.isalnum() and len(tab) <= 40:
+            self._seen[tab] = time.monotonic()
+
+    def left(self, tab: str) -> None:
+        """A tab was closed."""
+        self._seen.pop(tab, None)
+
+    def __len__(self) -> int:
+        oldest = time.monotonic() - LIVE_S
+        for tab in [tab for tab, seen in list(self._seen.items()) if seen < oldest]:
+            self.left(tab)
+        return len(self._seen)
+
+
 class Shelf:
     """Maps that are taught one after the other; all methods may be called from any thread.
 
@@ -48,6 +74,8 @@ class Shelf:
     ----------
     closing : bool
         Whether the studio ends.
+    tabs : tuple of Tabs
+        The live tabs of each map.
     """
 
     def __init__(
@@ -57,6 +85,7 @@ class Shelf:
         self.export_folders = export_folders or ExportFolders.started_here()
         self._open: dict[int, Desk] = {}  # the one that was used last is last
         self._known: dict[int, dict[str, Any]] = {}
+        self.tabs = tuple(Tabs() for _ in self.books)
         self._lock = threading.Lock()
 
     @classmethod
@@ -76,7 +105,10 @@ class Shelf:
         return len(self.books)
 
     def desk(self, number: int) -> Desk:
-        """The desk of a map, opened where it is not; the one that waited longest is closed.
+        """The desk of a map, opened where it is not.
+
+        The map without a live tab that was used least recently is closed where too many are open.
+        Maps with a tab stay open: their tabs would open them again at once.
 
         Raises
         ------
@@ -88,8 +120,9 @@ class Shelf:
         with self._lock:
             desk = self._open.pop(number, None)
             if desk is None:
-                while len(self._open) >= MOST_OPEN:
-                    self._close(next(iter(self._open)))
+                unwatched = [other for other in self._open if not len(self.tabs[other])]
+                for other in unwatched[: max(len(self._open) - MOST_OPEN + 1, 0)]:
+                    self._close(other)
                 try:
                     desk = self.books[number].open()
                 except PgmPlacesError as error:

@@ -3,17 +3,20 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from pgm_places.io.output_set import output_set
+from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.labelled_places import LabelledCells
 from pgm_places.labelling.files import write_places
+from pgm_places.progress import Silent, reported
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels
 
 
 def written(folder: Path, labels: np.ndarray, rules: TopologyOptions) -> TopologicalMap:
-    with output_set(folder, "test") as files:
+    with output_set(folder, "test", force=True) as files:
         cells = LabelledCells(floor_grid(labels), labels, NAMES)
         return write_places(files, "a floor", cells, rules)
 
@@ -45,3 +48,27 @@ def test_places_keep_the_ids_that_they_had_in_the_folder_and_the_users_names(
     ]  # doorways come after all others
     assert found.place(3).name == "kitchen"
     assert found.next_id == 8
+
+
+@pytest.mark.parametrize("text", ["{", '{"format": "pgm-places topological map", "schema": 0}'])
+def test_damaged_places_of_an_earlier_run_are_warned_of_and_numbered_anew(
+    text: str, tmp_path: Path
+) -> None:
+    labels, heard = floor_labels(), Heard()
+    found = written(tmp_path / "out", labels, TopologyOptions())
+    (tmp_path / "out" / "topology.json").write_text(text)
+    with reported(heard):
+        again = written(tmp_path / "out", labels, TopologyOptions())
+    assert [place.name for place in again.regions] == [place.name for place in found.regions]
+    [warning] = heard.warnings
+    assert "topology.json" in warning and warning.endswith("; places are numbered anew")
+    ids = [place.id for place in load_topology(tmp_path / "out").regions]
+    assert ids == [place.id for place in again.regions]
+
+
+class Heard(Silent):
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)

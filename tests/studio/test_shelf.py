@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,38 @@ def test_maps_open_when_they_are_looked_at_and_few_stay_open(shelf: Shelf) -> No
     assert again is not first and again.painting.n_painted == 18 * 18
     with pytest.raises(InputError, match="there is no map 6; there are 6"):
         shelf.desk(6)
+
+
+def test_maps_with_a_live_tab_stay_open(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
+    desks = []
+    for number in range(6):
+        shelf.tabs[number].seen(f"tab{number}")
+        desks.append(shelf.desk(number))
+    assert [shelf.desk(number) for number in range(6)] == desks
+    assert not any(desk.closing for desk in desks)
+    shelf.tabs[2].left("tab2")
+    monkeypatch.setattr("pgm_places.studio.shelf.MOST_OPEN", 6)
+    shelf.tabs[2].seen("not a tab")
+    assert [len(tabs) for tabs in shelf.tabs] == [1, 1, 0, 1, 1, 1]
+
+
+def test_polls_of_more_tabs_than_maps_stay_open_open_each_map_once(shelf: Shelf) -> None:
+    opened: list[str] = []
+
+    def counted(book: Book) -> Book:
+        def make() -> Desk:
+            opened.append(book.title)
+            return book.open()
+
+        return replace(book, open=make)
+
+    shelf.books = tuple(counted(book) for book in shelf.books)
+    client = Client(shelf, f"{HOST}/{'t' * 32}/", {"origin": HOST})
+    for _ in range(3):
+        for number in range(6):
+            answer = client.get(f"maps/{number}/state?after=-1&tab=tab{number}")
+            assert answer.status_code == 200
+    assert opened == [book.title for book in shelf.books]
 
 
 def test_a_map_that_cannot_be_read_says_so_in_the_list(tmp_path: Path) -> None:
