@@ -26,6 +26,8 @@ from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.live.session_file import read_session
@@ -36,11 +38,16 @@ from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.teaching.paint import Paint
+from pgm_places.topology.from_labels import topological_map
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
 from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES
+from tests.quick_labeler import places
 from tests.studio.conftest import HOST, TOKEN, Client
 
 JSON_TYPE = "application/json"
+MOST_STEPS = 20
+"""Of a drive that is tracked."""
+
 MAX_PIXELS = 4_000_000
 """The limit of a map in pixels, lowered so that its memory does not hide what leaks."""
 
@@ -95,6 +102,35 @@ def map_of(name: str) -> Callable[[Path], object]:
 def grid_of(folder: Path) -> OccupancyGrid:
     """Of a map that is not the file to spoil."""
     return load_map(folder / "map.yaml").grid
+
+
+@lru_cache(1)
+def tracker() -> TrajectoryLabeler:
+    return TrajectoryLabeler.from_places(places())
+
+
+def tracked(name: str) -> Callable[[Path], object]:
+    """A drive that is read, and whose first scans are labelled as they come."""
+
+    def track(folder: Path) -> object:
+        drive = read_trajectory(folder / name).trajectory
+        if drive.ranges_m is None or drive.geometry is None:
+            return drive.graph()
+        online = tracker().online(drive.geometry)
+        return [online.step(drive.scan(step)) for step in range(min(len(drive), MOST_STEPS))]
+
+    return track
+
+
+def labelled(name: str) -> Callable[[Path], object]:
+    """A map that is read, labelled and divided into places."""
+
+    def label(folder: Path) -> object:
+        grid: OccupancyGrid = map_of(name)(folder).grid  # type: ignore[attr-defined]
+        found = label_map(places(), grid, max_cells=MAX_PIXELS, n_threads=1)
+        return topological_map(grid, found.labels, found.label_names, doorways=found.doorways)
+
+    return label
 
 
 def labels_of(folder: Path) -> object:
@@ -209,6 +245,9 @@ READERS: dict[str, Reader] = {
     "detections.mcap": Reader(
         _of_folder(read_detection_bag, "detections"), "detections/detections.mcap", BYTES
     ),
+    "drive.log, tracked": Reader(tracked("drive.log"), "drive.log"),
+    "drive.mcap, tracked": Reader(tracked("drive.mcap"), "drive.mcap", BYTES),
+    "map.png, labelled": Reader(labelled("map.png"), "map.png", BYTES),
     "topology.json": Reader(_of_folder(load_topology), "topology.json", JSON),
     "regions.png": Reader(_of_folder(load_topology), "regions.png", BYTES),
     "places.json": Reader(_of_folder(load_settings), "places.json", JSON),
