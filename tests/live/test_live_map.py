@@ -16,7 +16,9 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import SpaceOptions
+from tests import drives
 from tests.live.loop_closure import bent
+from tests.quick_labeler import places
 
 
 @pytest.fixture(scope="module")
@@ -192,3 +194,19 @@ def test_a_bad_map_leaves_the_one_before_current(
     assert live.current is found
     assert (building.cells == FREE).any()
     assert live.on_map(building).map_seq == 2
+
+
+def test_a_map_that_grows_on_a_canvas_is_labelled_as_by_itself() -> None:
+    """The part that is known grows, and with it the part that is labelled."""
+    grid = drives.building()[0].grid
+    height, width = grid.shape
+    live = LiveMap(places(), few_cells=1)
+    for columns in (100, 140, width):
+        cells = np.full((height + 400, width + 500), UNKNOWN, np.int8)
+        cells[200 : 200 + height, 250 : 250 + columns] = grid.cells[:, :columns]
+        canvas = OccupancyGrid(cells, grid.resolution_m, (-3.0, 5.0), 0.2)
+        found, alone = live.on_map(canvas), label_map(places(), canvas)
+        assert (found.labels.labels == alone.labels).all()
+        assert found.topology.region.shape == canvas.shape
+    assert found.update is not None
+    assert found.update.n_cast < found.update.n_cells
