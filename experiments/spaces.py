@@ -91,7 +91,9 @@ def row(kind: str, maps: Sequence[LabelledMap]) -> str:
         pure += purity(places, item)
     doors, right = sum(s.doors for s in scores), sum(s.found for s in scores)
     precision = sum(s.right for s in scores) / max(sum(s.accepted for s in scores), 1)
-    worst = min(range(len(maps)), key=lambda k: scores[k].recall)
+    worst = min(
+        range(len(maps)), key=lambda k: 1.0 if scores[k].recall is None else scores[k].recall
+    )
     return (
         f"| {kind} | {len(maps)} | {1e3 * spent / cells:.0f} | {1e3 * described / len(maps):.1f} "
         f"| {n_segments / len(maps):.0f} | {n_gates / len(maps):.0f} | {n_places / len(maps):.0f} "

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.learned_names import (
-    LearnedNames,
     renumbered,
     reordered,
     reordered_potentials,
@@ -73,28 +72,29 @@ Fit = TypeVar("Fit", bound=Callable[..., Any])
 
 
 def learned_by_frequency(fit: Fit) -> Fit:
-    """A ``fit`` that is given problems with their labels by frequency, and keeps their names.
+    """A linear model's ``fit`` that is given labels by frequency, and keeps their names.
 
     A model that goes on learning (``warm_start``) keeps its order.
     """
 
     @wraps(fit)
     def ordered(
-        self: LearnedNames,
+        self: Any,
         problems: Sequence[LabelingProblem],
         labelings: Sequence[NDArray[np.int64]],
         **options: Any,
     ) -> Any:
         pairs = labelled_problems(problems, labelings)
         first = pairs[0][0]
-        if getattr(self, "warm_start", False) and getattr(self, "node_weights", None) is not None:
+        if self.warm_start and self.node_weights is not None:
             order = self.order_in(first)
         else:
             every = [labels for _, labels in pairs]
             every += [problem.known for problem, _ in pairs if problem.known is not None]
             order = frequency_order(every, first.n_labels)
         given = [reordered(problem, order) for problem, _ in pairs]
-        fitted = fit(self, given, [renumbered(labels, order) for _, labels in pairs], **options)
-        return fitted.with_names_of(given[0])
+        turned = [renumbered(labels, order) for _, labels in pairs]
+        fitted = fit(self.with_options_in(order), given, turned, **options)
+        return fitted.with_options_in(np.argsort(order)).with_names_of(given[0])
 
     return cast(Fit, ordered)

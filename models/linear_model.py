@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +130,15 @@ class LinearModel(LearnedNames):
         set_fields(self, edge_features=parse_edge_features(self.edge_features))
         if self.node_weights is not None:
             self._check_learned()
+
+    def with_options_in(self, order: NDArray[np.int64]) -> Self:
+        """The model with label ``order[k]`` in place k of a loss that is a table."""
+        loss: Any = self.loss
+        if isinstance(loss, str):
+            return self
+        table = np.asarray(loss)[np.ix_(order, order)]
+        turned: dict[str, Any] = {"loss": tuple(map(tuple, table.tolist()))}
+        return replace(self, **turned)
 
     @property
     def summary(self) -> Mapping[str, Any]:

@@ -138,10 +138,8 @@ class PottsField(Options):
     def _decoded(self, problem: LabelingProblem) -> Labeling:
         unary = evident_unary(problem, "potts", with_cliques=True)
         weight = _by_degree(problem.graph) if self.weight == "auto" else self.weight
-        potentials = Potentials.potts(unary, weight)
-        if self.edge_weights == "given":
-            earned = np.repeat(weight * _given(problem), problem.n_labels, axis=1)
-            potentials = Potentials(unary, agreement=earned)
+        earned = weight * _given(problem) if self.edge_weights == "given" else weight
+        potentials = Potentials.potts(unary, earned)
         return decode_cliques_as(self, problem, potentials, self.inference, self.clique_weight)
 
 
@@ -152,7 +150,7 @@ def _by_degree(graph: LabelGraph) -> float:
 
 
 def _given(problem: LabelingProblem) -> NDArray[np.float64]:
-    """(E, 1) the weights that come with the problem."""
+    """(E,) the weights that come with the problem."""
     weights = problem.edge_features
     if weights is None or weights.shape[1] != 1:
         came = "none" if weights is None else f"shape {weights.shape}"
@@ -160,4 +158,4 @@ def _given(problem: LabelingProblem) -> NDArray[np.float64]:
             f"edge_weights='given' needs edge_features of shape ({problem.graph.n_edges}, 1), one "
             f"weight per edge, got {came}"
         )
-    return weights
+    return weights[:, 0]

@@ -96,7 +96,7 @@ def door_table(doors: Mapping[str, Sequence[Sequence[DoorScores]]]) -> str:
     lines = [f"| kind | doors | {' | '.join(entries)} |", "|---" * 5 + "|"]
     for kind, maps in [*sorted(doors.items()), ("**all**", [*chain(*doors.values())])]:
         totals = [DoorScores.total(step) for step in zip(*maps, strict=True)]
-        entries = [f"{s.found}, {s.invented}, {100 * s.precision:.0f} %" for s in totals]
+        entries = [f"{s.found}, {s.invented}, {_percent(s.precision)}" for s in totals]
         lines.append(f"| {kind} | {totals[0].doors} | {' | '.join(entries)} |")
     return "\n".join(lines)
 
@@ -131,3 +131,7 @@ def _known_before(
         if len(away) and away.min() < _SAME_M:
             found[g] = probability[away.argmin()]
     return found
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"

@@ -158,9 +158,13 @@ def _all_of(match: DoorMatch) -> DoorScores:
 def _doors(scores: Sequence[DoorScores]) -> str:
     total = DoorScores.total(scores)
     return (
-        f"{total.found} of {total.doors} = {100 * total.recall:.1f} / "
-        f"{total.right} of {total.accepted} = {100 * total.precision:.1f}"
+        f"{total.found} of {total.doors} = {_percent(total.recall)} / "
+        f"{total.right} of {total.accepted} = {_percent(total.precision)}"
     )
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"
 
 
 def _mean(weighted: Sequence[tuple[float, float]]) -> float:

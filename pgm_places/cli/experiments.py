@@ -48,6 +48,7 @@ def compare(
     folds: Annotated[int, Ge(2)] | None = None,
     seeds: Annotated[int, Ge(2), Le(100)] | None = None,
     cache: Cache = None,
+    marginals: bool = False,
     *,
     workers: WorkerOptions,
     force: Force = False,
@@ -68,6 +69,8 @@ def compare(
         The same with the buildings in this many groups.
     seeds : N
         Train with the seeds 1 to N: means, and what they vary by; differences are paired by seed.
+    marginals
+        Keep the node marginals of linear programs (inference = "lp") in results.json.
     """
     if by_building and folds is not None:
         raise InputError("give --by-building, which leaves out one at a time, or --folds, not both")
@@ -77,7 +80,7 @@ def compare(
     runs = _Runs(by_building, folds, seeds, workers)
     with output_set(out, "compare", names=COMPARISON, force=force) as files:
         experiment = _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet)
-        table = _compare(experiment, files.stage, runs)
+        table = _compare(experiment, files.stage, runs, marginals=marginals)
     say(table)
     say_written(files)
 
@@ -91,7 +94,9 @@ class _Runs(NamedTuple):
     workers: WorkerOptions = WorkerOptions()
 
 
-def _compare(experiment: "Experiment", folder: Path, runs: _Runs) -> str:
+def _compare(
+    experiment: "Experiment", folder: Path, runs: _Runs, *, marginals: bool = False
+) -> str:
     """Compare the methods and write the results into the folder; the table."""
     from pgm_places.experiment.runs import compare as compare_methods
     from pgm_places.report.comparison_files import write_comparison
@@ -120,7 +125,7 @@ def _compare(experiment: "Experiment", folder: Path, runs: _Runs) -> str:
             n_threads=threads,
         )
     with experiment.progress.stage("report"):
-        write_comparison(comparison, folder)
+        write_comparison(comparison, folder, marginals=marginals)
     return comparison_table(comparison)
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pgm_places.experiment.comparison import Comparison, MethodResult
+    from pgm_places.spaces.door_truth import DoorScores
 
 
 def text_table(rows: Sequence[Sequence[str]]) -> str:
@@ -43,9 +44,13 @@ def comparison_table(comparison: "Comparison") -> str:
             _percent(found.macro_f1),
         ]
         row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
-        row += [_doors(method)] if counts_doors else []
-        row += [_learning(method), f"{method.seconds.get('infer', 0.0):.2f}"]
+        row += [_doors(method.doors)] if counts_doors else []
+        row += [_learning(method), _spent(method.seconds.get("infer", 0.0))]
         rows.append(row)
+    if comparison.gates and counts_doors:
+        rows.append(
+            ["gates alone", *("-" for _ in heading[1:-3]), _doors(comparison.gates), "-", "-"]
+        )
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
     note += "; doors: F found, M missed, I invented" if counts_doors else ""
@@ -76,7 +81,7 @@ def _differences(comparison: "Comparison") -> str:
         rows.append(
             [
                 item.second,
-                points(item.interval.estimate),
+                points(item.shown),
                 f"{points(item.interval.low)} to {points(item.interval.high)}",
                 "no" if item.winner is None else "yes",
                 *(counts if several else []),
@@ -133,15 +138,19 @@ def _learning(method: "MethodResult") -> str:
     """The seconds of learning, or the method that learned for this one, too."""
     if method.learned_with is not None:
         return f"with {method.learned_with}"
-    return f"{method.seconds.get('learn', 0.0):.2f}"
+    return _spent(method.seconds.get("learn", 0.0))
 
 
-def _doors(method: "MethodResult") -> str:
+def _spent(seconds: float) -> str:
+    return "< 0.01" if 0 < seconds < 0.01 else f"{seconds:.2f}" if seconds else "-"
+
+
+def _doors(doors: "Sequence[DoorScores]") -> str:
     """Doors of all maps together: found, missed and invented."""
     from pgm_places.spaces.door_truth import DoorScores
 
-    total = DoorScores.total(method.doors)
-    return f"{total.found}/{total.missed}/{total.invented}" if method.doors else "-"
+    total = DoorScores.total(doors)
+    return f"{total.found}/{total.missed}/{total.invented}" if doors else "-"
 
 
 def shares_line(fractions: "tuple[float, float, float]") -> str:

@@ -78,7 +78,8 @@ class Comparison:
     chosen. ``choices`` says in words what was chosen on training data for all methods, by option
     (``"unary": "context (held-out balanced accuracy 91.2; laser 88.0)"``): that selection, and the
     ``choices`` of the labelers, where they have them. ``splits`` says by name which of the items
-    each split tested on; it is empty where there was one.
+    each split tested on; it is empty where there was one. ``gates`` counts the doors per map that
+    accepted gates match: () where there are none.
     """
 
     title: str
@@ -93,6 +94,7 @@ class Comparison:
     selection: Mapping[str, Any] | None = None
     choices: Mapping[str, str] = field(default_factory=dict)
     splits: Mapping[str, range] = field(default_factory=dict)
+    gates: tuple[DoorScores, ...] = ()
 
     @cached_property
     def judgement(self) -> Judgement:

@@ -107,9 +107,11 @@ class MethodConfig:
 
     def __post_init__(self) -> None:
         check_options(self)
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.+ -]{0,79}", self.id):
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.,+=()\[\] -]{0,79}", self.id):
             raise OptionError(
-                "id", f"must be a short name of letters, digits, spaces and _.+-, got {self.id!r}"
+                "id",
+                "must be up to 80 letters, digits, spaces and _.,+=()[]-, the first a letter or "
+                f"digit, got {self.id!r}",
             )
 
 

@@ -14,10 +14,10 @@ PASSAGE_M = 0.3
 """A doorway that is labelled this much before or after it was passed through has been found."""
 
 
-def door_scores(
-    item: TestMap, labeling: Labeling, doorway: int, spaces: MapSpaces | None
-) -> DoorScores:
-    """The number of doors of a map that a method found, missed and invented.
+def door_scores(item: TestMap, labeling: Labeling, doorway: int) -> DoorScores:
+    """How many doors of a map a method found, missed and invented.
+
+    Its doors are the connected pieces of cells that it labelled as doorways.
 
     Parameters
     ----------
@@ -26,18 +26,21 @@ def door_scores(
         Of the map's layout.
     doorway : int
         The label of doorways.
-    spaces : MapSpaces or None
-        For a method that sees spaces: its doorways are the accepted gates. Those of other methods
-        are the pieces of cells that it labelled as doorways.
     """
-    truth = np.where(item.window, item.truth, np.int16(-1))
-    if spaces is not None:
-        match, accepted = match_doors(spaces.gates, truth, doorway), spaces.places.accepted
-    else:
-        painted = item.layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
-        match = match_painted(painted, item.grid, truth, doorway)
-        accepted = np.ones(len(match.door), np.bool_)
-    return match.scores(accepted)
+    painted = item.layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
+    match = match_painted(painted, item.grid, _known(item), doorway)
+    return match.scores(np.ones(len(match.door), np.bool_))
+
+
+def gate_scores(item: TestMap, spaces: MapSpaces, doorway: int) -> DoorScores:
+    """How many doors of a map the accepted gates match, whatever a method labels afterwards."""
+    match = match_doors(spaces.gates, _known(item), doorway)
+    return match.scores(spaces.places.accepted)
+
+
+def _known(item: TestMap) -> NDArray[np.int16]:
+    """(H, W) the true labels inside the window, -1 elsewhere."""
+    return np.where(item.window, item.truth, np.int16(-1))
 
 
 def passage_scores(item: TestDrive, labeling: Labeling, doorway: int) -> DoorScores:

@@ -50,6 +50,8 @@ class Difference:
     by_seed : tuple of float
         The difference with each seed, where the methods were taught with several; both methods of a
         pair have the same one.
+    values : (float, float), optional
+        The figure of both methods.
     """
 
     first: str
@@ -58,6 +60,18 @@ class Difference:
     interval: Interval
     buildings: SignTest
     by_seed: tuple[float, ...] = ()
+    values: tuple[float, float] | None = None
+
+    @property
+    def shown(self) -> float:
+        """The difference that goes with both figures in percent with one decimal.
+
+        It is that of the rounded figures, or the difference itself where these are alike.
+        """
+        if self.values is None:
+            return self.interval.estimate
+        first, second = (round(100 * value, 1) for value in self.values)
+        return self.interval.estimate if first == second else round(first - second, 1) / 100
 
     @property
     def spread(self) -> float | None:
@@ -95,6 +109,7 @@ class Difference:
             Interval(-old.estimate, -old.high, -old.low),
             SignTest(signs.worse, signs.better, signs.even),
             tuple(-value for value in self.by_seed),
+            None if self.values is None else self.values[::-1],
         )
 
 
@@ -185,6 +200,7 @@ def judge(
             Interval.of(figures[first][figure] - figures[second][figure]),
             SignTest.of(by_building[first][figure], by_building[second][figure]),
             _differences(by_seed[first][figure], by_seed[second][figure]),
+            (float(figures[first][figure][0]), float(figures[second][figure][0])),
         )
         for figure in TESTED
         for first, second in combinations(labelings, 2)

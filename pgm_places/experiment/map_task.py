@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
-from pgm_places.experiment.doors import door_scores
+from pgm_places.experiment.doors import door_scores, gate_scores
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.floor_teaching import taught_floor
 from pgm_places.experiment.labelled_items import TestMap
@@ -93,13 +93,16 @@ def _evidence(
     def label(name: str) -> Sequence[Labeling]:
         return [labeler.infer(graph, scores, method=name, truth=truth)]
 
-    def doors(name: str, found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
-        model = labeler.unary_model_.space
-        by_gates = labeler.method(name).unary in ("space", "floor")
-        by_gates = by_gates and model is not None and model.gates is not None
-        return (door_scores(tested, found[0], doorway, scores.spaces if by_gates else None),)
+    def doors(_name: str, found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+        return (door_scores(tested, found[0], doorway),)
 
-    return Evidence([tested], label, doors)
+    def gates(doorway: int) -> tuple[DoorScores, ...]:
+        model = labeler.unary_model_.space
+        if model is None or model.gates is None or scores.spaces is None:
+            return ()
+        return (gate_scores(tested, scores.spaces, doorway),)
+
+    return Evidence([tested], label, doors, gates)
 
 
 def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> TestMap:

@@ -38,6 +38,7 @@ def over_splits(experiment: Experiment, parts: Mapping[str, Comparison], words: 
         methods=tuple(methods),
         splits={name: range(*ends[k : k + 2]) for k, name in enumerate(parts)},
         selection=None,
+        gates=tuple(scores for part in every for scores in part.gates),
         choices=_choices({name: part.choices for name, part in parts.items()}),
     )
 

@@ -127,6 +127,7 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
         warnings=tuple(experiment.warnings),
         selection=experiment.selection,
         choices=choices,
+        gates=labelled.gates,
     )
 
 

@@ -33,11 +33,14 @@ class Evidence(NamedTuple):
     doors : callable
         From a method's id and its labellings to its doors on each item, of a label for doorways;
         () where doors are not counted.
+    gates : callable
+        From a label for doorways to the doors that gates match on each item; () without gates.
     """
 
     items: Sequence[TestItem]
     label: Callable[[str], Sequence[Labeling]]
     doors: Callable[[str, Sequence[Labeling], int], tuple[DoorScores, ...]] = lambda *_: ()
+    gates: Callable[[int], tuple[DoorScores, ...]] = lambda _: ()
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,15 @@ class Labelled(NamedTuple):
         One per item, or () where there is no label for doorways.
     seconds : mapping of str to float
         To label all items.
+    gates : tuple of DoorScores
+        One per item, or () where there are no gates or no label for doorways.
     """
 
     items: tuple[TestItem, ...]
     labelings: Mapping[str, tuple[Labeling, ...]]
     doors: Mapping[str, tuple[DoorScores, ...]]
     seconds: Mapping[str, float]
+    gates: tuple[DoorScores, ...]
 
 
 def label_tests(experiment: Experiment, labelers: Labelers, tests: Sequence[Source]) -> Labelled:
@@ -80,4 +83,10 @@ def label_tests(experiment: Experiment, labelers: Labelers, tests: Sequence[Sour
             for scores in item.doors(name, part, names.index(doorway))
         )
     items = tuple(item for part in evidence for item in part.items)
-    return Labelled(items, labelings, doors, seconds)
+    gates = tuple(
+        scores
+        for item in evidence
+        if doorway in names
+        for scores in item.gates(names.index(doorway))
+    )
+    return Labelled(items, labelings, doors, seconds, gates)

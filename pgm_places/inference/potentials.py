@@ -62,10 +62,24 @@ class Potentials:
             _checks.set_fields(self, agreement=checked)
 
     @classmethod
-    def potts(cls, unary: ArrayLike, weight: float) -> Self:
-        """Every edge earns ``weight`` when its ends agree, whatever the label."""
+    def potts(cls, unary: ArrayLike, weight: ArrayLike) -> Self:
+        """Every edge earns a weight when its ends agree, whatever the label.
+
+        Parameters
+        ----------
+        unary : (N, K) float
+        weight : float or (E,) float
+            What agreeing ends earn: at all edges, or at each one.
+
+        Examples
+        --------
+        >>> Potentials.potts(np.zeros((3, 2)), [0.5, 2.0]).agreement.tolist()
+        [[0.5, 0.5], [2.0, 2.0]]
+        """
         table = _checks.finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
-        earned = _checks.finite_array("weight", weight, ())
+        earned = _checks.finite_array("weight", weight, ("E",) if np.ndim(weight) else ())
+        if earned.ndim:
+            return cls(table, agreement=np.repeat(earned[:, np.newaxis], table.shape[1], axis=1))
         return cls(table, pairwise=earned * np.eye(table.shape[1]))
 
     @classmethod

@@ -19,15 +19,22 @@ SCHEMA = 1
 _AS_THEY_ARE = ("stage_seconds", "config", "selection", "choices", "versions", "inputs", "warnings")
 
 
-def write_comparison(comparison: Comparison, folder: Path) -> list[Path]:
-    """Write ``results.json`` and ``report.html`` into the folder; the paths written."""
+def write_comparison(
+    comparison: Comparison, folder: Path, *, marginals: bool = False
+) -> list[Path]:
+    """Write ``results.json`` and ``report.html`` into the folder; the paths written.
+
+    With ``marginals``, the node marginals of linear programs are in ``results.json``.
+    """
     from pgm_places.report.comparison_page import write_report
 
-    results = write_json(folder / "results.json", comparison_record(comparison), indent=2)
+    results = write_json(
+        folder / "results.json", comparison_record(comparison, marginals=marginals), indent=2
+    )
     return [results, write_report(comparison, folder / "report.html")]
 
 
-def comparison_record(comparison: Comparison) -> dict[str, Any]:
+def comparison_record(comparison: Comparison, *, marginals: bool = False) -> dict[str, Any]:
     """The comparison as plain data, NaN written as null.
 
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
@@ -42,7 +49,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     With several seeds, figures are of all of them together, and ``by_seed`` of each method and
     difference has those of each. ``choices`` of the whole and of each method say what was chosen on
     training data. ``splits`` has what each split tested on, ``by_split`` of each
-    method its accuracies there.
+    method its accuracies there. ``gates`` counts the doors that accepted gates match. With
+    ``marginals``, ``info`` of each map has the ``node_marginals`` of linear programs.
     """
     record = {
         "schema": SCHEMA,
@@ -63,8 +71,12 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
             | ({} if item.unit == "node" else {"resolution_m": item.grid.resolution_m})
             for item in comparison.maps
         ],
-        "methods": {method.id: _method_record(comparison, method) for method in comparison.methods},
+        "methods": {
+            method.id: _method_record(comparison, method, marginals)
+            for method in comparison.methods
+        },
         "differences": [_difference_record(item) for item in comparison.judgement.differences],
+        "gates": _door_record(DoorScores.total(comparison.gates)) if comparison.gates else None,
         "best": {figure: comparison.judgement.best(figure) for figure in TESTED},
     } | {name: getattr(comparison, name) for name in _AS_THEY_ARE}
     plain: dict[str, Any] = _plain(record)
@@ -88,7 +100,7 @@ def _difference_record(found: Difference) -> dict[str, Any]:
     } | ({"by_seed": found.by_seed, "spread": found.spread} if found.by_seed else {})
 
 
-def _method_record(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
+def _method_record(comparison: Comparison, method: MethodResult, marginals: bool) -> dict[str, Any]:
     names = [item.name for item in comparison.maps]
     record: dict[str, Any] = method.evaluation.to_dict()
     record["seconds"] = {**method.seconds, "total": float(sum(method.seconds.values()))}
@@ -100,7 +112,7 @@ def _method_record(comparison: Comparison, method: MethodResult) -> dict[str, An
     record |= {"method": method.name, "options": method.options, "learned": method.learned}
     record |= {"choices": method.choices} if method.choices else {}
     record["maps"] = {
-        name: {**evaluation.to_dict(), **_labeling_record(labeling)}
+        name: {**evaluation.to_dict(), **_labeling_record(labeling, marginals)}
         for name, evaluation, labeling in zip(
             names, method.evaluations, method.labelings, strict=True
         )
@@ -130,9 +142,14 @@ def _door_record(doors: DoorScores) -> dict[str, Any]:
     return {name: getattr(doors, name) for name in names}
 
 
-def _labeling_record(labeling: Labeling) -> dict[str, Any]:
-    names = ("score", "bound", "gap", "info")
-    return {"status": str(labeling.status)} | {name: getattr(labeling, name) for name in names}
+def _labeling_record(labeling: Labeling, marginals: bool) -> dict[str, Any]:
+    record = {name: getattr(labeling, name) for name in ("score", "bound", "gap")}
+    info = {
+        name: value
+        for name, value in labeling.info.items()
+        if marginals or name != "node_marginals"
+    }
+    return {"status": str(labeling.status), **record, "info": info}
 
 
 def _plain(value: Any) -> Any:

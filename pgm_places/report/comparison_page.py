@@ -138,9 +138,12 @@ def report_page(comparison: Comparison) -> str:
         results=[(method, _row(method, comparison)) for method in comparison.methods],
         results_by_label=[(item, _row_by_label(item, comparison)) for item in comparison.methods],
         doors=[
-            (method, DoorScores.total(method.doors), method.doors)
-            for method in comparison.methods
-            if method.doors
+            (name, DoorScores.total(by_map), by_map)
+            for name, by_map in (
+                *((method.id, method.doors) for method in comparison.methods),
+                ("gates, before any method", comparison.gates),
+            )
+            if by_map
         ],
         by_unit=[
             (method, comparison.by_unit(method))

@@ -111,19 +111,41 @@ def _ends(method: MethodResult) -> tuple[float, float]:
 
 
 def _headline(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
+    """What the two differ in: how many nodes they label correctly, and how evenly over labels."""
     found = comparison.judgement.between(first.id, second.id)
-    unit = comparison.unit
     one, other = (100 * item.evaluation.accuracy for item in (first, second))
-    values, points = f"{one:.1f} against {other:.1f} %", difference_words(found)
-    if found.winner is not None:
-        return f"{first.id} labels more {unit}s correctly than {second.id}: {values}, {points}"
-    pair = f"{first.id} and {second.id}"
-    return f"No difference is shown between {pair}: {values} of the {unit}s are right, {points}"
+    values = f"{one:.1f} against {other:.1f} %"
+    if found.winner is None:
+        text = f"No difference in accuracy is shown between {first.id} and {second.id}: "
+        text += f"{values} of the {comparison.unit}s are right"
+    else:
+        text = f"{first.id} labels {_points(100 * found.shown)} more {comparison.unit}s correctly "
+        text += f"than {second.id}: {values}"
+    return f"{text} {_evidence(found)}; {_balance(comparison, first, second)}"
 
 
-def difference_words(found: Difference) -> str:
-    """A difference with its interval and its buildings, in words."""
-    text = f"a difference of {_points(100 * found.interval.estimate)} (95 %: {_span(found)})"
+def _balance(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
+    """Which of two finds more of every label, with the label that shows it most."""
+    found = comparison.judgement.between(first.id, second.id, "balanced_accuracy")
+    one, other = (100 * item.evaluation.balanced_accuracy for item in (first, second))
+    if found.winner is None:
+        return f"balanced accuracy is {one:.1f} against {other:.1f} %, within chance"
+    ahead, behind = (first, second) if found.winner == first.id else (second, first)
+    recalls = [
+        (name, ahead.evaluation.recall[name], behind.evaluation.recall[name])
+        for name in comparison.label_names
+    ]
+    known = [(name, a, b) for name, a, b in recalls if a is not None and b is not None]
+    name, more, less = max(known, key=lambda item: item[1] - item[2])
+    return (
+        f"{ahead.id} finds {100 * more:.0f} % of the {name} {comparison.unit}s, {behind.id} "
+        f"{100 * less:.0f} % (balanced accuracy {one:.1f} against {other:.1f} %)"
+    )
+
+
+def _evidence(found: Difference) -> str:
+    """The interval of a difference, and in which buildings and with which seeds it is one."""
+    text = f"(95 % interval of the difference: {_span(found)} points)"
     signs = found.buildings
     if signs.n_buildings > 1:
         text += f", ahead in {signs.better} and behind in {signs.worse} of {signs.n_buildings} "
@@ -146,7 +168,7 @@ def _standing_words(
     ):
         return f"the same labels as {top.id}"
     found = comparison.judgement.between(top.id, method.id)
-    behind = f"{_points(100 * found.interval.estimate)} behind {top.id} ({_span(found)})"
+    behind = f"{_points(100 * found.shown)} behind {top.id} ({_span(found)})"
     return behind if found.winner == top.id else f"{behind}: not beyond chance"
 
 
@@ -174,7 +196,7 @@ def _learning(method: MethodResult) -> str:
     if method.learned_with is not None:
         return f"learns with {method.learned_with}"
     learn = method.seconds.get("learn", 0.0)
-    return f"learns for {_duration(learn)}" if learn >= 0.01 else "learns nothing"
+    return f"learns in {_duration(learn)}" if learn else "needs no learning"
 
 
 def _duration(seconds: float) -> str:

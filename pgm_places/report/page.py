@@ -68,6 +68,9 @@ def _environment(folder: Path) -> Environment:
         "counted": lambda number, noun: f"{number:,} {noun}{'' if number == 1 else 's'}",
         "figure": lambda value: _or_dash(value, ",.3f"),
         "percent": _percent,
+        "spent": lambda value: (
+            "< 0.01" if value and value < 0.01 else _or_dash(value or None, ".2f")
+        ),
         "plain": _plain,
         "seconds": lambda value: _or_dash(value, ".2f" if value is None or value < 10 else ".1f"),
         "signed": lambda share: points(share).replace("-", "−"),  # a difference, in points

@@ -55,14 +55,14 @@ class DoorScores:
         return self.accepted - self.right
 
     @property
-    def recall(self) -> float:
-        """Recall: share of the doors that were found; 1 if there are none."""
-        return self.found / self.doors if self.doors else 1.0
+    def recall(self) -> float | None:
+        """Recall: share of the doors that were found; None if there are none."""
+        return self.found / self.doors if self.doors else None
 
     @property
-    def precision(self) -> float:
-        """Precision: share of the accepted gates that are doors; 1 if there are none."""
-        return self.right / self.accepted if self.accepted else 1.0
+    def precision(self) -> float | None:
+        """Precision: share of the accepted gates that are doors; None if there are none."""
+        return self.right / self.accepted if self.accepted else None
 
 
 @dataclass(frozen=True, eq=False)

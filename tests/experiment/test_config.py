@@ -230,3 +230,18 @@ def test_what_a_preset_set_is_told_from_what_was_given() -> None:
         "given": {"classifier.order": ["room"], "methods.relaxation.max_iterations": 7},
     }
     assert preset_record({"preset": None}) is None
+
+
+def test_ids_may_say_what_a_method_does() -> None:
+    methods = [{"name": "amn", "id": "amn (C = 10, lp) [raw]"}, {"name": "amn", "id": "a/b"}]
+    base = {
+        "labels": {"names": ["corridor", "room"]},
+        "train": [{"generated": 1}],
+        "test": [{"generated": 2}],
+    }
+    config = parse_config({**base, "methods": methods[:1]})
+    assert config.methods[0].id == "amn (C = 10, lp) [raw]"
+    with pytest.raises(
+        ConfigError, match=r"letters, digits, spaces and _\.,\+=\(\)\[\]-.* got 'a/b'"
+    ):
+        parse_config({**base, "methods": methods[1:]})

@@ -112,7 +112,7 @@ def test_methods_that_cannot_label_maps_are_refused_before_maps_are_read(
     assert not experiment.seconds
 
 
-def test_doors_are_counted_by_gates_where_a_method_sees_spaces_and_by_labels_elsewhere() -> None:
+def test_doors_are_counted_by_what_each_method_labels_and_gates_by_themselves() -> None:
     methods = [
         {"name": "independent", "id": "laser", "unary": "laser"},
         {"name": "independent", "id": "space", "unary": "space"},
@@ -122,15 +122,16 @@ def test_doors_are_counted_by_gates_where_a_method_sees_spaces_and_by_labels_els
     [item] = found.maps
     laser, space = found.methods
     truth = np.where(item.window, item.truth, -1)
-    painted = item.layout.to_raster(laser.labelings[0].labels.astype(np.int16), fill=-1)
-    match = match_painted(painted, item.grid, truth, 2)
-    assert laser.doors == (match.scores(np.ones(len(match.door), np.bool_)),)
+    for method in (laser, space):
+        painted = item.layout.to_raster(method.labelings[0].labels.astype(np.int16), fill=-1)
+        match = match_painted(painted, item.grid, truth, 2)
+        assert method.doors == (match.scores(np.ones(len(match.door), np.bool_)),)
     trained = train(Experiment(given, Path())).labeler
     model = trained.unary_model_.space
     assert model is not None
     spaces = model.spaces(item.grid)
     by_gates = match_doors(spaces.gates, truth, 2).scores(spaces.places.accepted)
-    assert space.doors == (by_gates,)
+    assert found.gates == (by_gates,)
     assert by_gates.doors == laser.doors[0].doors > 0
     assert by_gates.accepted > 0
 

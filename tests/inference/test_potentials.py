@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pgm_places import LabelGraph, Potentials, score
 from pgm_places.errors import InputError
+from pgm_places.models.decoding import decode
 from pgm_places.solvers.pairwise import pairwise_model
 
 
@@ -99,3 +100,22 @@ def test_labels_on_a_scale_cost_their_distance_and_are_passed_on_as_such(
 def test_distances_that_mean_nothing_are_refused(arguments: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         Potentials.by_distance(np.zeros((2, 3)), **arguments)
+
+
+def test_potts_takes_a_weight_for_each_edge() -> None:
+    rng = np.random.default_rng(3)
+    graph = LabelGraph.from_edges(4, [(0, 1), (1, 2), (0, 3), (2, 3)])
+    unary, weight = rng.normal(size=(4, 3)), np.array([0.5, 0.0, 2.0, 1.0])
+    potentials = Potentials.potts(unary, weight)
+    tables = weight[:, None, None] * np.eye(3)
+    every = list(itertools.product(range(3), repeat=4))
+    by_hand = [score_by_hand(graph, unary, tables, labels) for labels in every]
+    found = [score(graph, potentials, labels) for labels in every]
+    np.testing.assert_allclose(found, by_hand, rtol=1e-12, atol=1e-12)
+    for method in ("graph-cut", "trw-s", "exact", "lp"):
+        decoded = decode(graph, potentials, method)
+        assert decoded.score == pytest.approx(max(by_hand), abs=1e-9), method
+    with pytest.raises(InputError, match="3 rows but the graph has 4 edges"):
+        score(graph, Potentials.potts(unary, weight[:3]), every[0])
+    with pytest.raises(InputError, match="weight must have shape"):
+        Potentials.potts(unary, weight[:, None])

@@ -31,7 +31,7 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "text": (lambda: Potentials([["1", "2"]]), "unary must be an array of numbers: its type is"),  # type: ignore[arg-type]
     "complex": (lambda: Potentials(FLAT + 1j), "unary must be an array of numbers: its type is co"),
     "ragged tables": (lambda: Potentials(FLAT, pairwise=[[1], [1, 2]]), "pairwise must be an arra"),  # type: ignore[arg-type]
-    "weight": (lambda: Potentials.potts(FLAT, "high"), "weight must be an array of numbers"),  # type: ignore[arg-type]
+    "weight": (lambda: Potentials.potts(FLAT, "high"), "weight must be an array of numbers"),
     "sparse unary": (
         lambda: LabelingProblem(GRAPH, NAMES, sp.csr_array(FLAT)),  # type: ignore[arg-type]
         r"unary must be an array of numbers, got a sparse one; give its toarray\(\)",
