@@ -185,13 +185,15 @@ def decode_cliques_as(
 ) -> Labeling:
     """What a decoder finds, with the problem's cliques if it has some, as a method's options say.
 
-    Those are ``certify``, ``max_iterations`` and ``clique_dissent``.
+    Those are ``certify``, ``max_iterations``, ``clique_dissent`` and ``damping``, which sets of
+    nodes do not know.
     """
     how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
 
     def decoded(given: Potentials, order: NDArray[np.int64]) -> Labeling:
         if problem.cliques is None:
-            return decode(problem.graph, given, inference, **how)
+            damping = getattr(method, "damping", None)
+            return decode(problem.graph, given, inference, damping=damping, **how)
         earned = np.asarray(weight)[..., order] if np.ndim(weight) else weight
         sets = {"weight": earned, "dissent": method.clique_dissent}
         return decode_with_cliques(problem.graph, given, problem.cliques, inference, **how, **sets)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
+from pgm_places.solvers.likelihood import maximize_likelihood
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
 from pgm_places.solvers.table_field import TableField
 from pgm_places.solvers.table_margin import (
@@ -37,12 +37,6 @@ from pgm_places.solvers.table_margin import (
 )
 
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
-
-_KINDS: dict[str, Likelihood] = {
-    "likelihood": "exact",
-    "pseudo-likelihood": "pseudo",
-    "piecewise": "piecewise",
-}
 
 # How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
 # single nodes.
@@ -119,7 +113,7 @@ def learn(
             task.field,
             task.labels,
             penalty,
-            kind=_KINDS[options.learner],
+            kind=cast(Likelihood, options.learner),
             start=start,
             node_weight=task.weight,
             told=task.told,

@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import integer_array
-from pgm_places.errors import InputError, SolverError
+from pgm_places.errors import InputError, SolverError, shown
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
+from pgm_places.models.contradictions import naming_the_node
 from pgm_places.models.decoders import named_decoder
-from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
+from pgm_places.models.decoding_task import Damping, DecodingAnswer, DecodingTask
 
 # A gap below this share of the score, and of the problem's size or of what the labelling loses
 # against the best value of every term, is rounding: it is closed. Some roundings of a number; the
@@ -31,6 +33,7 @@ CERTIFY_TOLERANCE = 1e-9
 CERTIFY_ITERATIONS = 100
 
 
+@public
 def decode(
     graph: LabelGraph,
     potentials: Potentials,
@@ -39,6 +42,7 @@ def decode(
     known: ArrayLike | None = None,
     certify: bool = False,
     max_iterations: int | None = None,
+    damping: Damping | None = None,
     on_iteration: Callable[[int, float], None] | None = None,
     inside: bool = False,
     decoder: Callable[[DecodingTask], DecodingAnswer] | None = None,
@@ -63,6 +67,11 @@ def decode(
         Limit on sweeps, passes, iterations or (``toulbar2``) backtracks instead of the method's
         own; ``lp`` and ``exact`` have none, nor have ``max-product`` and ``sum-product`` without
         cycles: they take two.
+    damping : float, optional
+        Share of its old value that each message or belief keeps in an iteration, from 0 to below 1,
+        instead of the method's own: half for ``max-product`` on graphs with cycles, where messages
+        without it settle at poor labellings, and none for ``sum-product`` and ``mean-field``. The
+        other methods have none.
     on_iteration : callable, optional
         Called after each of them with its number and the method's figure: score (``graph-cut``),
         bound (``trw-s``), changed nodes (``icm``), largest change (the others).
@@ -92,8 +101,9 @@ def decode(
     ConfigError
         No such method; the message offers the nearest name.
     InputError
-        The method cannot take these potentials or this graph, or they do not fit each other; or
-        it is proved that they forbid every labelling.
+        The method cannot take these potentials or this graph, or they do not fit each other.
+    InfeasibleError
+        It is proved that they forbid every labelling; a node without any label is named.
     SolverError
         A decoder that was added claims what is false: labels that do not exist, a bound below the
         score of its own labelling, or ``EXACT`` beside a bound that leaves a gap.
@@ -116,12 +126,13 @@ def decode(
         if on_iteration is not None:
             on_iteration(iteration, value)
 
-    task = DecodingTask(graph, potentials, record, max_iterations, inside)
-    answer = run(task)
-    _check_form(method, answer, potentials)
-    total = score(graph, potentials, answer.labels)
-    if total == -np.inf:
-        answer = _repaired(task, answer)
+    task = DecodingTask(graph, potentials, record, max_iterations, inside, damping)
+    with naming_the_node(graph, potentials):
+        answer = run(task)
+        _check_form(method, answer, potentials)
+        total = score(graph, potentials, answer.labels)
+        if total == -np.inf:
+            answer = _repaired(task, answer)
         total = score(graph, potentials, answer.labels)
     info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
@@ -160,6 +171,8 @@ def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
 
 def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> None:
     """Raise SolverError unless there is a label for each node and, if any, a belief for each."""
+    if not isinstance(answer, DecodingAnswer):
+        raise SolverError(f"decoder {name!r} must return a DecodingAnswer, got {shown(answer)}")
     shape = potentials.n_nodes, potentials.n_labels
     try:
         integer_array("its labels", answer.labels, shape[:1], low=0, high=shape[1])

@@ -3,17 +3,22 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge, Lt
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials
 
 if TYPE_CHECKING:
     from pgm_places.solvers.pairwise import PairwiseModel
+
+
+Damping = Annotated[float, Ge(0), Lt(1)]
+"""Share of an old message or belief that an iteration keeps."""
 
 
 def model_of(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
@@ -37,6 +42,8 @@ class DecodingTask:
         Of the iterations, where the user has set one.
     inside : bool
         Whether ``info`` is to show what led to the answer, where there is something to show.
+    damping : float, optional
+        Share of the old messages or beliefs that an iteration keeps, where the user has set one.
     """
 
     graph: LabelGraph
@@ -44,6 +51,7 @@ class DecodingTask:
     record: Callable[[int, float], None]
     limit: int | None = None
     inside: bool = False
+    damping: float | None = None
 
     @cached_property
     def model(self) -> "PairwiseModel":
@@ -56,6 +64,10 @@ class DecodingTask:
         if self.limit is not None:
             chosen[name] = self.limit
         return chosen
+
+    def damped(self, default: float = 0.0) -> dict[str, Any]:
+        """The same with a damping, for solvers that have one."""
+        return {**self.limited(), "damping": default if self.damping is None else self.damping}
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array, require_type
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
@@ -35,6 +36,7 @@ AROUND = 8
 PRIOR_SHARE = 0.1
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class GaussianEM:
     """What was learned.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, integer_array, require_type, set_fields
 from pgm_places._option_marks import Ge, Gt, Le, Lt
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling
@@ -53,6 +54,7 @@ class TermSizes(NamedTuple):
         return np.concatenate([of_nodes, of_edges, of_cliques])
 
 
+@travels
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearModel(LearnedNames):
     """The options and learned arrays that networks and fields share; a model adds its own.

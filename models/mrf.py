@@ -17,6 +17,7 @@ from pgm_places.inference.problem import LabelingProblem, evident_unary, labelle
 from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
+from pgm_places.models.decoding_task import Damping
 from pgm_places.options import AtLeastZero, Options, Whole
 
 # Weights that are tried on labelled nodes, in units of the default, which wins among equals.
@@ -55,6 +56,9 @@ class PottsField(Options):
         :mod:`pgm_places.solvers.set_terms`.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
+    damping : float, optional
+        What messages and beliefs keep of their old value in an iteration, instead of the decoder's
+        own share, for ``max-product``, ``sum-product`` and ``mean-field``.
     temperature : float or "auto"
         What divides the logarithms of the beliefs that a decoder gives; labels never change.
         ``"auto"`` is 1 until a labeler of maps or of problems has scores of nodes by classifiers
@@ -78,6 +82,7 @@ class PottsField(Options):
     clique_weight: AtLeastZero = 0.5
     clique_dissent: Annotated[float, Gt(0), Le(1)] = 0.5
     max_iterations: Whole | None = None
+    damping: Damping | None = None
     temperature: Temperature = "auto"
 
     @property

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, row_blocks, sealed
 from pgm_places._option_marks import Ge, Lt
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
@@ -27,6 +28,7 @@ from pgm_places.solvers.compatibility import (
 from pgm_places.solvers.relaxation import OnIteration, Relaxed, relax_graph
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class Relaxation(LearnedNames):
     """Lets every node revise its beliefs by those of its neighbours, all at once, again and again.

@@ -96,11 +96,15 @@ def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArr
         raise InputError(
             f"{name} must be an array of numbers, got a sparse one; give its toarray()"
         )
+    if np.ma.is_masked(values):
+        raise InputError(f"{name} has masked values; fill them, or leave their rows out")
     try:
         array = np.asarray(values)
         if array.dtype.kind in "cSU":
             raise ValueError(f"its type is {array.dtype}")
-        return array if dtype is None else array.astype(dtype, copy=False)
+        if dtype is None:  # their own, unless that is Python objects
+            return array.astype(np.float64) if array.dtype.kind == "O" else array
+        return array.astype(dtype, copy=False)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} must be an array of numbers: {error}") from None
 
@@ -230,6 +234,18 @@ def integer_array(
     if narrow and array.dtype == np.int32:
         return array
     return array.astype(np.int64, copy=False)
+
+
+def node_mask(nodes: ArrayLike, n_nodes: int) -> NDArray[np.bool_]:
+    """A mask (N,) of nodes; their numbers are refused, which would be another choice as a mask."""
+    mask = np.asarray(nodes)
+    if mask.dtype != np.bool_:
+        raise InputError(
+            f"nodes must be a mask of True and False, got {mask.dtype}; of node numbers it is "
+            "np.isin(np.arange(n_nodes), numbers)"
+        )
+    require_shape("the mask of nodes", mask.shape, (n_nodes,))
+    return mask
 
 
 def cell_list(cells_rc: ArrayLike) -> NDArray[Any]:

@@ -36,6 +36,14 @@ class ConfigError(InputError):
     """A configuration file, or an option of a method, is not understood."""
 
 
+class OptionError(ConfigError):
+    """A value that an option does not accept; callers that know where it came from add that."""
+
+    def __init__(self, option: str, problem: str) -> None:
+        super().__init__(f"{option} {problem}")
+        self.option, self.problem = option, problem
+
+
 class InfeasibleError(InputError):
     """Potentials that forbid every labelling, which has been proved."""
 
@@ -80,6 +88,7 @@ _HIDDEN = re.compile(
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # line separators, and marks that turn text around
     "\ud800-\udfff\ufffe\uffff]"  # halves of characters, and what is none
 )
+_BREAK = re.compile(r"\s*\n\s*")
 _MOST_NAMES, _LONGEST_NAME = 50, 100
 _shown = reprlib.Repr()
 _shown.maxstring = _shown.maxother = _shown.maxlong = 120
@@ -114,7 +123,7 @@ def is_printable(text: str) -> bool:
 
 def shown(value: object) -> str:
     """A value for a message, shortened: what came may be megabytes, or nested a thousand deep."""
-    return _shown.repr(value)
+    return _BREAK.sub(" ", _shown.repr(value))
 
 
 def nearest_name(name: str, known: Sequence[str], *, never: Container[str] = ()) -> str:

@@ -29,6 +29,7 @@ from pgm_places._option_marks import (
     wanted,
 )
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
+from pgm_places.errors import OptionError as OptionError
 
 AtLeastZero = Annotated[float, Ge(0)]
 AtLeastZeroOrInfinite = Annotated[float, Ge(0), OrInfinite()]
@@ -44,14 +45,6 @@ T = TypeVar("T")
 
 _PARAMETER = re.compile(r"^(\w[\w, ]*)(?: : ([^\n]*))?\n((?: +[^\n]*\n?)+)", re.MULTILINE)
 """One entry of a docstring's parameters: names, what they take, and what is said of them."""
-
-
-class OptionError(ConfigError):
-    """A value that an option does not accept; callers that know where it came from add that."""
-
-    def __init__(self, option: str, problem: str) -> None:
-        super().__init__(f"{option} {problem}")
-        self.option, self.problem = option, problem
 
 
 def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:

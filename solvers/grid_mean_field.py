@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, row_blocks, sealed
 from pgm_places._core import row_starts, update_rows
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.solvers.kept_field import Rule, current_field
 from pgm_places.solvers.mean_field import normalised
@@ -161,7 +161,9 @@ def _start(unary: NDArray[np.float64]) -> NDArray[np.float32]:
     for some in row_blocks(len(unary)):
         barred = some.start + np.flatnonzero(unary[some].max(axis=1, initial=-np.inf) == -np.inf)
         if len(barred):
-            raise InputError(f"unary forbids every label at node {barred[0]}; allow at least one")
+            raise InfeasibleError(
+                f"unary forbids every label at node {barred[0]}; allow at least one"
+            )
         beliefs[some] = normalised(unary[some])
     return beliefs
 

@@ -6,10 +6,10 @@ Learning minimises, with N labelled nodes and the true labels t, ::
 
 where L is minus the logarithm of one of
 
-``exact``
+``likelihood``
     p(t), its partition function by dynamic programming (J. Lafferty, A. McCallum, F. Pereira,
     "Conditional random fields", ICML 2001);
-``pseudo``
+``pseudo-likelihood``
     the product of p(t_i | labels of its neighbours) (J. Besag, "Statistical analysis of non-lattice
     data", The Statistician 1975);
 ``piecewise``
@@ -17,12 +17,12 @@ where L is minus the logarithm of one of
     ends' unaries; no larger than p(t) (C. Sutton, A. McCallum, "Piecewise training for undirected
     models", UAI 2005).
 
-With weights v of the nodes, the mean is one of weights: a node's term counts v_i (``pseudo``), a
-pair's as the lighter of its ends (``piecewise``), and a connected part of the graph as a whole
-(``exact``).
+With weights v of the nodes, the mean is one of weights: a node's term counts v_i
+(``pseudo-likelihood``), a pair's as the lighter of its ends (``piecewise``), and a connected part
+of the graph as a whole (``likelihood``).
 
-Nodes of unknown label are summed over (``exact`` and ``piecewise``) or expected (``pseudo``); f is
-then no longer convex.
+Nodes of unknown label are summed over (``likelihood`` and ``piecewise``) or expected
+(``pseudo-likelihood``); f is then no longer convex.
 """
 
 import time
@@ -52,9 +52,9 @@ from pgm_places.solvers.margin_solution import (
 )
 from pgm_places.solvers.table_field import TableField
 
-Likelihood = Literal["exact", "pseudo", "piecewise"]
+Likelihood = Literal["likelihood", "pseudo-likelihood", "piecewise"]
 
-# How often ``pseudo`` expects the unknown labels anew; they move little after the first few.
+# How often the unknown labels are expected anew; they move little after the first few.
 HIDDEN_ROUNDS = 20
 
 # Unknown labels are at rest when no probability moved by more than this.
@@ -68,7 +68,7 @@ def negative_log_likelihood(
     field: TableField,
     labels: NDArray[np.int64],
     weights: NDArray[np.float64],
-    kind: Likelihood = "exact",
+    kind: Likelihood = "likelihood",
     expected: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
 ) -> tuple[float, NDArray[np.float64]]:
@@ -80,16 +80,16 @@ def negative_log_likelihood(
     labels : (N,) int
         The true label of each node, -1 where it is unknown.
     weights : (n_weights,) float
-    kind : {"exact", "pseudo", "piecewise"}
+    kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     expected : (N, K) float, optional
-        For ``pseudo``: the probabilities of the unknown labels; uniform where not given.
+        For ``pseudo-likelihood``: the probabilities of the unknown labels; uniform where not given.
     node_weight : (N,) float, optional
         What each node counts.
 
     Raises
     ------
     InputError
-        ``exact`` on a graph with a cycle, or with different weights in one connected part.
+        ``likelihood`` on a graph with a cycle, or with different weights in one connected part.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def maximize_likelihood(
     labels: NDArray[np.int64],
     penalty: float,
     *,
-    kind: Likelihood = "exact",
+    kind: Likelihood = "likelihood",
     start: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
     told: NDArray[np.int64] | None = None,
@@ -128,7 +128,7 @@ def maximize_likelihood(
         The true label of each node, -1 where it is unknown.
     penalty : float
         C.
-    kind : {"exact", "pseudo", "piecewise"}
+    kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     start : (n_weights,) float, optional
         Where to begin instead of at 0.
     node_weight : (N,) float, optional
@@ -138,7 +138,8 @@ def maximize_likelihood(
     tolerance : float
         The relative gap at which learning ends.
     max_iterations : int
-        Limit of the steps; with ``pseudo`` and unknown labels of each round of expecting them.
+        Limit of the steps; with ``pseudo-likelihood`` and unknown labels of each round of expecting
+        them.
     time_limit_s : float, optional
         Learning ends after this many seconds with the weights so far.
     on_iteration : callable, optional
@@ -147,7 +148,7 @@ def maximize_likelihood(
     Raises
     ------
     InputError
-        No node of a weight above 0 has a label, or ``exact`` on a graph with a cycle or with
+        No node of a weight above 0 has a label, or ``likelihood`` on a graph with a cycle or with
         different weights in one connected part.
 
     Examples
@@ -171,7 +172,7 @@ def maximize_likelihood(
     descent.on_iteration = on_iteration
     weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
     descent.run(weights, max_iterations)
-    if kind == "pseudo" and not descent.is_convex:
+    if kind == "pseudo-likelihood" and not descent.is_convex:
         for _ in range(HIDDEN_ROUNDS):
             if descent.ended or not descent.expect():
                 break
@@ -195,13 +196,13 @@ class _Loss:
                 "weights of cliques are learned by learner='max-margin' only: the sum over all "
                 "labellings of a set is out of reach; take that learner, or leave the cliques out"
             )
-        if self.kind == "exact" and self.node_weight is not None:
+        if self.kind == "likelihood" and self.node_weight is not None:
             require_equal_ends(self.field, self.node_weight)
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64] | None:
         """(n_weights,) phi of the labels, where that is all that L takes of them."""
-        plain = self.kind == "exact" and self.node_weight is None and (self.labels >= 0).all()
+        plain = self.kind == "likelihood" and self.node_weight is None and (self.labels >= 0).all()
         return self.field.features_of(self.labels) if plain else None
 
     def at(
@@ -210,11 +211,11 @@ class _Loss:
         """See :func:`negative_log_likelihood`."""
         field, labels, node_weight = self.field, self.labels, self.node_weight
         potentials = field.potentials(weights)
-        if self.kind == "pseudo":
+        if self.kind == "pseudo-likelihood":
             soft = soft_labels(field, labels, expected)
             asked = labels if self.told is None else np.where(self.told >= 0, -1, labels)
             return pseudo_sums(field, asked, potentials, soft, node_weight)
-        marginals = exact_sums if self.kind == "exact" else piecewise_sums
+        marginals = exact_sums if self.kind == "likelihood" else piecewise_sums
         given = potentials._replace(unary=keep_known(potentials.unary, self.told))
         free = marginals(field, given, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, number_array
 from pgm_places._core import score_labels
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 
 __all__ = ["PairwiseModel", "checked_labels", "label_distances", "pairwise_model", "total_score"]
@@ -169,7 +169,7 @@ def pairwise_model(
         raise InputError(f"unary has {n_nodes} rows but the graph has {around.n_nodes} nodes")
     barred = np.flatnonzero(nodes.max(axis=1) == -np.inf)
     if len(barred):
-        raise InputError(f"unary forbids every label at node {barred[0]}; allow at least one")
+        raise InfeasibleError(f"unary forbids every label at node {barred[0]}; allow at least one")
     if agreement is not None and pairwise is not None:
         raise InputError("give agreement or pairwise, not both")
     if pairwise is not None:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places._core import starting_probabilities, update_parts_of_graph
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.kernels.threads import Crew, resolve_threads
 from pgm_places.solvers.schedule import check_schedule
 
@@ -112,7 +112,7 @@ def starting_beliefs(
     row = np.empty(array.size + LANES)
     stopped = starting_probabilities(np.ascontiguousarray(array), float(floor), row)
     if stopped >= 0:
-        raise InputError(f"unary forbids every label at node {first_node + stopped}")
+        raise InfeasibleError(f"unary forbids every label at node {first_node + stopped}")
     return row[: array.size].reshape(array.shape)
 
 

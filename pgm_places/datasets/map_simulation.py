@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
+from pgm_places._arguments import public_options
 from pgm_places._option_marks import Ge, Le
 from pgm_places.options import OptionError, Probability, check_options, option_values
 
@@ -16,6 +17,7 @@ Factor = Annotated[float, Ge(0.5), Le(2)]
 Count = Annotated[int, Ge(1), Le(20)]
 
 
+@public_options
 @dataclass(frozen=True)
 class MapSimulation:
     """How the robot-like maps of a plan may differ: for each map, a value is drawn from each range.

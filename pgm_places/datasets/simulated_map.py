@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import require_names
 from pgm_places.datasets.bending import pushed
 from pgm_places.datasets.dice import Dice, Scale
@@ -36,6 +37,7 @@ _KNOT_CM = 600
 """The drift changes its direction after so much way."""
 
 
+@public
 def simulate_map(
     plan: LabelledMap,
     label_names: Sequence[str],

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array
+from pgm_places._checks import integer_array, number_array
 from pgm_places.errors import InputError
 
 
@@ -21,7 +21,7 @@ def paired_labels(
     """
     true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
     known = true >= 0
-    chosen = np.asarray(predicted)
+    chosen = number_array("predicted", predicted, None)
     if chosen.shape != true.shape:
         raise InputError(f"predicted must have the shape of truth {true.shape}, got {chosen.shape}")
     if not known.any():

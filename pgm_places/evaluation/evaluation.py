@@ -8,7 +8,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
 from pgm_places.evaluation.confusion import confusion_matrix, mean_of_defined, paired_labels, ratio
@@ -64,6 +66,7 @@ class Reliability:
         }
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """Every figure of merit of a labelling, all from its confusion matrix.
@@ -198,6 +201,7 @@ class Evaluation:
         return dict(zip(self.label_names, _listed(values), strict=True))
 
 
+@public
 def evaluate(
     truth: ArrayLike,
     predicted: ArrayLike,

@@ -22,6 +22,8 @@ def networkx_parts(
     if not hasattr(graph, "nodes") or not hasattr(graph, "edges"):
         raise InputError(f"graph must be a networkx graph, got a {type(graph).__name__}")
     names = tuple(graph.nodes if nodelist is None else nodelist)
+    if not all(isinstance(name, Hashable) for name in names):
+        raise InputError("nodelist must hold names of nodes, got something that is no name")
     index = {name: i for i, name in enumerate(names)}
     if len(index) != len(names) or index.keys() != set(graph.nodes):
         odd = next((name for name in names if name not in graph), None)

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, integer_array, require_type
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class Cliques:
     """Sets of nodes, of any sizes; a node may be in several.

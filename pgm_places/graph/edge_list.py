@@ -135,7 +135,11 @@ def mapped_nodes(
         raise InputError(
             f"values has none for {len(missing)} nodes, the first {missing[0]!r}; give a default"
         )
-    return np.array([values.get(name, default) for name in names])
+    found = [values.get(name, default) for name in names]
+    try:
+        return np.array(found)
+    except ValueError:
+        raise InputError("values of nodes must all have one shape; these differ") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,11 +176,10 @@ class EdgeList:
         """Those of pairs (E, 2) in any order and direction, whose kinds (E,) follow them."""
         pairs = checked_pairs(edges, n_nodes)
         rows = EdgeOrder.of(pairs).rows
-        kind = None if edge_kind is None else np.asarray(edge_kind)
-        if kind is not None and len(kind) != len(pairs):
-            raise InputError(
-                f"edge_kind must have one entry per edge ({len(pairs)}), got {len(kind)}"
-            )
+        kind: NDArray[Any] | None = None
+        if edge_kind is not None:
+            kind = integer_array("edge_kind", edge_kind, (len(pairs),), low=0, high=128)
+            kind = kind.astype(np.int8)
         return cls(np.sort(pairs[rows], axis=1), None if kind is None else kind[rows])
 
     @property
@@ -250,8 +253,9 @@ def path_edges(n_steps: int, loops: ArrayLike | None) -> EdgeList:
     edges = np.stack([steps[:-1], steps[1:]], axis=1)
     kinds = np.full(len(edges), EdgeKind.TIME, np.int8)
     extra = empty_pairs(() if loops is None else loops)
-    if not len(extra):
+    if not np.size(extra):
         return EdgeList(edges, kinds)
+    extra = checked_pairs(extra, n_steps, "loops")
     both = np.append(kinds, np.full(len(extra), EdgeKind.LOOP, np.int8))
     return EdgeList.of(n_steps, np.concatenate([edges, extra]), both)
 

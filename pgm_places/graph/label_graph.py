@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
+from pgm_places._arguments import public
 from pgm_places.errors import InputError
 from pgm_places.graph import edge_list
 from pgm_places.graph._networkx import networkx_parts, to_networkx
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class LabelGraph:
     """An undirected graph whose nodes are to be labelled.
@@ -322,8 +324,7 @@ class LabelGraph:
         A grid's layout is kept (with fewer cells), a trajectory's is dropped; cliques lose the
         nodes that are left out, and those without any node are dropped.
         """
-        keep = np.asarray(nodes, np.bool_)
-        _checks.require_shape("the mask of nodes", keep.shape, (self.n_nodes,))
+        keep = _checks.node_mask(nodes, self.n_nodes)
         return LabelGraph(
             int(keep.sum()),
             self.links.among(keep),

@@ -14,6 +14,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places.errors import ConfigError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -140,6 +141,7 @@ def backend_names() -> list[str]:
     return METHODS.names()
 
 
+@public
 def build(name: str, options: Mapping[str, Any] | None = None, /, **further: Any) -> Any:
     """The method of that name with those options, given as a mapping, by keyword, or both.
 

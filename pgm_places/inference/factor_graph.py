@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array, set_fields
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
@@ -25,6 +26,7 @@ MOST_NODES = 32
 """Of a factor: arrays of any NumPy have so many axes."""
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class FactorGraph:
     """A model whose score is the sum of tables over a few nodes each.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import finite_array, integer_array, row_blocks, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
@@ -52,6 +53,7 @@ _MEANINGS = {
 }
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Labeling:
     """A label for every node.
@@ -108,6 +110,10 @@ class Labeling:
 
     def part(self, nodes: NDArray[np.int64] | slice) -> "Labeling":
         """The labels and beliefs of some nodes, by number or slice; score and bound stay."""
+        try:
+            self.labels[nodes]
+        except IndexError as error:
+            raise InputError(f"nodes must be some of {len(self.labels)}: {error}") from None
         beliefs = None if self.beliefs is None else self.beliefs[nodes]
         return replace(self, labels=self.labels[nodes], beliefs=beliefs)
 

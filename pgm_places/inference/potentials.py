@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
+from pgm_places._arguments import public
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Potentials:
     """Log-potentials of a pairwise Markov random field.
@@ -114,7 +116,7 @@ class Potentials:
         table = _checks.finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
         if power not in (1, 2):
             raise InputError(f"power must be 1 or 2, got {power!r}")
-        steps, most = np.asarray(weight, np.float64), np.asarray(cap, np.float64)
+        steps, most = _checks.number_array("weight", weight), _checks.number_array("cap", cap)
         if max(steps.ndim, most.ndim) > 1:
             raise InputError(
                 f"weight and cap are numbers or one of each edge, got shapes {steps.shape} and "
@@ -180,6 +182,7 @@ def checked_potentials(
     return potentials if known is None else potentials.with_known(known)
 
 
+@public
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:
     """The log-potential of a whole labelling: its unaries plus its edges, larger is better.
 

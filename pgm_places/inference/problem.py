@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
-from pgm_places.errors import InputError
+from pgm_places._arguments import public
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
@@ -16,6 +17,7 @@ from pgm_places.inference.description import ProblemDescription, describe
 from pgm_places.inference.unseen import with_unseen_nodes, with_unseen_rows
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class LabelingProblem:
     """What a backend needs to label a graph.
@@ -196,7 +198,7 @@ class LabelingProblem:
 
     def subproblem(self, nodes: ArrayLike) -> Self:
         """The problem on the nodes where the mask (N,) is true, renumbered in order."""
-        keep = np.asarray(nodes, np.bool_)
+        keep = _checks.node_mask(nodes, self.graph.n_nodes)
         graph = self.graph.subgraph(keep)
         inside = keep[self.graph.edges].all(axis=1)
         sets, of_sets = self.cliques, self.clique_features
@@ -245,6 +247,7 @@ class LabelingProblem:
         Nothing is unseen in it but rows of NaN.
         """
         if self._forbids_some:
+            _checks.require_shape("unary", unary.shape, (self.graph.n_nodes, self.n_labels))
             unary = np.where(self.unary == -np.inf, -np.inf, unary)
         return replace(self, unary=unary, unseen=None)
 
@@ -254,6 +257,7 @@ class LabelingProblem:
         Labels are not allowed where ``unary`` is -inf, and at a node of known label all others.
         The array itself is returned where everything is allowed.
         """
+        _checks.require_shape("scores", scores.shape, (self.graph.n_nodes, self.n_labels))
         if scores is not self.unary and self._forbids_some:
             scores = np.where(self.unary == -np.inf, -np.inf, scores)
         return keep_known(scores, self.known)
@@ -284,7 +288,7 @@ class LabelingProblem:
             best = self.unary[some].max(axis=1, initial=-np.inf)
             barred = some.start + np.flatnonzero(best == -np.inf)
             if len(barred):
-                raise InputError(
+                raise InfeasibleError(
                     f"unary forbids every label at node {self._name(int(barred[0]))}; "
                     "allow at least one, or give a row of zeros where nothing is known"
                 )
@@ -351,7 +355,7 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     """
     if isinstance(problems, LabelingProblem):
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
-    if not isinstance(problems, Iterable):
+    if not isinstance(problems, Iterable) or isinstance(problems, np.ndarray):
         raise InputError(f"problems must be a list of LabelingProblem, got {problems!r}")
     listed = list(problems)
     for number, problem in enumerate(listed):
@@ -371,7 +375,9 @@ def labelled_problems(
         that does not fit its problem.
     """
     problems = listed_problems(problems)
-    if not isinstance(labelings, Iterable):
+    if not isinstance(labelings, Iterable) or (
+        isinstance(labelings, np.ndarray) and not labelings.ndim
+    ):
         raise InputError(f"labelings must be a list, one per problem, got {labelings!r}")
     labelings = list(labelings)
     if not problems or len(problems) != len(labelings):

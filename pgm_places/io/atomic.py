@@ -10,6 +10,7 @@ from typing import Any
 
 from pgm_places.errors import OutputError
 from pgm_places.io import staging
+from pgm_places.io.file_kind import refuse_another_kind
 from pgm_places.io.staging import NEW, can_be_exchanged, file_names, finish, swap_in
 
 
@@ -19,8 +20,10 @@ def write_bytes(path: Path | str, data: bytes) -> Path:
     Raises
     ------
     OutputError
-        Where the file cannot be written. What stood there before is then untouched.
+        Where the file cannot be written, or one of another kind stands there: a map's description,
+        an image, a model. What stood there before is then untouched.
     """
+    refuse_another_kind(Path(path), data)
     with atomic_file(path) as temporary:
         temporary.write_bytes(data)
     return Path(path)

@@ -6,6 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
@@ -16,6 +17,7 @@ from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class JointLabeling:
     """A labelling of the cells of a map and of the steps of a drive.

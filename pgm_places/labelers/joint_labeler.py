@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public_options
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
@@ -30,6 +31,7 @@ LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Weights of the links that are tried, relative to that of all other edges."""
 
 
+@public_options
 @dataclass(eq=False, repr=False)
 class JointLabeler(Labeler):
     """Learns places from labelled maps and drives, and labels both together.

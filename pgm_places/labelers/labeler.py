@@ -41,6 +41,9 @@ import time
 from collections.abc import Callable, Hashable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
+from pgm_places._argument_kinds import NO, check_of, hints_of
+from pgm_places._argument_words import described, words
+from pgm_places._arguments import public_options
 from pgm_places.errors import ConfigError, NotFittedError, nearest_name
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.labelers.method import as_backend
@@ -97,6 +100,7 @@ def _what_is_learned(backend: Any) -> Hashable | None:
     return type(backend), *options, *arrays
 
 
+@public_options
 class Labeler:
     """The base of labelers: options by name, what was learned, and a text that shows the options.
 
@@ -124,9 +128,12 @@ class Labeler:
         ConfigError
             One line: the option, what it takes, what came.
         """
-        for name, hint in inspect.get_annotations(type(self).__init__).items():
+        for name, hint in hints_of(type(self).__init__).items():
+            value = getattr(self, name)
             if _is_limited(hint):
-                check_option(name, hint, getattr(self, name))
+                check_option(name, hint, value)
+            elif check_of(hint)(value) is NO:
+                raise ConfigError(f"{name} must be {words(hint)}, got {described(value)}")
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""

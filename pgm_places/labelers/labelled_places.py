@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places.errors import MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
@@ -118,6 +119,7 @@ class LabelledCells:
     doorways: Doorways | None = None
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class LabelledPlaces:
     """A labelled map, on its own raster.

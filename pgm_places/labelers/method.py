@@ -2,15 +2,17 @@
 
 import dataclasses
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import set_fields
-from pgm_places.errors import ConfigError
+from pgm_places._argument_words import described
+from pgm_places._arguments import public_options
+from pgm_places._checks import integer_array, set_fields
+from pgm_places.errors import ConfigError, shown
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build, traits_of
 from pgm_places.inference.labeling import Labeling, keep_evidence
 from pgm_places.inference.problem import LabelingProblem
@@ -29,11 +31,13 @@ def as_backend(method: Any) -> Backend:
         Neither a name nor something that can infer.
     """
     backend = build(method) if isinstance(method, str) else method
-    if isinstance(backend, type) or not isinstance(backend, Backend):
-        raise ConfigError(f"a method must be a backend or a method's name, got {method!r}")
+    is_labeler = hasattr(backend, "set_learned")
+    if isinstance(backend, type) or is_labeler or not isinstance(backend, Backend):
+        raise ConfigError(f"a method must be a backend or a method's name, got {described(method)}")
     return backend
 
 
+@public_options
 @dataclass(frozen=True)
 class PlaceMethod:
     """A backend and which unary it is given.
@@ -76,8 +80,8 @@ def place_methods(
     ConfigError
         There is none, or one wants scores that the labeler does not compute.
     """
-    if isinstance(given, str):
-        raise ConfigError(f"methods must be a mapping or a list of names, got {given!r}")
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise ConfigError(f"methods must be a mapping or a list of names, got {shown(given)}")
     named = given if isinstance(given, Mapping) else {name: name for name in given}
     if not named:
         raise ConfigError("a labeler needs at least one method")
@@ -153,6 +157,9 @@ def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None
 
     Evidence holds in it, also where a plug-in knows nothing of evidence.
     """
+    if truth is not None:
+        shape = (problem.graph.n_nodes,)
+        truth = integer_array("truth", truth, shape, low=-1, high=problem.n_labels)
     follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
     options = {"truth": truth} if follows else {}
     return keep_evidence(problem, backend.infer(problem, **options))

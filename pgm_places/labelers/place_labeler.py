@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import ConfigError, nearest_name
+from pgm_places._arguments import public_options
+from pgm_places._checks import label_raster
+from pgm_places.errors import ConfigError, InputError, nearest_name
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import traits_of
@@ -15,7 +17,12 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import PlaceMethod, check_labels_maps, infer, place_methods
+from pgm_places.labelers.method import (
+    PlaceMethod,
+    check_labels_maps,
+    infer,
+    place_methods,
+)
 from pgm_places.labelers.place_problem import along_spaces, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -41,6 +48,7 @@ SENSOR = Sensor()
 SPACE = options.SpaceOptions()
 
 
+@public_options
 @dataclass(eq=False, repr=False)
 class PlaceLabeler(Labeler):
     """Learns places from labelled maps and labels others.
@@ -238,6 +246,8 @@ class PlaceLabeler(Labeler):
         of the nodes' features if they are known.
         """
         self.check_fitted()
+        if known is not None:
+            known = label_raster("known", known, grid.shape, n_labels=len(self.label_names_))
         chosen = [self.method(name) for name in (methods or self.methods_)]
         traits = [traits_of(method.backend) for method in chosen]
         graph = LabelGraph.from_grid(grid, connectivity=self.connectivity, mask=mask)
@@ -335,6 +345,8 @@ class PlaceLabeler(Labeler):
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""
         labelings, truths = [], []
+        if not maps:
+            raise InputError("maps must hold at least one LabelledMap, got none")
         for item in maps:
             graph, scores = self.scores(
                 item.grid, mask=item.cells, methods=None if method is None else [method]

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public_options
 from pgm_places._option_marks import Gt, Lt
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
@@ -24,6 +25,7 @@ from pgm_places.progress import Progress, reported
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 
+@public_options
 @dataclass(eq=False, repr=False)
 class StructuredLabeler(Labeler):
     """A classifier that looks at each node alone, and a backend that labels all nodes together.
@@ -339,6 +341,7 @@ class StructuredLabeler(Labeler):
             The nearest name is offered.
         """
         super().check_options()
+        as_backend(self.backend)
         if self.classifier is not None and not hasattr(self.classifier, "predict_proba"):
             raise ConfigError(
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "

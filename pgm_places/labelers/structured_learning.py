@@ -72,7 +72,7 @@ def _numbers(m: int, problem: LabelingProblem, names: list[Any]) -> NDArray[np.i
     return np.array([number[name] for name in names], np.int64)
 
 
-Truth = NDArray[np.int64]
+Truth = NDArray[Any]
 
 Weights = list[NDArray[np.float64]] | None
 

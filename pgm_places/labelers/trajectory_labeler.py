@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public_options
 from pgm_places.errors import NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.threads import threads
-from pgm_places.labelers import trajectory_learning
+from pgm_places.labelers import method as method_use
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.method import as_backend, infer, infer_further, unfitted
 from pgm_places.labelers.online import OnlineLabeler, filter_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.trajectory_learning import KnownMaps
+from pgm_places.labelers.trajectory_learning import KnownMaps, learn_labelers, segment_problem
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -47,6 +47,7 @@ SENSOR = Sensor(max_range_m=REACH_M)
 BEAMS = BeamOptions()
 
 
+@public_options
 @dataclass(eq=False, repr=False)
 class TrajectoryLabeler(Labeler):
     """Learns places from labelled maps and trajectories, and labels trajectories.
@@ -137,7 +138,7 @@ class TrajectoryLabeler(Labeler):
     _call_first: ClassVar[str] = "fit(maps, trajectories), or from_places(places)"
 
     @classmethod
-    def from_places(cls, places: PlaceLabeler, *, every_m: float = EVERY_M) -> Self:
+    def from_places(cls, places: PlaceLabeler, *, every_m: AtLeastZero = EVERY_M) -> Self:
         """One that uses the list of a fitted PlaceLabeler, and what it learned of moving robots.
 
         Parameters
@@ -170,7 +171,7 @@ class TrajectoryLabeler(Labeler):
         method: Any,
         model: ScanModel,
         *,
-        every_m: float = EVERY_M,
+        every_m: AtLeastZero = EVERY_M,
         beams: BeamOptions = BEAMS,
         loop_m: float = 0.0,
         floor: FloorModel | None = None,
@@ -178,7 +179,7 @@ class TrajectoryLabeler(Labeler):
         """One whose list and method were learned elsewhere."""
         labeler = cls(
             tuple(label_names),
-            unfitted(method),
+            method_use.unfitted(method),
             every_m,
             beams,
             model.sensor,
@@ -201,7 +202,7 @@ class TrajectoryLabeler(Labeler):
             An option is not understood.
         """
         super().check_options()
-        as_backend(self.method)
+        method_use.as_backend(self.method)
         if self.floor is not None:
             columns_of(tuple(self.label_names))
             self.beams.check_builds_map("the floor networks look at one")
@@ -240,9 +241,7 @@ class TrajectoryLabeler(Labeler):
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
         with threads(n_threads), reported(progress):
-            trajectory_learning.learn_labelers(
-                self, {"": self.method}, maps, trajectories, extra, known_map
-            )
+            learn_labelers(self, {"": self.method}, maps, trajectories, extra, known_map)
         return self
 
     def fit_methods(
@@ -273,9 +272,7 @@ class TrajectoryLabeler(Labeler):
             As :meth:`fit`.
         """
         with threads(n_threads), reported(progress):
-            return trajectory_learning.learn_labelers(
-                self, methods, maps, trajectories, extra, known_map
-            )[0]
+            return learn_labelers(self, methods, maps, trajectories, extra, known_map)[0]
 
     def online(
         self,
@@ -369,20 +366,21 @@ class TrajectoryLabeler(Labeler):
             truth = segments.majority(truth, len(self.label_names_))
         problem = self.problem(segments, scores)
         if map_prior is None:
-            labeling = infer(self.method_, problem, truth)
+            labeling = method_use.infer(self.method_, problem, truth)
         else:
             map_prior.check_labels(self.label_names_)
             means = segments.means(map_prior.at(trajectory.poses[:, :2]))
-            labeling = infer_further(self.method_, problem, map_prior.log_likelihood(means), truth)
+            further = map_prior.log_likelihood(means)
+            labeling = method_use.infer_further(self.method_, problem, further, truth)
         beliefs = None if labeling.beliefs is None else labeling.beliefs[segments.of_step]
         return replace(labeling, labels=labeling.labels[segments.of_step], beliefs=beliefs)
 
     def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
         """The graph of a trajectory's segments with the mean scores of their steps."""
         self.check_fitted()
-        return trajectory_learning.segment_problem(self, self.method_, segments, scores)
+        return segment_problem(self, self.method_, segments, scores)
 
-    def updated_every(self, every_m: float) -> tuple[Self, float]:
+    def updated_every(self, every_m: AtLeastZero) -> tuple[Self, float]:
         """A fitted copy for another distance between updates, its transitions rescaled.
 
         The second result is how far a probability had to be changed for that: see

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Backend
@@ -23,6 +24,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import Whole
 from pgm_places.progress import Progress, reported, staged, warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -33,6 +35,7 @@ FeaturesOf = Callable[[OccupancyGrid], KeptTable | None]
 """The laser features of a map's free cells at the model's resolution, where some are cached."""
 
 
+@public
 def label_map(
     labeler: PlaceLabeler,
     grid: OccupancyGrid,
@@ -41,7 +44,7 @@ def label_map(
     known: ArrayLike | None = None,
     entered: EnteredOptions | None = None,
     features_of: FeaturesOf | None = None,
-    max_cells: int | None = None,
+    max_cells: Whole | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
@@ -97,7 +100,7 @@ def label(
     *,
     observed: ArrayLike | None = None,
     cache: FeaturesOf | None = None,
-    max_cells: int | None = None,
+    max_cells: Whole | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:

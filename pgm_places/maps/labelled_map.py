@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import require_names, set_fields
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
@@ -14,6 +15,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 __all__ = ["LabelledMap"]
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class LabelledMap:
     """An occupancy grid, the true label of its cells, and the part of it to use.
@@ -79,7 +81,7 @@ class LabelledMap:
 
     def truth(self, graph: LabelGraph) -> NDArray[np.int64]:
         """(N,) label index per node of one of this map's graphs, -1 where unknown."""
-        return graph.layout.from_raster(self.labels).astype(np.int64)  # type: ignore[union-attr]
+        return graph.grid_layout.from_raster(self.labels).astype(np.int64)
 
 
 def require_examples(maps: list[LabelledMap], label_names: tuple[str, ...]) -> None:

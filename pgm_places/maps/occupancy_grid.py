@@ -7,8 +7,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import sealed, set_fields
-from pgm_places.errors import MapError
+from pgm_places._arguments import public_raising
+from pgm_places._checks import number_array, sealed, set_fields
+from pgm_places.errors import InputError, MapError
 
 _RESOLUTIONS_M = (1e-6, 1e3)
 _FARTHEST = 1e9
@@ -33,6 +34,7 @@ def check_resolution(resolution_m: float) -> None:
         )
 
 
+@public_raising(MapError)
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
     """A 2-D map of cells.
@@ -119,7 +121,7 @@ class OccupancyGrid:
 
     def cell_centres_m(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) map-frame positions of the centres of cells given as (row, column)."""
-        cells = np.asarray(cells_rc, np.float64).reshape(-1, 2)
+        cells = _pairs("cells_rc", cells_rc)
         local = (cells[:, ::-1] + 0.5) * self.resolution_m
         return local @ self._rotation.T + np.asarray(self.origin_xy_m)
 
@@ -131,7 +133,7 @@ class OccupancyGrid:
 
     def points_at_m(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) map-frame positions, x before y, in cells from the corner of the raster."""
-        offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(self.origin_xy_m)
+        offset = _pairs("positions_m", positions_m) - np.asarray(self.origin_xy_m)
         return np.asarray(offset @ self._rotation / self.resolution_m)
 
     @property
@@ -142,6 +144,16 @@ class OccupancyGrid:
     def with_cells(self, cells: ArrayLike) -> Self:
         """The same frame with other cells (H, W)."""
         return type(self)(np.asarray(cells), self.resolution_m, self.origin_xy_m, self.yaw_rad)
+
+
+def _pairs(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """(N, 2) numbers, of which a single pair may be (2,)."""
+    array = number_array(name, values)
+    if not array.size:
+        return np.zeros((0, 2))
+    if array.ndim not in (1, 2) or array.shape[-1] != 2:
+        raise InputError(f"{name} must have shape (N, 2), got {array.shape}")
+    return array.reshape(-1, 2)
 
 
 def at_cells(raster: NDArray[Any], cells_rc: NDArray[np.int64], outside: Any) -> NDArray[Any]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from pgm_places._arguments import public
 from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, ModelFileError, OutputError, shown
 from pgm_places.inference.backends import Backend
@@ -58,6 +59,7 @@ class Stored:
     entered: EnteredOptions
 
 
+@public
 def save(
     item: Labeler | Backend,
     folder: Path | str,
@@ -110,6 +112,7 @@ def save(
     return save_folder(folder, {"kind": kind, **manifest, "record": dict(record or {})}, arrays)
 
 
+@public
 def load(folder: Path | str) -> Any:
     """The labeler or the backend in a folder that :func:`save` wrote, also an earlier version's.
 

@@ -7,11 +7,13 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public_options
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, Options, Positive, Probability, Seed, check_options
 
 
+@public_options
 @dataclass(frozen=True)
 class SensorNoise:
     """How readings of a real range sensor differ from the true distance (paper section 7).
@@ -58,6 +60,7 @@ class SensorNoise:
         return self.sigma_m == 0 and self.p_random == 0 and self.p_max == 0
 
 
+@public_options
 @dataclass(frozen=True)
 class Sensor(Options):
     """A laser range finder that sees all around.

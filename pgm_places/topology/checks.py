@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pgm_places._arguments import public
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -38,6 +39,7 @@ class PlaceCheck:
         return self.doubt * self.place.area_m2
 
 
+@public
 def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
     """The places of a map whose probabilities are known, those with most area in doubt first.
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import finite_array, label_raster, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
@@ -17,6 +18,7 @@ from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import AtLeastZero
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.connections import connections_of
@@ -75,6 +77,7 @@ def mean_probabilities(
     return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)
 
 
+@public
 def topological_map(
     grid: OccupancyGrid,
     labels: ArrayLike,
@@ -86,8 +89,8 @@ def topological_map(
     layout: GridLayout | None = None,
     known: EarlierPlaces | None = None,
     own_names: Mapping[int, str] | None = None,
-    tolerance: float = 1.5,
-    min_width_m: float = 0.0,
+    tolerance: AtLeastZero = 1.5,
+    min_width_m: AtLeastZero = 0.0,
     doorways: Doorways | None = None,
 ) -> TopologicalMap:
     """The regions of a labelled map, corrected as in the paper, and their connections.

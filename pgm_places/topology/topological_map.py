@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import require_shape, sealed, set_fields
+from pgm_places._travelling import travels
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
@@ -47,6 +48,7 @@ class Connection:
     border_m: float
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class TopologicalMap:
     """Places of a map and how they are connected (paper section 6.2, Fig. 9).

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pgm_places._arguments import public
 from pgm_places.errors import ModelFileError, nearest_name
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def model_folder(name: str | Path) -> Path:
     )
 
 
+@public
 def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
     """A labeler that needs no training, by name or from a folder.
 
@@ -87,6 +89,7 @@ def trained_floor() -> "FloorModel":
     return floor
 
 
+@public
 def trained_tracker(name: str | Path = TRACKING) -> "TrajectoryLabeler":
     """A labeler of drives that needs no training and no map, by name or from a folder.
 

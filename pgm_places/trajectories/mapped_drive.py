@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from pgm_places._arguments import public
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class MappedDrive:
     """A drive and the labelled map that it goes through.

@@ -8,13 +8,21 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, pose_array, set_fields
+from pgm_places._arguments import public
+from pgm_places._checks import (
+    finite_array,
+    number_array,
+    pose_array,
+    require_at_least,
+    set_fields,
+)
 from pgm_places.errors import InputError
 
 _ANGLE_TOLERANCE_RAD = 2e-4  # a hundredth of a degree
 _GAP_OF_A_FULL_CIRCLE = 1.5  # in beam spacings; a wider gap is a blind sector
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class ScanGeometry:
     """The beams of a laser range finder and the distances that it can tell.
@@ -97,6 +105,7 @@ class ScanGeometry:
         A half circle and a full circle have the beams of :meth:`half_circle` and
         :meth:`full_circle`; other views reach from edge to edge.
         """
+        require_at_least("n_beams", n_beams, 1)
         if np.isclose(view_rad, 2 * pi):
             return cls.full_circle(n_beams, range_max_m=range_max_m)
         if np.isclose(view_rad, pi):
@@ -167,7 +176,7 @@ class ScanGeometry:
         [8.0, 8.0, 3.5]
         """
         with np.errstate(over="ignore"):  # beyond single precision is beyond every sensor
-            readings = np.asarray(readings_m, np.float32)
+            readings = number_array("readings_m", readings_m, np.float32)
         if readings.shape[-1:] != (self.n_beams,):
             raise InputError(
                 f"readings must have {self.n_beams} beams on their last axis, got shape "
@@ -180,9 +189,11 @@ class ScanGeometry:
 
     def returned(self, ranges_m: ArrayLike) -> NDArray[np.bool_]:
         """Mask of the ranges (..., M) at which something was met."""
-        return np.asarray(np.asarray(ranges_m) < np.float32(self.range_max_m))
+        ranges = number_array("ranges_m", ranges_m, None)
+        return np.asarray(ranges < np.float32(self.range_max_m))
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Scan:
     """One scan and where it was taken: what an online labeler is given step by step.

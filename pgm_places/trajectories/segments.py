@@ -5,7 +5,13 @@ from math import hypot
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_at_least
+from pgm_places._checks import (
+    finite_array,
+    integer_array,
+    number_array,
+    require_at_least,
+    require_shape,
+)
 from pgm_places.graph.label_graph import LabelGraph
 
 # Two steps close a loop if the way between them is this many times longer than ``within_m``: a
@@ -137,7 +143,8 @@ class Segments:
 
     def means(self, values: ArrayLike) -> NDArray[np.float64]:
         """(S, D) mean over each segment of values (T, D) of its steps."""
-        rows = np.asarray(values, np.float64)
+        rows = number_array("values", values)
+        require_shape("values", rows.shape[:1], self.of_step.shape)
         if not len(self):
             return np.zeros((0, *rows.shape[1:]))
         lengths = np.diff(self.first, append=len(rows))

@@ -7,10 +7,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 
 
+@public
 @dataclass(frozen=True)
 class Similarity:
     """Turn, scale and shift: ``q = scale * R(rotation_rad) p + translation_m``.

@@ -1,34 +1,35 @@
 """A robot's trajectory: times, poses, scans and places."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import (
     finite_array,
     integer_array,
+    number_array,
     pose_array,
     require_names,
     require_shape,
+    require_type,
     set_fields,
 )
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import at_cells
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.similarity import Similarity
-
-if TYPE_CHECKING:
-    from pgm_places.maps.labelled_map import LabelledMap
-
 
 MOST_STEPS = 100_000_000
 """Of a path that is resampled."""
 
 
+@public
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """T steps of a robot, in the order in which they were recorded.
@@ -143,6 +144,8 @@ class Trajectory:
         taken = list(scans)
         if not taken:
             raise InputError(f"{name}: there is no scan to make a trajectory of")
+        for step, scan in enumerate(taken):
+            require_type(f"scans[{step}]", scan, Scan)
         geometry = taken[0].geometry
         for step, scan in enumerate(taken):
             if scan.geometry is not geometry and not scan.geometry.same_as(geometry):
@@ -162,13 +165,14 @@ class Trajectory:
 
     def with_scans(self, ranges_m: ArrayLike, geometry: ScanGeometry) -> Self:
         """The same steps with other scans (T, M)."""
-        return replace(self, ranges_m=np.asarray(ranges_m, np.float32), geometry=geometry)
+        ranges = number_array("ranges_m", ranges_m, np.float32)
+        return replace(self, ranges_m=ranges, geometry=geometry)
 
-    def with_labels(self, labels: ArrayLike, label_names: Iterable[str]) -> Self:
+    def with_labels(self, labels: ArrayLike, label_names: Sequence[str]) -> Self:
         """The same steps with other labels (T,), -1 where the place is unknown."""
         return replace(self, labels=np.asarray(labels), label_names=tuple(label_names))
 
-    def relabelled(self, new_names: Mapping[str, str], label_names: Iterable[str]) -> Self:
+    def relabelled(self, new_names: Mapping[str, str], label_names: Sequence[str]) -> Self:
         """The same steps with labels that go by other names, several to one where wanted.
 
         Parameters
@@ -200,7 +204,7 @@ class Trajectory:
         ]
         return self.with_labels(np.array([*numbers, -1])[self.labels], names)
 
-    def labelled_by(self, labelled_map: "LabelledMap", label_names: Iterable[str]) -> Self:
+    def labelled_by(self, labelled_map: LabelledMap, label_names: Sequence[str]) -> Self:
         """The same steps with the labels of a map at their positions, -1 outside it or its window.
 
         Raises
@@ -287,6 +291,8 @@ class Trajectory:
         """
         if self.ranges_m is None or self.geometry is None:
             raise InputError(f"{self.name} has no scans; cast them in a map, or read another file")
+        if not -len(self) <= step < len(self):
+            raise InputError(f"step must be one of {len(self)}, got {step}")
         odometry = None if self.odometry is None else self.odometry[step]
         return Scan(
             self.times_s[step], self.poses[step], self.ranges_m[step], self.geometry, odometry

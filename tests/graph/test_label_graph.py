@@ -374,5 +374,7 @@ def test_links_must_fit_the_nodes() -> None:
     layout = GridLayout.of_mask(free)
     with pytest.raises(InputError, match="join 4 cells but the graph has 3 nodes"):
         LabelGraph(3, RasterEdges(layout))
-    with pytest.raises(InputError, match=r"links must be .* got list; LabelGraph.from_edges"):
+    with pytest.raises(
+        InputError, match=r"links must be .* got \[\(0, 1\)\]; LabelGraph.from_edges"
+    ):
         LabelGraph(3, [(0, 1)])  # type: ignore[arg-type]

@@ -138,7 +138,7 @@ def test_what_does_not_fit_is_refused(
     chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
 ) -> None:
     labeler = StructuredLabeler("potts", LogisticRegression())
-    with pytest.raises(InputError, match=r"got a single LabelingProblem; write \[problem\]"):
+    with pytest.raises(InputError, match="1 problems and 4 labelings"):
         labeler.fit(chains[0], truths)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="4 problems and 2 labelings"):
         labeler.fit(chains, truths[:2])
@@ -158,7 +158,7 @@ def test_what_does_not_fit_is_refused(
     with pytest.raises(InputError, match="fitted on labels"):
         other = LabelingProblem(chains[0].graph, ["a", "b", "c"], unary=np.zeros((60, 3)))
         labeler.fit(chains, truths).predict([other])
-    with pytest.raises(InputError, match=r"got a list; lists go to predict\(X\)"):
+    with pytest.raises(InputError, match="problem must be a LabelingProblem, got a list of 4"):
         labeler.label(chains)  # type: ignore[arg-type]
 
 

@@ -40,7 +40,7 @@ def test_yaw_turns_about_the_origin() -> None:
         ),
         (
             {"cells": [[0]], "resolution_m": np.nan},
-            "from 1e-06 to 1000, got nan",
+            "resolution_m must be a finite number, got nan",
         ),
         ({"cells": [[0]], "resolution_m": 1e308}, "from 1e-06 to 1000, got 1e+308"),
         ({"cells": [[0]], "resolution_m": 1, "yaw_rad": np.inf}, "three finite numbers"),

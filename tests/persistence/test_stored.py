@@ -25,7 +25,7 @@ from pgm_places import (
     load,
     save,
 )
-from pgm_places.errors import InputError, ModelFileError, NotFittedError, OutputError
+from pgm_places.errors import InputError, ModelFileError, NotFittedError
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import KINDS, read
@@ -141,7 +141,7 @@ def test_other_kinds_are_refused_where_one_is_wanted(tmp_path: Path) -> None:
 
 
 def test_what_is_no_model_is_not_saved(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="only labelers and backends can be saved, got a Occup"):
+    with pytest.raises(InputError, match="item must be a Labeler or a Backend, got an Occupancy"):
         save(grid(), tmp_path / "model")  # type: ignore[arg-type]
     with pytest.raises(NotFittedError, match=r"this PlaceLabeler .* call fit\(maps\) first"):
         save(PlaceLabeler(["a", "b"]), tmp_path / "model")

@@ -16,7 +16,7 @@ from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood, negat
 from pgm_places.solvers.table_field import TableField, beside
 from tests.reference.energy import Model, distribution, labelings, score
 
-KINDS: tuple[Likelihood, ...] = ("exact", "pseudo", "piecewise")
+KINDS: tuple[Likelihood, ...] = ("likelihood", "pseudo-likelihood", "piecewise")
 
 
 def field(seed: int, *, forest: bool, n: int = 5, k: int = 3, **options: Any) -> TableField:
@@ -50,10 +50,10 @@ def plain(
     model = model_of(found, weights)
     counts = np.ones(found.n_nodes) if node_weight is None else node_weight
     fitting = [y for y in labelings(model) if ((labels < 0) | (labels == y)).all()]
-    if kind == "exact":
+    if kind == "likelihood":
         part = np.logaddexp.reduce([score(model, y) for y in fitting])
         return distribution(model)[1] - float(part)
-    if kind == "pseudo":
+    if kind == "pseudo-likelihood":
         total = 0.0
         for i in range(found.n_nodes):
             one = np.array([score(model, (*labels[:i], k, *labels[i + 1 :])) for k in range(3)])
@@ -82,24 +82,24 @@ def _table(model: Model, edge: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(6))
 def test_likelihoods_are_sums_over_all_labellings(seed: int, kind: Likelihood) -> None:
-    found = field(seed, forest=kind == "exact")
+    found = field(seed, forest=kind == "likelihood")
     weights = weights_of(found, seed)
     labels = np.random.default_rng(seed).integers(0, 3, 5)
     value, _ = negative_log_likelihood(found, labels, weights, kind)
     assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["exact", "piecewise"])
+@pytest.mark.parametrize("kind", ["likelihood", "piecewise"])
 @pytest.mark.parametrize("seed", range(6))
 def test_unknown_labels_are_summed_over(seed: int, kind: Likelihood) -> None:
-    found = field(seed, forest=kind == "exact")
+    found = field(seed, forest=kind == "likelihood")
     weights = weights_of(found, seed)
     labels = np.random.default_rng(seed).integers(-1, 3, 5)
     value, _ = negative_log_likelihood(found, labels, weights, kind)
     assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["pseudo", "piecewise"])
+@pytest.mark.parametrize("kind", ["pseudo-likelihood", "piecewise"])
 @pytest.mark.parametrize("seed", range(4))
 def test_terms_of_nodes_and_pairs_count_by_weight(seed: int, kind: Likelihood) -> None:
     found = field(seed, forest=False)
@@ -116,8 +116,8 @@ def test_connected_parts_count_by_weight_in_the_likelihood(seed: int, lowest: in
     weights, rng = weights_of(parts[0], seed), np.random.default_rng(seed)
     labels = [rng.integers(lowest, 3, 4) for _ in parts]
     counts = np.repeat([0.5, 3.0], 4)
-    by = partial(_weighed, beside(parts), np.concatenate(labels), counts, "exact")
-    alone = [plain(f, y, weights, "exact") for f, y in zip(parts, labels, strict=True)]
+    by = partial(_weighed, beside(parts), np.concatenate(labels), counts, "likelihood")
+    alone = [plain(f, y, weights, "likelihood") for f, y in zip(parts, labels, strict=True)]
     assert by(weights)[0] == pytest.approx(0.5 * alone[0] + 3.0 * alone[1], abs=1e-9)
     assert check_grad(*_parts(by), weights) < 1e-5
 
@@ -126,7 +126,7 @@ def _weighed(found: TableField, labels: Any, counts: Any, kind: Likelihood, weig
     return negative_log_likelihood(found, labels, weights, kind, node_weight=counts)
 
 
-@pytest.mark.parametrize("kind", ["pseudo", "piecewise"])
+@pytest.mark.parametrize("kind", ["pseudo-likelihood", "piecewise"])
 def test_gradients_follow_the_weights_of_nodes(kind: Likelihood) -> None:
     for seed in range(4):
         found = field(seed, forest=False)
@@ -141,7 +141,7 @@ def test_the_likelihood_refuses_different_weights_in_one_part() -> None:
     with pytest.raises(InputError, match="one sample_weight per connected part"):
         maximize_likelihood(found, labels, 1.0, node_weight=np.arange(5.0))
     with pytest.raises(InputError, match="sample_weight is 0 at every labelled node"):
-        maximize_likelihood(found, labels, 1.0, kind="pseudo", node_weight=np.zeros(5))
+        maximize_likelihood(found, labels, 1.0, kind="pseudo-likelihood", node_weight=np.zeros(5))
 
 
 def _parts(function: Any) -> tuple[Any, Any]:
@@ -154,7 +154,7 @@ def _parts(function: Any) -> tuple[Any, Any]:
 @pytest.mark.parametrize("lowest", [0, -1])
 def test_gradients_are_those_of_the_value(kind: Likelihood, symmetric: bool, lowest: int) -> None:
     for seed in range(4):
-        found = field(seed, forest=kind == "exact", symmetric=symmetric)
+        found = field(seed, forest=kind == "likelihood", symmetric=symmetric)
         labels = np.random.default_rng(seed).integers(lowest, 3, 5)
         expected = np.random.default_rng(seed).dirichlet(np.ones(3), 5)
         by: Any = partial(negative_log_likelihood, found, labels, kind=kind, expected=expected)
@@ -168,7 +168,7 @@ def test_the_piecewise_likelihood_is_never_above_the_true_one() -> None:
         weights = weights_of(found, seed)
         labels = np.random.default_rng(seed).integers(0, 3, 5)
         value, _ = negative_log_likelihood(found, labels, weights, "piecewise")
-        assert value >= plain(found, labels, weights, "exact") - 1e-9
+        assert value >= plain(found, labels, weights, "likelihood") - 1e-9
 
 
 def test_symmetric_tables_do_not_tell_the_ends_apart() -> None:
@@ -180,7 +180,7 @@ def test_symmetric_tables_do_not_tell_the_ends_apart() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_optimum_is_proved(kind: Likelihood) -> None:
     """A general-purpose minimiser with another start goes no lower, and the bound holds."""
-    found = field(3, forest=kind == "exact", n=12)
+    found = field(3, forest=kind == "likelihood", n=12)
     labels = np.random.default_rng(3).integers(0, 3, 12)
     learned = maximize_likelihood(found, labels, 20.0, kind=kind, tolerance=1e-7)
 
@@ -234,7 +234,7 @@ def test_edges_with_the_same_features_share_their_counts(lowest: int) -> None:
     found = replace(field(1, forest=True, n=8), edge_features=np.full((6, 2), 0.7))
     labels, weights = np.random.default_rng(1).integers(lowest, 3, 8), weights_of(found, 1)
     by: Any = partial(negative_log_likelihood, found, labels)
-    assert by(weights)[0] == pytest.approx(plain(found, labels, weights, "exact"), abs=1e-9)
+    assert by(weights)[0] == pytest.approx(plain(found, labels, weights, "likelihood"), abs=1e-9)
     assert check_grad(*_parts(by), weights) < 1e-5
 
 
@@ -243,7 +243,7 @@ def test_cycles_and_missing_labels_are_refused() -> None:
     with pytest.raises(InputError, match="needs a graph without cycles"):
         negative_log_likelihood(ring, np.zeros(3, np.int64), np.zeros(ring.n_weights))
     with pytest.raises(InputError, match="at least one labelled node"):
-        maximize_likelihood(ring, np.full(3, -1), 1.0, kind="pseudo")
+        maximize_likelihood(ring, np.full(3, -1), 1.0, kind="pseudo-likelihood")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -258,7 +258,7 @@ def test_unlabelled_nodes_carry_what_the_labelled_ones_say(kind: Likelihood) -> 
     chain = TableField(features, adjacency(n, edges), np.ones((n - 1, 1)), 3)
     learned = maximize_likelihood(chain, labels, 1000.0, kind=kind)
     table = chain.split(learned.weights)[1][0]
-    if kind == "exact":
+    if kind == "likelihood":
         assert table.argmax(axis=1).tolist() == [1, 2, 0]
     assert learned.status == "local_optimum"
     assert learned.lower_bound == 0.0

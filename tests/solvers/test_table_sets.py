@@ -176,7 +176,7 @@ def test_fields_beside_each_other_keep_their_sets() -> None:
 
 def test_likelihoods_refuse_sets() -> None:
     problem = with_sets(7, 2)
-    kinds: tuple[Likelihood, ...] = ("exact", "pseudo", "piecewise")
+    kinds: tuple[Likelihood, ...] = ("likelihood", "pseudo-likelihood", "piecewise")
     for kind in kinds:
         with pytest.raises(InputError, match="cliques are learned by learner='max-margin' only"):
             maximize_likelihood(problem.field, problem.labels, 1.0, kind=kind)

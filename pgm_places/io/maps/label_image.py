@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import label_raster
-from pgm_places.errors import LabelError, nearest_name
+from pgm_places.errors import LabelError, OutputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.file_kind import refuse_another_kind
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps import label_values as coding
 from pgm_places.io.maps.label_values import LabelValues
@@ -96,6 +98,7 @@ def _views(image: NDArray[np.bool_]) -> Iterator[tuple[tuple[str, str], NDArray[
 _log = logging.getLogger(__name__)
 
 
+@public
 def load_labels(
     image_path: Path | str,
     label_names: Sequence[str],
@@ -153,6 +156,7 @@ def load_labels(
     return raster
 
 
+@public
 def save_labels(
     path: Path | str, raster: ArrayLike, label_names: Sequence[str]
 ) -> tuple[Path, Path]:
@@ -175,9 +179,12 @@ def save_labels(
     Raises
     ------
     OutputError
-        Where a file cannot be written.
+        Where a file cannot be written, or one of another kind stands there, such as the map's own
+        description.
     """
     target = Path(path)
+    if not target.name:
+        raise OutputError(f"path must end in the name of a file, got {str(path)!r}")
     names = [str(name) for name in label_names]
     values = coding.default_values(names)
     labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
@@ -187,10 +194,12 @@ def save_labels(
     # NumPy looks up by 64-bit copies of the numbers.
     for rows in bands_of_rows((labels.shape[0], labels.shape[1])):
         stored[rows] = table[labels[rows]]
-    write_bytes(target, _indexed_png(stored, values))
     names_path = target.with_suffix(".yaml")
     listed = "".join(f"  {_quoted(name)}: {value}\n" for name, value in values.items())
-    write_text(names_path, f"ignore: 0\nvalues:\n{listed}")
+    text = f"ignore: 0\nvalues:\n{listed}"
+    refuse_another_kind(names_path, text.encode())  # before the image is written
+    write_bytes(target, _indexed_png(stored, values))
+    write_text(names_path, text)
     return target, names_path
 
 

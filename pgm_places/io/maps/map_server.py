@@ -9,14 +9,17 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PureWindowsPath
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import frozen
+from pgm_places._travelling import travels
 from pgm_places.errors import MapError, OutputError, nearest_name, shown
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.file_kind import refuse_another_kind
 from pgm_places.io.input_file import file_kind, read_bytes, user_path
 from pgm_places.io.maps.map_pixels import (
     FREE_GREY,
@@ -108,6 +111,7 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
 _log = logging.getLogger(__name__)
 
 
+@travels
 @dataclass(frozen=True, eq=False)
 class MapFile:
     """A map as it was read.
@@ -166,6 +170,7 @@ class MapFile:
         return path.parent.name if path.stem == "map" and path.parent.name else path.stem
 
 
+@public
 def load_map(
     path: Path | str,
     *,
@@ -269,6 +274,21 @@ def _with_walls(
     )
 
 
+def as_grid(value: Any) -> OccupancyGrid | None:
+    """The grid of what is one in all but name: of a file's map, a labelled map, a path of a map.
+
+    Raises
+    ------
+    MapError
+        As :func:`load_map`, for a path.
+    """
+    held = getattr(value, "grid", None)
+    if isinstance(held, OccupancyGrid):
+        return held
+    is_path = isinstance(value, str | Path) and Path(value).suffix in (".yaml", ".yml")
+    return load_map(value).grid if is_path else None
+
+
 def _rules(file: YamlFile, compat: Compat) -> PixelRules:
     stated = file.text("mode") if "mode" in file else "trinary"
     mode = stated.lower()  # as Nav2 does
@@ -335,6 +355,7 @@ def _image_path(file: YamlFile, warnings: list[str]) -> tuple[Path, str | None]:
     )
 
 
+@public
 def save_map(
     grid: OccupancyGrid, stem: Path | str, *, image_format: Literal["png", "pgm"] = "png"
 ) -> Path:
@@ -352,30 +373,38 @@ def save_map(
     Raises
     ------
     OutputError
-        Where a file cannot be written.
+        Where a file cannot be written, or one of another kind stands there, such as label names.
     """
     target = Path(stem)
-    check_option("image_format", Literal["png", "pgm"], image_format)
+    if not target.name:
+        raise OutputError(f"stem must be a path that ends in a name, got {str(stem)!r}")
     image_path = target.with_name(f"{target.name}.{image_format}")
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.cells == FREE] = FREE_GREY
     grey[grid.cells == OCCUPIED] = OCCUPIED_GREY
-    write_bytes(image_path, _encoded(grey[::-1], image_format))
+    image = _encoded(grey[::-1], image_format)
+    refuse_another_kind(
+        target.with_name(f"{target.name}.yaml"), _described(image_path, grid, "trinary").encode()
+    )
+    write_bytes(image_path, image)
     return write_description(image_path, grid, "trinary")
 
 
 def write_description(image_path: Path, grid: OccupancyGrid, mode: Mode) -> Path:
     """Write the YAML file of a map's image beside it; the path."""
+    return write_text(image_path.with_suffix(".yaml"), _described(image_path, grid, mode))
+
+
+def _described(image_path: Path, grid: OccupancyGrid, mode: Mode) -> str:
     x, y = grid.origin_xy_m
-    return write_text(
-        image_path.with_suffix(".yaml"),
+    return (
         f"image: {_quoted(image_path.name)}\n"
         f"mode: {mode}\n"
         f"resolution: {grid.resolution_m!r}\n"
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
         "negate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
-        f"free_thresh: {FREE_THRESH}\n",
+        f"free_thresh: {FREE_THRESH}\n"
     )
 
 

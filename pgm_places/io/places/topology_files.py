@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError, LabelError, OutputError, shown
@@ -144,6 +145,7 @@ MAX_BYTES = 64 << 20
 _WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' write it"
 
 
+@public
 def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     """Write a topological map into a folder; the paths written.
 
@@ -189,6 +191,7 @@ def _region_record(region: Region) -> dict[str, Any]:
     return record if region.gate is None else {**record, "gate": gate_record(region.gate)}
 
 
+@public
 def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> TopologicalMap:
     """The topological map that ``save_topology`` wrote into a folder.
 

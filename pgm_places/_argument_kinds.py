@@ -1,0 +1,358 @@
+"""What an annotation takes: a check that returns the value, converted where that is plain."""
+
+import collections.abc
+import enum
+import functools
+import importlib
+import inspect
+import math
+import numbers
+import os
+import types
+import typing
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, arms, bare, marks_of
+
+NO = object()
+"""What a check returns for a value that its annotation does not take."""
+
+Check = Callable[[Any], Any]
+
+CONVERTERS = {
+    "OccupancyGrid": "pgm_places.io.maps.map_server:as_grid",
+    "CellMap": "pgm_places.io.maps.map_server:as_grid",
+}
+"""By the name of a type, what makes one of another value, or returns None; imported when asked."""
+
+
+class ByName(NamedTuple):
+    """Types that only type checkers import, since that takes long: known by their names."""
+
+    names: tuple[str, ...]
+
+
+def hints_of(function: Any) -> dict[str, Any]:
+    """The annotations of the parameters, types that are not imported by their names."""
+    found = {}
+    for name, hint in function.__annotations__.items():
+        holder = types.SimpleNamespace(__annotations__={name: hint})
+        try:
+            resolved = typing.get_type_hints(
+                holder, globalns=_names_around(function), include_extras=True
+            )
+        except (NameError, AttributeError, TypeError):
+            if isinstance(hint, str) and name != "return":
+                parts = hint.partition("[")[0].split("|")
+                found[name] = ByName(tuple(part.strip().rpartition(".")[2] for part in parts))
+            continue
+        found.update(resolved)
+    found.pop("return", None)
+    return found
+
+
+def _names_around(function: Any) -> dict[str, Any]:
+    """Where the annotations of a function are looked up: in its module, whatever made it."""
+    module = importlib.import_module(function.__module__)
+    return {**function.__globals__, **vars(module)}
+
+
+@functools.cache
+def check_of(hint: Any) -> Check:
+    """The check of an annotation: the value, converted where that is plain, or ``NO``."""
+    if isinstance(hint, ByName):
+        return functools.partial(_named, hint.names)
+    if is_array(hint):
+        return functools.partial(_array, None)
+    parts = arms(hint)
+    arrays = [arm for arm in parts if is_array_part(arm)]
+    if arrays:  # the parts of ArrayLike, which a union has taken in
+        others = tuple(arm for arm in parts if not is_array_part(arm) and arm not in SCALARS)
+        return either((*map(_check_of_arm, others), functools.partial(_array, None)))
+    return either(tuple(map(_check_of_arm, parts)))
+
+
+def either(checks: tuple[Check, ...]) -> Check:
+    if len(checks) == 1:
+        return checks[0]
+
+    def check(value: Any) -> Any:
+        for one in checks:
+            found = one(value)
+            if found is not NO:
+                return found
+        return NO
+
+    return check
+
+
+def _check_of_arm(hint: Any) -> Check:
+    marks, kind = marks_of(hint), bare(hint)
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    plain = PLAIN.get(kind)
+    if plain is not None:
+        return functools.partial(_within, plain, marks) if marks else plain
+    if origin is Literal:
+        return functools.partial(_word, inner)
+    if origin is np.ndarray:
+        return functools.partial(_array, kind_of_numbers(inner))
+    if origin is type or kind is type:
+        return _class
+    if origin is tuple and inner and inner[-1] is not Ellipsis:
+        return functools.partial(_tuple, tuple(map(check_of, inner)))
+    if origin in LISTS:
+        return functools.partial(_list, inner[0], check_of(inner[0]), marks)
+    if origin in (collections.abc.Mapping, dict):
+        return functools.partial(_mapping, *map(check_of, inner))
+    if origin in (collections.abc.Callable, collections.abc.Iterable, collections.abc.Iterator):
+        return functools.partial(
+            _has, {collections.abc.Callable: "__call__"}.get(origin, "__iter__")
+        )
+    if isinstance(origin or kind, type):
+        return functools.partial(_instance, origin or kind)
+    return _anything
+
+
+def _anything(value: Any) -> Any:
+    return value
+
+
+def _named(names: tuple[str, ...], value: Any) -> Any:
+    if value is None:
+        return None if "None" in names else NO
+    return value if any(base.__name__ in names for base in type(value).__mro__) else NO
+
+
+def is_none(value: Any) -> Any:
+    return None if value is None else NO
+
+
+def _scalar(value: Any) -> Any:
+    """An array without dimensions as its number."""
+    return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
+def _whole(value: Any) -> Any:
+    value = _scalar(value)
+    is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    return value if is_whole else NO
+
+
+def _real(value: Any) -> Any:
+    value = _scalar(value)
+    is_real = isinstance(value, numbers.Real) and not isinstance(value, bool | np.bool_)
+    return value if is_real and not math.isnan(value) else NO
+
+
+def _truth(value: Any) -> Any:
+    return bool(value) if isinstance(value, bool | np.bool_) else NO
+
+
+def _text(value: Any) -> Any:
+    return value if isinstance(value, str) else NO
+
+
+def _path(value: Any) -> Any:
+    return value if isinstance(value, str | os.PathLike) and os.fspath(value) != "" else NO
+
+
+PLAIN: dict[Any, Check] = {
+    int: _whole,
+    float: _real,
+    bool: _truth,
+    str: _text,
+    Path: _path,
+    os.PathLike: _path,
+    types.NoneType: is_none,
+    Any: _anything,
+    object: _anything,
+}
+SCALARS = (int, float, complex, bool, str, bytes)
+LISTS = (collections.abc.Sequence, collections.abc.Collection, list, tuple)
+
+
+def _within(check: Check, marks: tuple[Any, ...], value: Any) -> Any:
+    found = check(value)
+    if found is NO:
+        return NO
+    fits = all(
+        (not isinstance(mark, Ge) or found >= mark.limit)
+        and (not isinstance(mark, Gt) or found > mark.limit)
+        and (not isinstance(mark, Le) or found <= mark.limit)
+        and (not isinstance(mark, Lt) or found < mark.limit)
+        for mark in marks
+    )
+    return found if fits else NO
+
+
+def _word(words: tuple[Any, ...], value: Any) -> Any:
+    """One of the words, equal and of the same kind: True is not 1."""
+    value = _scalar(value)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, enum.Enum):
+        value = value.value
+    return next((word for word in words if type(value) is type(word) and value == word), NO)
+
+
+def _class(value: Any) -> Any:
+    return value if isinstance(value, type) else NO
+
+
+def _has(member: str, value: Any) -> Any:
+    if isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim):
+        return NO
+    return value if hasattr(value, member) else NO
+
+
+def _tuple(checks: tuple[Check, ...], value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, list | tuple) or len(value) != len(checks):
+        return NO
+    found = tuple(check(item) for check, item in zip(checks, value, strict=True))
+    return NO if any(item is NO for item in found) else found
+
+
+def _list(hint: Any, check: Check, marks: tuple[Any, ...], value: Any) -> Any:
+    """A list whose items are as they should be; one such item is a list of one."""
+    if isinstance(bare(hint), type) and bare(hint).__module__.startswith("pgm_places"):
+        one = check(value)
+        if one is not NO:
+            return [one]
+    if isinstance(value, str | bytes | Mapping | set | frozenset | type):
+        return NO
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return NO
+    if isinstance(value, collections.abc.Iterator):
+        value = list(value)
+    if not hasattr(value, "__len__") or not hasattr(value, "__iter__"):
+        return NO
+    if any(isinstance(mark, MinLen) and len(value) < mark.limit for mark in marks):
+        return NO
+    if check is _anything:
+        return value
+    if isinstance(value, np.ndarray) and value.ndim == 1:
+        value = value.tolist()
+    found = [check(item) for item in value]
+    if any(item is NO for item in found):
+        return NO
+    same = all(new is old for new, old in zip(found, value, strict=True))
+    return value if same else tuple(found) if isinstance(value, tuple) else found
+
+
+def _mapping(key: Check, item: Check, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return NO
+    found = {key(name): item(part) for name, part in value.items()}
+    if NO in found or any(part is NO for part in found.values()):
+        return NO
+    same = all(found.get(name, NO) is part for name, part in value.items())
+    return value if same else found
+
+
+def _instance(cls: Any, value: Any) -> Any:
+    """An instance, an object with all members of a protocol, or what a converter makes one."""
+    if getattr(cls, "_is_protocol", False):
+        fits = not isinstance(value, type) and all(hasattr(value, name) for name in _members(cls))
+    else:
+        fits = isinstance(value, cls)
+    if fits:
+        return value
+    if issubclass(cls, enum.Enum) and isinstance(value, str | int):
+        return next((member for member in cls if member.value == value), NO)
+    converter = CONVERTERS.get(cls.__name__)
+    if converter is None:
+        return NO
+    module, name = converter.split(":")
+    found = getattr(importlib.import_module(module), name)(value)
+    return NO if found is None else found
+
+
+@functools.cache
+def _members(protocol: Any) -> tuple[str, ...]:
+    """What an object of a protocol has to have."""
+    bases = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False)]
+    names = {name for base in bases for name in (*vars(base), *inspect.get_annotations(base))}
+    return tuple(sorted(name for name in names if not name.startswith("_") or name == "__call__"))
+
+
+# ---------------------------------------------------------------------- arrays
+
+
+def is_array_part(hint: Any) -> bool:
+    """Whether an annotation is one of those of which ``ArrayLike`` consists."""
+    module = getattr(typing.get_origin(hint) or hint, "__module__", "")
+    return module.startswith("numpy._typing") or getattr(hint, "__name__", "") == "Buffer"
+
+
+def is_array(hint: Any) -> bool:
+    return getattr(hint, "__name__", "") == "ArrayLike"
+
+
+def kind_of_numbers(inner: tuple[Any, ...]) -> Any:
+    """Of ``NDArray[np.float64]``: what its items are, None where that may be anything."""
+    kind = typing.get_args(inner[1])[0] if len(inner) > 1 and typing.get_args(inner[1]) else None
+    kind = typing.get_origin(kind) or kind
+    if kind is Any:
+        return np.generic
+    return kind if isinstance(kind, type) and issubclass(kind, np.generic) else None
+
+
+def _array(kind: Any, value: Any) -> Any:
+    """An array of the kind of numbers that is wanted, made of what is given."""
+    if hasattr(value, "tocsr"):
+        return value
+    if isinstance(value, np.ma.MaskedArray):
+        if np.ma.is_masked(value):
+            return NO
+        value = value.data
+    if not isinstance(value, np.ndarray):
+        if not _is_like_an_array(value):
+            return NO
+        try:
+            value = np.asarray(value)
+        except (TypeError, ValueError, OverflowError):  # rows of different lengths
+            return NO
+        if value.dtype.kind == "O" and kind is not np.generic:
+            return NO
+    if kind is None or not value.size:
+        return value
+    number = value.dtype.kind
+    if issubclass(kind, np.bool_):  # node numbers are no mask, nor is NaN
+        fits = number == "b" or (number in "iu" and value.ndim > 1)
+    elif issubclass(kind, np.integer):
+        fits = number in "iu"
+    elif issubclass(kind, np.floating):
+        fits = number in "biuf"
+    else:
+        fits = True
+    return value if fits else NO
+
+
+def _is_like_an_array(value: Any) -> bool:
+    """Whether NumPy makes an array of numbers of it, and of it alone."""
+    if isinstance(value, numbers.Number | np.generic | list | tuple | range | memoryview):
+        return True
+    own = type(value).__module__.startswith("pgm_places") and not hasattr(value, "__getitem__")
+    return not own and (hasattr(value, "__array__") or hasattr(value, "__array_interface__"))
+
+
+@functools.cache
+def checks_of(function: Any) -> tuple[tuple[str, ...], dict[str, Check]]:
+    """The names of the positional parameters, and the check of each that has one."""
+    hints = hints_of(function)
+    parameters = inspect.signature(function).parameters.values()
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    named = [
+        item for item in parameters if item.kind not in (item.VAR_KEYWORD, item.VAR_POSITIONAL)
+    ]
+    checks = {item.name: check_of(hints[item.name]) for item in named if item.name in hints}
+    for item in named:
+        if item.default is None and item.name in checks:
+            checks[item.name] = either((is_none, checks[item.name]))
+    return tuple(item.name for item in named if item.kind in kinds), checks

@@ -1,0 +1,143 @@
+"""What an annotation takes and what came instead, in words."""
+
+import collections.abc
+import numbers
+import os
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pgm_places._argument_kinds import (
+    CONVERTERS,
+    LISTS,
+    NO,
+    PLAIN,
+    SCALARS,
+    ByName,
+    check_of,
+    checks_of,
+    hints_of,
+    is_array,
+    is_array_part,
+    kind_of_numbers,
+)
+from pgm_places._option_marks import arms, bare, marks_of, wanted
+from pgm_places.errors import InputError, OptionError, shown
+
+_MADE_BY = {
+    "EdgeList": "LabelGraph.from_edges takes node pairs",
+    "PlaceLabeler": "trained_labeler(name) and load(folder) return one",
+    "TrajectoryLabeler": "trained_tracker(name) and load(folder) return one",
+    "TopologicalMap": "topological_map(grid, labels, label_names) makes one",
+    "LabelledMap": "LabelledMap(grid, labels) makes one",
+    "Trajectory": "Trajectory(times_s, poses) makes one",
+}
+"""What to do where something else comes."""
+
+
+def refused(
+    function: Any, name: str, given: Mapping[str, Any], error: type[InputError]
+) -> InputError:
+    """The error of an argument: one line with what it takes, what came, and what to do."""
+    hint, value = hints_of(function)[name], given[name]
+    is_option = any(marks_of(arm) or typing.get_origin(arm) is Literal for arm in arms(hint))
+    problem = f"must be {words(hint)}, got {described(value)}"
+    problem += _swapped(function, name, given) or _what_to_do(hint, value)
+    return OptionError(name, problem) if is_option else error(f"{name} {problem}")
+
+
+def words(hint: Any) -> str:
+    """What an annotation takes, in words; what a converter takes as well."""
+    if isinstance(hint, ByName):
+        return " or ".join(n if n == "None" else f"{_article(n)} {n}" for n in hint.names)
+    if is_array(hint):
+        return "an array of numbers"
+    parts = arms(hint)
+    arrays = any(map(is_array_part, parts))
+    if arrays:
+        parts = [arm for arm in parts if not is_array_part(arm) and arm not in SCALARS]
+    texts = [_words_of_arm(arm) for arm in parts]
+    if arrays:
+        texts.insert(len(texts) - (types.NoneType in parts), "an array of numbers")
+    texts = list(dict.fromkeys(texts))
+    if len(texts) == 1:
+        return texts[0]
+    return f"{', '.join(texts[:-1])}{',' * (len(texts) > 2)} or {texts[-1]}"
+
+
+def _words_of_arm(hint: Any) -> str:
+    kind = bare(hint)
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin is np.ndarray:
+        numbers_of = kind_of_numbers(inner)
+        names = {np.bool_: "True and False", np.integer: "whole numbers"}
+        found = [
+            text for base, text in names.items() if numbers_of and issubclass(numbers_of, base)
+        ]
+        return f"an array of {found[0] if found else 'numbers'}"
+    if origin in (collections.abc.Callable, type):
+        return "a function" if origin is not type else "a class"
+    if origin is tuple and inner and inner[-1] is not Ellipsis:
+        return f"a pair ({', '.join(map(words, inner))})"
+    if origin in (*LISTS, collections.abc.Iterable, collections.abc.Iterator):
+        return "a list of names" if inner[0] is str else f"a list, each item {words(inner[0])}"
+    if origin in (collections.abc.Mapping, dict):
+        return "a mapping"
+    if kind in (Path, os.PathLike):
+        return "a path"
+    name = getattr(origin or kind, "__name__", "")
+    if isinstance(origin or kind, type) and kind not in PLAIN:
+        path = " (or the path of a map's YAML file)" if name in CONVERTERS else ""
+        return f"{_article(name)} {name}{path}"
+    return wanted(hint)
+
+
+def _article(name: str) -> str:
+    return "an" if name[:1] in "AEIOUaeio" else "a"
+
+
+def described(value: Any) -> str:
+    """What came, in words: a number or a text as it is, anything else by its type."""
+    if value is None or isinstance(value, str | bytes | numbers.Number | np.generic | os.PathLike):
+        return shown(value)
+    if isinstance(value, type):
+        return f"the class {value.__name__} itself"
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        n_masked = int(np.ma.getmaskarray(value).sum())
+        return f"a masked array, {n_masked} of its values masked; fill them"
+    if isinstance(value, np.ndarray):
+        return f"an array of type {value.dtype} and shape {value.shape}"
+    if isinstance(value, list | tuple | set | frozenset | dict):
+        kinds = {type(item).__name__ for item in value}
+        if len(value) and not kinds & {"str", "int", "float", "bool", "NoneType", "list", "tuple"}:
+            return f"a {type(value).__name__} of {len(value)} {' or '.join(sorted(kinds))}"
+        return shown(value)
+    return f"{_article(type(value).__name__)} {type(value).__name__}"
+
+
+def _swapped(function: Any, name: str, given: Mapping[str, Any]) -> str:
+    """A hint where two arguments fit each other's places."""
+    checks = checks_of(function)[1]
+    for other, there in given.items():
+        if other == name or other not in checks or checks[other](there) is not NO:
+            continue
+        if checks[other](given[name]) is not NO and checks[name](there) is not NO:
+            return f"; are {name} and {other} swapped?"
+    return ""
+
+
+def _what_to_do(hint: Any, value: Any) -> str:
+    """A hint where a field of the value, or its only item, is what is wanted; or what makes one."""
+    check = check_of(hint)
+    for field in getattr(type(value), "__dataclass_fields__", ()):
+        part = getattr(value, field, None)
+        if type(part).__module__.startswith("pgm_places") and check(part) is not NO:
+            return f"; give its .{field}"
+    if isinstance(value, list | tuple) and len(value) == 1 and check(value[0]) is not NO:
+        return "; give the one item of the list"
+    kinds = [] if isinstance(hint, ByName) else [getattr(arm, "__name__", "") for arm in arms(hint)]
+    return next((f"; {_MADE_BY[kind]}" for kind in kinds if kind in _MADE_BY), "")
