@@ -26,7 +26,7 @@ from pgm_places.models.completion import (
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.likelihood import maximize_likelihood
+from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
 from pgm_places.solvers.table_field import TableField
 from pgm_places.solvers.table_margin import (

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, row_blocks, sealed
+from pgm_places._checks import integer_array, number_array, row_blocks, sealed, set_fields
 from pgm_places._option_marks import Ge, Lt
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
@@ -25,7 +25,7 @@ from pgm_places.solvers.compatibility import (
     grid_pair_counts,
     yamamoto_coefficients,
 )
-from pgm_places.solvers.relaxation import OnIteration, Relaxed, relax_graph
+from pgm_places.solvers.relaxation import OnIteration, Relaxed, check_tables, relax_graph
 
 
 @travels
@@ -51,6 +51,11 @@ class Relaxation(LearnedNames):
     diagonal_weight : float
         Influence of a cell that shares a corner against one that shares a side; 1 gives each of
         the 8 neighbours 1/8 as in the paper. On other graphs every neighbour has 1/degree.
+    compatibility : (K, K) or (kinds, K, K) float, optional
+        Coefficients of one's own, from -1 to 1, in place of learned ones: ``[l, m]`` is how far
+        label ``m`` at a neighbour speaks for label ``l`` here. Of several tables each edge has that
+        of its ``edge_kind``, or with ``directional`` that of its direction. Walls then say nothing,
+        and :meth:`fit` keeps the coefficients.
     smoothing : float
         Pairs of labels that are added to what was counted, so that labels that never touched in
         training do not exclude each other for good.
@@ -82,15 +87,21 @@ class Relaxation(LearnedNames):
     pair_counts: NDArray[np.int64] | None = learned()
     """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
     of the L = K + 1 labels is the wall."""
-    compatibility: NDArray[np.float64] | None = learned()
-    """(D, L, L) coefficients r of equation 6."""
+    compatibility: NDArray[np.float64] | None = learned(given=True)
+    """(D, L, L) coefficients r of equation 6; those of one's own may be (D, K, K)."""
 
     def __post_init__(self) -> None:
         check_options(self)
-        if self.compatibility is not None:
-            shape = np.shape(self.compatibility)
-            if len(shape) != 3 or shape[1] != shape[2] or shape[1] < 2:
-                raise InputError(f"compatibility must have shape (D, K + 1, K + 1), got {shape}")
+        if self.compatibility is None:
+            return
+        tables = number_array("compatibility", self.compatibility)
+        tables = tables[np.newaxis] if tables.ndim == 2 else tables
+        if tables.ndim != 3 or tables.shape[1] != tables.shape[2] or not tables.size:
+            raise InputError(
+                "compatibility must have shape (K, K), or (kinds, K, K) with a table for each kind "
+                f"of edge, got {np.shape(self.compatibility)}"
+            )
+        set_fields(self, compatibility=check_tables(tables, tables.shape[1]))
 
     # ------------------------------------------------------------------ learning
 
@@ -109,6 +120,8 @@ class Relaxation(LearnedNames):
             directional, grids and other graphs mixed.
         """
         pairs = labelled_problems(problems, labelings)
+        if self._is_given:
+            return self
         counts = [self._counts(problem, truth) for problem, truth in pairs]
         if len({len(item) for item in counts}) > 1:
             raise InputError(
@@ -163,13 +176,14 @@ class Relaxation(LearnedNames):
         """
         begin = time.perf_counter()
         if self.compatibility is None:
-            raise NotFittedError("relaxation has learned no coefficients; call fit first")
-        unary = evident_unary(problem, "relaxation", single=True)
-        if self.compatibility.shape[1] != problem.n_labels + 1:
-            raise InputError(
-                f"relaxation learned {self.compatibility.shape[1] - 1} labels (and the wall), but "
-                f"the problem has {problem.n_labels}"
+            raise NotFittedError(
+                "relaxation has learned no coefficients; call fit first, or give compatibility"
             )
+        unary = evident_unary(problem, "relaxation", single=True)
+        size = self.compatibility.shape[1]
+        if size != problem.n_labels + 1 and not (self._is_given and size == problem.n_labels):
+            what = f"was given {size}" if self._is_given else f"learned {size - 1} (and the wall)"
+            raise InputError(f"relaxation {what} labels, but the problem has {problem.n_labels}")
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
         relaxed = self._relax(problem.graph, self._from_prior(problem, unary), recorder)
         history = {
@@ -208,8 +222,11 @@ class Relaxation(LearnedNames):
         self, graph: LabelGraph, unary: NDArray[np.float64], on_iteration: OnIteration | None
     ) -> Relaxed:
         assert self.compatibility is not None  # infer has checked
-        tables = self.compatibility
         n_labels = unary.shape[1]
+        tables = self.compatibility
+        by_kind = len(tables) > 1 and not self.directional
+        if tables.shape[1] == n_labels:  # a wall says nothing
+            tables = np.pad(tables, ((0, 0), (0, 1), (0, 1)))
         options: dict[str, Any] = {
             "floor": self.floor,
             "damping": self.damping,
@@ -217,14 +234,19 @@ class Relaxation(LearnedNames):
             "tolerance": self.tolerance,
             "on_iteration": on_iteration,
         }
-        connectivity = grid_connectivity(graph)
-        self._check_directions(len(tables), 2 if connectivity is None else len(DIRECTIONS))
+        connectivity = None if by_kind else grid_connectivity(graph)
+        if not by_kind:
+            self._check_directions(len(tables), 2 if connectivity is None else len(DIRECTIONS))
         if connectivity is None:
             near = graph.neighbours
-            nodes = np.repeat(np.arange(graph.n_nodes), np.diff(near.start))
-            after = None if len(tables) == 1 else (near.node < nodes).astype(np.int8)
+            which: NDArray[np.int8] | None = None
+            if by_kind:
+                which = _kinds(graph, len(tables))[near.edge]
+            elif len(tables) > 1:
+                nodes = np.repeat(np.arange(graph.n_nodes), np.diff(near.start))
+                which = (near.node < nodes).astype(np.int8)
             table = tables[:, :n_labels, :n_labels]
-            return relax_graph(unary, near.start, near.node, table, table=after, **options)
+            return relax_graph(unary, near.start, near.node, table, table=which, **options)
         from pgm_places.solvers.grid_relaxation import relax_grid
 
         layout = graph.layout
@@ -239,12 +261,33 @@ class Relaxation(LearnedNames):
             **options,
         )
 
+    @property
+    def _is_given(self) -> bool:
+        """Whether the coefficients are the user's own."""
+        return self.compatibility is not None and self.pair_counts is None
+
     def _check_directions(self, learned_tables: int, wanted: int) -> None:
         if learned_tables not in (1, wanted):
             raise InputError(
                 f"relaxation learned coefficients for {learned_tables} directions, but this graph "
                 f"has {wanted}; train on graphs of the same kind, or set directional=False"
             )
+
+
+def _kinds(graph: LabelGraph, n_tables: int) -> NDArray[np.int8]:
+    """(E,) the kind of each edge, for which there must be a table."""
+    kinds = graph.edge_kind
+    if kinds is None:
+        raise InputError(
+            f"compatibility has {n_tables} tables, one for each kind of edge, but the graph's "
+            "edges have no kind; give edge_kind to LabelGraph.from_edges, or set directional=True"
+        )
+    if kinds.max(initial=0) >= n_tables:
+        raise InputError(
+            f"compatibility has tables for kinds 0 to {n_tables - 1}, but an edge has kind "
+            f"{kinds.max()}"
+        )
+    return kinds
 
 
 def grid_connectivity(graph: LabelGraph) -> int | None:

@@ -24,8 +24,8 @@ NO = object()
 Check = Callable[[Any], Any]
 
 CONVERTERS = {
-    "OccupancyGrid": "pgm_places.io.maps.map_server:as_grid",
-    "CellMap": "pgm_places.io.maps.map_server:as_grid",
+    "OccupancyGrid": "pgm_places.io.maps.grid_argument:as_grid",
+    "CellMap": "pgm_places.io.maps.grid_argument:as_grid",
 }
 """By the name of a type, what makes one of another value, or returns None; imported when asked."""
 

@@ -19,8 +19,10 @@
 Every message says what was wanted, what came, where, and what to do.
 """
 
+import functools
 import re
 import reprlib
+import sys
 from collections.abc import Container, Sequence
 
 
@@ -68,7 +70,26 @@ class ModelFileError(InputError):
 
 
 class NotFittedError(PgmPlacesError, ValueError):
-    """A method that learns was asked to infer before it was fitted."""
+    """A method that learns was asked to infer before it was fitted.
+
+    It is scikit-learn's error of that name, too, in a program that has imported scikit-learn.
+    """
+
+    def __new__(cls, *args: object) -> "NotFittedError":
+        """The same error, of both packages where the other one is there."""
+        theirs = getattr(sys.modules.get("sklearn.exceptions"), "NotFittedError", None)
+        if cls is NotFittedError and theirs is not None:
+            cls = _both(theirs)
+        return super().__new__(cls, *args)
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return NotFittedError, self.args
+
+
+@functools.cache
+def _both(theirs: type) -> type[NotFittedError]:
+    """The error that is scikit-learn's as well."""
+    return type("NotFittedError", (NotFittedError, theirs), {"__module__": __name__})
 
 
 class LearningWarning(UserWarning):

@@ -84,12 +84,15 @@ class Registry:
         cls = self.find(name)
         known = list(option_hints(cls))
         options = dict(options or {})
+        arrays = [item.name for item in dataclasses.fields(cls) if item.metadata.get("given")]
+        given = {key: options.pop(key) for key in arrays if key in options}
         for key in options:
             if key not in known:
                 hint = nearest_name(key, known) if known else "It has none"
                 raise ConfigError(f"{self.kind} {name!r} has no option {key!r}. {hint}")
         try:
-            return from_mapping(cls, options)
+            built = from_mapping(cls, options)
+            return dataclasses.replace(built, **given) if given else built
         except (TypeError, ValueError) as error:
             raise ConfigError(f"{self.kind} {name!r}: {error}") from None
 

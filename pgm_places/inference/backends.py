@@ -131,9 +131,13 @@ class Learnable(Protocol):
         """
 
 
-def learned(**keywords: Any) -> Any:
-    """A dataclass field that learning fills: an array or None, stored with the model."""
-    return dataclasses.field(default=None, repr=False, metadata={"learned": True}, **keywords)
+def learned(*, given: bool = False, **keywords: Any) -> Any:
+    """A dataclass field that learning fills: an array or None, stored with the model.
+
+    One that may be ``given`` instead is taken by :func:`build` as well.
+    """
+    marks = {"learned": True, "given": given}
+    return dataclasses.field(default=None, repr=False, metadata=marks, **keywords)
 
 
 def backend_names() -> list[str]:

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PureWindowsPath
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -274,21 +274,6 @@ def _with_walls(
     )
 
 
-def as_grid(value: Any) -> OccupancyGrid | None:
-    """The grid of what is one in all but name: of a file's map, a labelled map, a path of a map.
-
-    Raises
-    ------
-    MapError
-        As :func:`load_map`, for a path.
-    """
-    held = getattr(value, "grid", None)
-    if isinstance(held, OccupancyGrid):
-        return held
-    is_path = isinstance(value, str | Path) and Path(value).suffix in (".yaml", ".yml")
-    return load_map(value).grid if is_path else None
-
-
 def _rules(file: YamlFile, compat: Compat) -> PixelRules:
     stated = file.text("mode") if "mode" in file else "trinary"
     mode = stated.lower()  # as Nav2 does
@@ -383,28 +368,23 @@ def save_map(
     grey[grid.cells == FREE] = FREE_GREY
     grey[grid.cells == OCCUPIED] = OCCUPIED_GREY
     image = _encoded(grey[::-1], image_format)
-    refuse_another_kind(
-        target.with_name(f"{target.name}.yaml"), _described(image_path, grid, "trinary").encode()
-    )
+    refuse_another_kind(image_path.with_suffix(".yaml"), b"image: a\nresolution: 1\n")
     write_bytes(image_path, image)
     return write_description(image_path, grid, "trinary")
 
 
 def write_description(image_path: Path, grid: OccupancyGrid, mode: Mode) -> Path:
     """Write the YAML file of a map's image beside it; the path."""
-    return write_text(image_path.with_suffix(".yaml"), _described(image_path, grid, mode))
-
-
-def _described(image_path: Path, grid: OccupancyGrid, mode: Mode) -> str:
     x, y = grid.origin_xy_m
-    return (
+    return write_text(
+        image_path.with_suffix(".yaml"),
         f"image: {_quoted(image_path.name)}\n"
         f"mode: {mode}\n"
         f"resolution: {grid.resolution_m!r}\n"
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
         "negate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
-        f"free_thresh: {FREE_THRESH}\n"
+        f"free_thresh: {FREE_THRESH}\n",
     )
 
 
