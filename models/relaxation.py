@@ -182,8 +182,9 @@ class Relaxation(LearnedNames):
         unary = evident_unary(problem, "relaxation", single=True)
         size = self.compatibility.shape[1]
         if size != problem.n_labels + 1 and not (self._is_given and size == problem.n_labels):
-            what = f"was given {size}" if self._is_given else f"learned {size - 1} (and the wall)"
-            raise InputError(f"relaxation {what} labels, but the problem has {problem.n_labels}")
+            what = f"learned {size - 1} labels (and the wall)"
+            what = f"was given {size} labels" if self._is_given else what
+            raise InputError(f"relaxation {what}, but the problem has {problem.n_labels}")
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
         relaxed = self._relax(problem.graph, self._from_prior(problem, unary), recorder)
         history = {

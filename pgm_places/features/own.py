@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, shown
 from pgm_places.features.extraction import extract
 from pgm_places.features.laser import LASER_FEATURES, laser_feature_names
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -67,16 +67,18 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
         An item is not a feature, or two columns have the same name.
     """
     if isinstance(features, str):
-        raise ConfigError(f"features must be a list, got the text {features!r}; write [it]")
+        raise ConfigError(f"features must be a list, got the text {shown(features)}; write [it]")
     built = tuple(FEATURES.build(item) if isinstance(item, str) else item for item in features)
     for item in built:
         if isinstance(item, ScanFeature) == isinstance(item, MapFeature):
             raise ConfigError(
-                f"a feature must have column_names and either of_scans or of_cells, got {item!r}"
+                "a feature must have column_names and either of_scans or of_cells, got "
+                f"{shown(item)}"
             )
         if isinstance(item.column_names, str) or not item.column_names:
             raise ConfigError(
-                f"column_names of {_kind(item)} must be a list of names, got {item.column_names!r}"
+                f"column_names of {_kind(item)} must be a list of names, got "
+                f"{shown(item.column_names)}"
             )
     counts = Counter(column_names(built))
     if twice := sorted(name for name, count in counts.items() if count > 1):

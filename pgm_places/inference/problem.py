@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
 from pgm_places._arguments import public
-from pgm_places.errors import InfeasibleError, InputError
+from pgm_places.errors import InfeasibleError, InputError, shown
 from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
@@ -356,7 +356,7 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     if isinstance(problems, LabelingProblem):
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
     if not isinstance(problems, Iterable) or isinstance(problems, np.ndarray):
-        raise InputError(f"problems must be a list of LabelingProblem, got {problems!r}")
+        raise InputError(f"problems must be a list of LabelingProblem, got {shown(problems)}")
     listed = list(problems)
     for number, problem in enumerate(listed):
         _checks.require_type(f"problems[{number}]", problem, LabelingProblem)
@@ -378,7 +378,7 @@ def labelled_problems(
     if not isinstance(labelings, Iterable) or (
         isinstance(labelings, np.ndarray) and not labelings.ndim
     ):
-        raise InputError(f"labelings must be a list, one per problem, got {labelings!r}")
+        raise InputError(f"labelings must be a list, one per problem, got {shown(labelings)}")
     labelings = list(labelings)
     if not problems or len(problems) != len(labelings):
         raise InputError(

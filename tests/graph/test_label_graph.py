@@ -354,7 +354,7 @@ def test_edges_of_a_grid_are_counted_without_listing_them(
 
 def test_a_part_of_a_grid_is_a_grid_with_positions() -> None:
     grid = OccupancyGrid(np.zeros((2, 3), np.int8), resolution_m=0.5)
-    part = LabelGraph.from_grid(grid, connectivity=4).subgraph([1, 0, 0, 1, 1, 1])
+    part = LabelGraph.from_grid(grid, connectivity=4).subgraph(np.array([1, 0, 0, 1, 1, 1]) > 0)
     assert part.edges.tolist() == [[0, 1], [1, 2], [2, 3]]
     assert part.positions_m is not None
     assert part.positions_m.tolist() == [[0.25, 0.25], [0.25, 0.75], [0.75, 0.75], [1.25, 0.75]]

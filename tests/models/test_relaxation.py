@@ -308,7 +308,7 @@ def test_bad_options(options: dict[str, Any], message: str) -> None:
 
 def test_damaged_coefficients_are_refused() -> None:
     with pytest.raises(InputError, match="compatibility must have shape"):
-        Relaxation(compatibility=np.zeros((4, 4)))
+        Relaxation(compatibility=np.zeros((4, 3)))
 
 
 def test_bad_problems() -> None:
@@ -392,7 +392,7 @@ def test_walls_say_nothing_to_coefficients_of_ones_own() -> None:
         (np.zeros((2, 3)), r"must have shape \(K, K\), or \(kinds, K, K\)"),
         (np.full((2, 2), 7.0), "numbers from -1 to 1"),
         (np.full((2, 2), np.nan), "must hold finite numbers"),
-        (np.zeros((3, 3)), "was given 3 labels, but the problem has 2"),
+        (np.zeros((5, 5)), "was given 5 labels, but the problem has 2"),
         (np.zeros((2, 2, 2)), "edges have no kind"),
     ],
 )
