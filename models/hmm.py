@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Ge, Gt, Le
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits, learned
@@ -55,7 +54,6 @@ MOVE, STAY = 0, 1
 RUNS_M = 0.35
 
 
-@travels
 @dataclass(frozen=True, eq=False)
 class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     """Labels the steps of a trajectory: what the classifier says, and which place follows which.

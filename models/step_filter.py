@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, number_array
+from pgm_places._travelling import travels
 
 
+@travels
 class StepFilter(ABC):
     """What a model of chains does online."""
 

@@ -55,7 +55,7 @@ def test_a_map_file_and_a_path_stand_for_their_grid(tmp_path: Path) -> None:
 
 
 def test_swapped_arguments_are_named() -> None:
-    with pytest.raises(InputError, match="map must be a LabelledMap, got a Tr.*; are map and"):
+    with pytest.raises(InputError, match=r"map must be a LabelledMap, got a Tr.*; are map and"):
         p.MappedDrive(walk(0), known(0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"graph must be a LabelGraph.*; give its \.graph"):
         problem = p.LabelingProblem(p.LabelGraph.from_lattice((3,)), NAMES, np.zeros((3, 2)))

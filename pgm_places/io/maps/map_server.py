@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import frozen
-from pgm_places._travelling import travels
 from pgm_places.errors import MapError, OutputError, nearest_name, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.file_kind import refuse_another_kind
@@ -111,7 +110,7 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
 _log = logging.getLogger(__name__)
 
 
-@travels
+@public
 @dataclass(frozen=True, eq=False)
 class MapFile:
     """A map as it was read.
@@ -367,9 +366,8 @@ def save_map(
     grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
     grey[grid.cells == FREE] = FREE_GREY
     grey[grid.cells == OCCUPIED] = OCCUPIED_GREY
-    image = _encoded(grey[::-1], image_format)
     refuse_another_kind(image_path.with_suffix(".yaml"), b"image: a\nresolution: 1\n")
-    write_bytes(image_path, image)
+    write_bytes(image_path, _encoded(grey[::-1], image_format))
     return write_description(image_path, grid, "trinary")
 
 
