@@ -96,7 +96,8 @@ def test_unseen_steps_teach_no_confusions() -> None:
     hidden = HiddenMarkovModel("smooth", "hard", unlabelled="hidden")
     labels = TRUTH.copy()
     labels[5:15] = -1
-    assert np.isfinite(hidden.fit([chain(with_gap())], [labels]).confusion).all()
+    confusion = hidden.fit([chain(with_gap())], [labels]).confusion
+    assert confusion is not None and np.isfinite(confusion).all()
 
 
 @pytest.mark.parametrize("name", ["amn", "crf"])
