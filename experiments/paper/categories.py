@@ -25,6 +25,7 @@ from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.options import ClassifierOptions
 from pgm_places.vision.object_counts import PAPER_OBJECTS
 
 PLACES = ("corridor", "room", "doorway")
@@ -105,6 +106,12 @@ PAPER = {ALONE: 0.754, "filter": 0.912}
 
 SHOWN = "laser, fair detector"
 """The detector whose figures are compared with the paper's, which used its own."""
+
+PRINTED_ORDER = (
+    "corridor", "doorway", "kitchen", "laboratory", "large office", "seminar room", "printer area",
+    "office",
+)  # fmt: skip
+"""The paper's list, with our categories in the places of its laboratory and its seminar room."""
 
 SMOOTHED = MODES["smooth"]
 
@@ -198,7 +205,11 @@ def _scored(
 ) -> dict[str, ScoredSteps]:
     extra = None if options is None else [item.counts(options, k) for k, item in enumerate(learn)]
     extra_names = () if extra is None else PAPER_OBJECTS
-    labeler = step_labeler(way, learn[0].names, extra_names=extra_names).fit(
+    names, printed = learn[0].names, {}
+    if way == AS_PRINTED:
+        order = tuple(name for name in PRINTED_ORDER if name in names)
+        printed["classifier"] = ClassifierOptions(order=order, prior_weight=0.0).classifier(names)
+    labeler = step_labeler(way, names, extra_names=extra_names, **printed).fit(
         [], [item.drive for item in learn], extra=extra, n_threads=n_threads
     )
     scores = []
