@@ -108,7 +108,8 @@ def opencv_boost(
     cv2.setNumThreads(1)
 
     def train(count: int) -> None:
-        model = cv2.ml.Boost_create()
+        ml: Any = cv2.ml
+        model = ml.Boost_create()
         model.setBoostType(cv2.ml.BOOST_DISCRETE)
         model.setWeakCount(count)
         model.setWeightTrimRate(0.0)

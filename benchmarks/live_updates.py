@@ -58,7 +58,7 @@ class Timed(LiveMap):
 
     def _check(self, found: LiveLabels) -> None:
         start = time.process_time()
-        alone = LiveMap(self.labeler, n_threads=1).on_map(found.labels.grid)
+        alone = LiveMap(self.model, n_threads=1).on_map(found.labels.grid)
         self.alone.append(time.process_time() - start)
         assert np.array_equal(alone.labels.labels, found.labels.labels)
         one, other = alone.labels.labeling.beliefs, found.labels.labeling.beliefs

@@ -92,7 +92,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
         ),
         "all 321 features": lambda t: on(1, extract, circles[t : t + 1], max_range_m=12.0),
         "features and list": lambda t: on(1, model.log_proba, circles[t : t + 1]),
-        "filter step with its checks": lambda t: beliefs.step(*path.poses[t, :2], scores[t]),
+        "filter step with its checks": lambda t: beliefs.step(
+            path.poses[t, 0], path.poses[t, 1], scores[t]
+        ),
     }
     rows = [
         {"part": name, "scans": n_scans, **timed(work, n_scans)} for name, work in parts.items()

@@ -58,8 +58,8 @@ def main(argv: list[str] | None = None) -> None:
     elif given.step in ("plans", "kinds"):
         from experiments.floor_network.plans import measure_kinds, measure_plans
 
-        measure = measure_plans if given.step == "plans" else measure_kinds
-        measure(data, given.kept, given.threads, progress)
+        measured = measure_plans if given.step == "plans" else measure_kinds
+        measured(data, given.kept, given.threads, progress)
     else:
         from experiments.floor_network.held_out import ship
 

@@ -120,7 +120,8 @@ def _beams(axis: Axes) -> None:
         missed = range_m >= 2.5
         axis.plot(*np.stack([here, here + range_m * way]).T, color=BEAM, lw=1.1,
                   ls=":" if missed else "-")  # fmt: skip
-        axis.text(*(here + (range_m - 0.28) * way), str(number), ha="center", va="center",
+        x, y = here + (range_m - 0.28) * way
+        axis.text(x, y, str(number), ha="center", va="center",
                   fontsize=9, color=INK,
                   bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.2})  # fmt: skip
     heading = here + 0.9 * np.array([np.cos(pose[2]), np.sin(pose[2])])

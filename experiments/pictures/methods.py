@@ -173,5 +173,6 @@ def decoders() -> None:
     axis.set_ylabel("score")
     graph_paper(axis, f"a grid of {side} x {side} nodes with {n_labels} labels and random tables")
     print(f"gap {bounds[-1] - best:.1f} of {best:.1f}", scores[:3], bounds[:3])
-    picture.get_layout_engine().set(rect=(0, 0, 0.83, 1))
+    layout: Any = picture.get_layout_engine()
+    layout.set(rect=(0, 0, 0.83, 1))
     keep("inference", picture)

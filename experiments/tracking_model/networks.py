@@ -25,6 +25,7 @@ from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table,
 from experiments.tracking_model.unseen import ALONE, Answer, merged
 from pgm_places._version import __version__
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.trajectories.segments import Segments
 from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import observed_along
 
@@ -78,7 +79,7 @@ def _drive(known: KnownMap, number: int, kept: KeptArrays, model: FloorModel | N
         path = path.labelled_by(known.item, NAMES)
         assert path.labels is not None
         seen = observed_along(path, SENSOR, BEAMS, floor=model)
-        steps = path.by_distance(EVERY_M)
+        steps = Segments(path.poses, EVERY_M).first
         steps = steps[path.labels[steps] >= 0]
         floor = np.empty((0, len(NAMES))) if seen.floor is None else seen.floor[steps]
         return {

@@ -297,7 +297,7 @@ class JointLabeler(Labeler):
         with threads(n_threads), reported(progress):
             if grid is not None:
                 cells, found = self.places_.scores(grid, mask=mask)
-                cell_scores = getattr(found, self.places_.method().unary)
+                cell_scores = found.of(self.places_.method().unary)
             if drive is not None:
                 step_scores = self.steps_.scores(drive, known_map=grid)
         graph = JointGraph.of(

@@ -1,19 +1,16 @@
 """Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
 
 import copy
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import LabelError, PgmPlacesError
+from pgm_places.errors import LabelError
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.labelled_places import (
@@ -29,7 +26,7 @@ from pgm_places.labelling.places import places_of
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
-from pgm_places.progress import Progress, Silent, Stage, reported, staged
+from pgm_places.progress import Progress, reported, staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.cell_table import CellPaint, CellTable
@@ -40,80 +37,6 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.unary.kept_table import KeptTable
 
-
-class SupersededError(PgmPlacesError):
-    """A newer request has taken the place of this one, whose result nobody needs any more."""
-
-
-class Turns:
-    """Requests that supersede each other: threads ask for a turn, and the newest gets it.
-
-    Examples
-    --------
-    >>> from pgm_places.progress import Silent
-    >>> turns = Turns()
-    >>> with turns.turn(Silent()) as progress, progress.stage("work"):
-    ...     pass
-    """
-
-    def __init__(self) -> None:
-        self._running, self._counting = threading.Lock(), threading.Lock()
-        self._newest = 0
-
-    @contextmanager
-    def turn(self, progress: Progress) -> Iterator[Progress]:
-        """Wait until no other runs; the progress raises SupersededError once there is a newer turn.
-
-        Raises
-        ------
-        SupersededError
-            From this method, or from the stages and updates of what it yields.
-        """
-        number = self._next()
-
-        def check() -> None:
-            if not self.is_newest(number):
-                raise SupersededError("a newer request has superseded this one")
-
-        watched = _Watched(progress, check)
-        with self._running, reported(watched):
-            check()
-            yield watched
-
-    def cancel(self) -> None:
-        """End whatever runs or waits, at its next stage or update."""
-        self._next()
-
-    def is_newest(self, number: int) -> bool:
-        """Whether nobody has asked since."""
-        return number == self._newest
-
-    def _next(self) -> int:
-        with self._counting:
-            self._newest += 1
-            return self._newest
-
-
-class _Watched:
-    """Progress, or a stage of it, that ends work that nobody waits for any more."""
-
-    def __init__(self, told: Any, check: Callable[[], None]) -> None:
-        self._told, self._check = told, check
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[Stage]:
-        self._check()
-        with self._told.stage(name) as stage:
-            yield _Watched(stage, self._check)
-
-    def update(self, fraction: float, note: str = "") -> None:
-        self._check()
-        self._told.update(fraction, note)
-
-    def warn(self, message: str) -> None:
-        self._told.warn(message)
-
-
 # Without a labeler to say at which resolution, finer maps are labelled at this one.
 FINEST_M = 0.05
 
@@ -121,8 +44,8 @@ FINEST_M = 0.05
 class Teacher:
     """Labels one map again and again, as fast as a person paints on it.
 
-    Calls supersede each other: while one runs, a newer one from another thread ends it with
-    :class:`~pgm_places.teaching.teacher.SupersededError` at its next stage, and takes its place.
+    One thread at a time may call it. A ``progress`` that raises ends a call at its next stage, as a
+    program wants it that asks again at every stroke.
 
     Parameters
     ----------
@@ -177,7 +100,6 @@ class Teacher:
         self._take(classes or (() if self.labeler is None else self.labeler.label_names_))
         self.options = options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
-        self._turns = Turns()
         self._kept: KeptTable | None = None
         self._field = KeptField()
 
@@ -195,7 +117,7 @@ class Teacher:
             As for a new one.
         """
         other = copy.copy(self)
-        other._turns, other._table = Turns(), self._table
+        other._table = self._table
         other._take(classes)
         return other
 
@@ -219,13 +141,11 @@ class Teacher:
 
         Raises
         ------
-        SupersededError
-            A newer call came meanwhile.
         LabelError
             Paint that does not fit the map or the classes; without a labeler, paint of fewer than
             two classes.
         """
-        with self._turns.turn(progress or Silent()), threads(self.n_threads):
+        with reported(progress), threads(self.n_threads):
             start = time.perf_counter()
             self._check_known(paint)
             return self._labelled(self.labeler or self.learned(paint), paint, start)
@@ -235,10 +155,10 @@ class Teacher:
 
         Raises
         ------
-        SupersededError, LabelError
+        LabelError
             As :meth:`label`.
         """
-        with self._turns.turn(progress or Silent()), threads(self.n_threads):
+        with reported(progress), threads(self.n_threads):
             start = time.perf_counter()
             return self._labelled(self.learned(paint), paint, start)
 
@@ -259,10 +179,6 @@ class Teacher:
                 return learned_alone(cells, table, self.options)
             learning = Learning(table, self.options)
             return learning.taught(self.model.labeler, cells, self.model.method)
-
-    def cancel(self) -> None:
-        """End a call that is running in another thread at its next stage."""
-        self._turns.cancel()
 
     def _check_known(self, paint: Paint) -> None:
         known = self.classes if self.labeler is None else self.labeler.label_names_

@@ -1,5 +1,7 @@
 """The teacher: labels that follow the paint."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from pgm_places.labelling.label import label_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
+from pgm_places.progress import Silent, Stage
 from pgm_places.teaching import cell_table
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
@@ -274,3 +277,20 @@ def test_a_labeler_that_looks_at_scans_only_learns_by_stumps() -> None:
     free = grid.free & (truth == 1)
     free[:, grid.shape[1] // 2 :] = False
     assert (found.unary_labels[free] == 0).mean() > 0.6
+
+
+def test_progress_that_raises_ends_a_call_and_the_next_one_is_as_ever() -> None:
+    class Newer(Exception):  # noqa: N818  nothing went wrong
+        pass
+
+    class Stops(Silent):
+        @contextmanager
+        def stage(self, name: str) -> Iterator[Stage]:
+            if name == "places":
+                raise Newer
+            with super().stage(name) as stage:
+                yield stage
+
+    with pytest.raises(Newer):
+        teacher().label(relabelled(0.05), progress=Stops())
+    np.testing.assert_array_equal(teacher().label(teacher().blank()).labels, plain().labels)
