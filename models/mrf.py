@@ -18,7 +18,7 @@ from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.models.decoding_task import Damping
-from pgm_places.options import AtLeastZero, Options, Whole
+from pgm_places.options import AtLeastZero, Options, Positive, Whole
 
 # Weights that are tried on labelled nodes, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)
@@ -46,6 +46,13 @@ class PottsField(Options):
         The name of a decoder (docs/inference.md): ``graph-cut``, ``trw-s``, ...
     certify : bool
         Whether to add an upper bound of the best score where the decoder has none.
+    evidence : {"posterior", "likelihood"}
+        What the unary is taken for: the logarithm of posteriors, or, with ``likelihood``, of
+        posteriors from which the labels' ``shares`` are divided. A posterior holds them already,
+        and neighbours count them again: where a label is rare, smoothing posteriors loses it.
+    shares : list of K float, optional
+        Share of each label, for ``evidence="likelihood"``: those of the labelled nodes by default,
+        which labelers of problems and of trajectories fill in (:meth:`with_shares`).
     edge_weights : {"equal", "given"}
         Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
         strength of a tie, likeness of two ends.
@@ -78,6 +85,8 @@ class PottsField(Options):
     weight: float | Literal["auto"] = "auto"
     inference: Decoder = "graph-cut"
     certify: bool = False
+    evidence: Literal["posterior", "likelihood"] = "posterior"
+    shares: tuple[Positive, ...] | None = None
     edge_weights: Literal["equal", "given"] = "equal"
     clique_weight: AtLeastZero = 0.5
     clique_dissent: Annotated[float, Gt(0), Le(1)] = 0.5
@@ -89,6 +98,17 @@ class PottsField(Options):
     def gives_beliefs(self) -> bool:
         """Whether its decoder says how probable each label is."""
         return gives_beliefs(self.inference)
+
+    def with_shares(self, labelings: Sequence[NDArray[np.int64]], n_labels: int) -> "PottsField":
+        """One that divides by the labels' shares among the known ones; itself if it need not.
+
+        One node of each label is added, so that none has the share 0.
+        """
+        if self.evidence == "posterior" or self.shares is not None:
+            return self
+        known = np.concatenate([labels[labels >= 0] for labels in labelings])
+        counts = np.bincount(known, minlength=n_labels) + 1.0
+        return replace(self, shares=tuple((counts / counts.sum()).tolist()))
 
     def chosen_on(
         self,
@@ -141,11 +161,29 @@ class PottsField(Options):
         return tempered(self._decoded(problem), self.temperature)
 
     def _decoded(self, problem: LabelingProblem) -> Labeling:
-        unary = evident_unary(problem, "potts", with_cliques=True)
+        unary = self._evidence(problem, evident_unary(problem, "potts", with_cliques=True))
         weight = _by_degree(problem.graph) if self.weight == "auto" else self.weight
         earned = weight * _given(problem) if self.edge_weights == "given" else weight
         potentials = Potentials.potts(unary, earned)
         return decode_cliques_as(self, problem, potentials, self.inference, self.clique_weight)
+
+    def _evidence(
+        self, problem: LabelingProblem, unary: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The unary as it is taken: nodes of which nothing was observed stay as they are."""
+        if self.evidence == "posterior":
+            return unary
+        if self.shares is None or len(self.shares) != problem.n_labels:
+            came = "none" if self.shares is None else f"{len(self.shares)}"
+            raise InputError(
+                f"evidence='likelihood' divides by the share of each of {problem.n_labels} labels, "
+                f"got {came}; give shares=[...], or label with a StructuredLabeler, which learns "
+                "them"
+            )
+        likelihood = unary - np.log(np.asarray(self.shares) / np.sum(self.shares))
+        if problem.unseen is None:
+            return likelihood
+        return np.where(problem.unseen[:, None], unary, likelihood)
 
 
 def _by_degree(graph: LabelGraph) -> float:

@@ -189,6 +189,18 @@ def train(
     names, methods = ", ".join(trained.label_names), list(trained.labelers)
     word = "methods" if len(methods) > 1 else "method"
     say(f"wrote {out} (labels: {names}; {word}: {', '.join(methods)})")
+    for option, chosen in _choices(trained).items():
+        say(f"{option}: {chosen}")
+
+
+def _choices(trained: "Trained") -> dict[str, str]:
+    """What the methods chose on training data, in words."""
+    found: dict[str, str] = {}
+    for name, method in trained.methods.items():
+        chosen = dict(getattr(method.backend, "choices", {}))
+        chosen |= getattr(trained.labelers[name], "method_choices", {})
+        found |= {f"{name}: {option}": words for option, words in chosen.items()}
+    return found
 
 
 def _require_one_method(experiment: "Experiment") -> None:
@@ -212,6 +224,7 @@ def _training_record(trained: "Trained") -> dict[str, Any]:
         "inputs": experiment.inputs,
         "versions": dict(versions()),
         "warnings": experiment.warnings,
+        "choices": _choices(trained),
     }
 
 

@@ -110,6 +110,8 @@ def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
         seconds = {"learn": learn, "infer": labelled.seconds[name]}
         tested = labelled.items, labelled.labelings[name]
         result = method_result(name, method, names, *tested, seconds)
+        beside = getattr(trained.labelers[name], "method_choices", {})
+        result = replace(result, choices={**result.choices, **beside})
         results.append(replace(result, doors=labelled.doors[name], learned_with=shared.get(name)))
     config = experiment.config
     choices = selected_words(experiment.selection)

@@ -16,6 +16,10 @@ FEW_INSIDE = 0.5
 # A label of fewer nodes than this share is easily given up.
 RARE = 0.02
 
+# A label less frequent than others is overlooked by a unary that names it on less than this share
+# of the nodes that have it.
+OVERLOOKED = 0.5
+
 # A node whose best label is a hundred times as probable as the second hardly needs others.
 SURE = np.log(100.0)
 
@@ -113,7 +117,11 @@ def describe(
         balance=balance,
         median_margin=margin,
         collapse_weight=None if margin is None or not mean_degree else margin / mean_degree,
-        warnings=(*_about_labels(graph, truth, balance), *_about_unary(margin)),
+        warnings=(
+            *_about_labels(graph, truth, balance),
+            *_about_unary(margin),
+            *_about_posteriors(label_names, truth, unary),
+        ),
         **({} if cliques is None else _about_cliques(cliques, truth, n_labels)),
     )
 
@@ -178,6 +186,30 @@ def _about_unary(median: float | None) -> list[str]:
             "classifier, or score nodes that it has not seen"
         ]
     return []
+
+
+def _about_posteriors(
+    label_names: Sequence[str], truth: NDArray[np.int64], unary: NDArray[np.float64] | None
+) -> list[str]:
+    """A warning where the unary hardly ever names rare labels: neighbours make that worse."""
+    known = np.flatnonzero(truth >= 0)
+    if unary is None or not len(known):
+        return []
+    n_labels = len(label_names)
+    share = np.bincount(truth[known], minlength=n_labels) / len(known)
+    named = np.bincount(unary[known].argmax(axis=1), minlength=n_labels) / len(known)
+    lost = [
+        label_names[k]
+        for k in np.flatnonzero((share > 0) & (share < 1 / n_labels))
+        if named[k] < OVERLOOKED * share[k]
+    ]
+    if not lost:
+        return []
+    return [
+        f"unary hardly ever names {_listed(lost)}: posteriors hold the labels' shares, and "
+        "neighbours count them again; for potts, divide by them (evidence='likelihood'), or weigh "
+        "the classifier's classes equally"
+    ]
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -247,7 +247,7 @@ class JointLabeler(Labeler):
         ) -> tuple[JointScores, NDArray[np.int64]]:
             cells = item.graph(connectivity=places.connectivity, labelled_only=True)
             graph = JointGraph.of(
-                cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m
+                cells, item.grid, drive, every_m=steps.update_m, loop_m=steps.loop_m
             )
             of_drive = None if drive is None else drive.labels
             truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
@@ -301,7 +301,7 @@ class JointLabeler(Labeler):
             if drive is not None:
                 step_scores = self.steps_.scores(drive, known_map=grid)
         graph = JointGraph.of(
-            cells, grid, drive, every_m=self.steps_.every_m, loop_m=self.steps_.loop_m
+            cells, grid, drive, every_m=self.steps_.update_m, loop_m=self.steps_.loop_m
         )
         return JointScores(graph, cell_scores, step_scores)
 

@@ -119,6 +119,12 @@ def with_edge_kinds(backend: Any) -> Any:
     return dataclasses.replace(backend, edge_features=("constant", "kind"))
 
 
+def with_shares(backend: Any, truths: Sequence[NDArray[np.int64]], n_labels: int) -> Any:
+    """The backend with the labels' shares in training, if that is what it divides by."""
+    learn = getattr(backend, "with_shares", None)
+    return backend if learn is None else learn(truths, n_labels)
+
+
 def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
     """Refuse a method for chains where the graph is none, before anything is learned.
 

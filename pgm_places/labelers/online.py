@@ -108,7 +108,7 @@ def filter_of(labeler: Any, map_prior: MapPrior | None = None) -> BeliefFilter:
         )
     if map_prior is not None:
         map_prior.check_labels(labeler.label_names_)
-    return BeliefFilter(labeler.method_, labeler.every_m, map_prior)
+    return BeliefFilter(labeler.method_, labeler.update_m, map_prior)
 
 
 class OnlineLabeler:

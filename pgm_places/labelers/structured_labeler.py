@@ -18,7 +18,7 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems, lis
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers import structured_learning
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
+from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer, with_shares
 from pgm_places.labelers.side_by_side import beside, label_all
 from pgm_places.labelers.structured_learning import Truth, numbered
 from pgm_places.progress import Progress, reported
@@ -200,6 +200,7 @@ class StructuredLabeler(Labeler):
                 seen = [p.with_unary(self._unary(classifier, p)) for p in problems]
 
         def learn(backend: Any) -> dict[str, Any]:
+            backend = with_shares(backend, truths, len(names))
             if isinstance(backend, Learnable):
                 extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
                 backend = backend.fit(seen, truths, **extra)

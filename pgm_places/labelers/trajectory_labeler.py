@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.online import OnlineLabeler, filter_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_learning import KnownMaps, learn_labelers, segment_problem
+from pgm_places.labelers.update_distance import EVERY_M, ChosenDistance, WithDistance
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -36,9 +37,6 @@ from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_featu
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-EVERY_M = 0.1
-"""Way between two updates. The paper has 0.2 to 0.5 m; shorter ones find doorways more often."""
-
 # Farther away, walls seen by a laser and walls of a map differ too much (glass, clutter, beams).
 REACH_M = 12.0
 
@@ -49,7 +47,7 @@ BEAMS = BeamOptions()
 
 @public_options
 @dataclass(eq=False, repr=False)
-class TrajectoryLabeler(Labeler):
+class TrajectoryLabeler(WithDistance, Labeler):
     """Learns places from labelled maps and trajectories, and labels trajectories.
 
     Each scan is completed to the full circle, its features go through the boosted list, and the
@@ -63,8 +61,9 @@ class TrajectoryLabeler(Labeler):
     method : Backend or str
         What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`,
         or its name.
-    every_m : float
-        Distance in metres after which the robot counts as moved; 0 for every scan.
+    every_m : float or "auto"
+        Distance in metres after which the robot counts as moved; 0 for every scan. ``"auto"``: of
+        hidden Markov models chosen on held-out parts of trajectories (``update_m``), else 0.1.
     loop_m : float
         Segments of different passes that lie within this many metres of each other are linked, so
         that a place is labelled alike whenever the robot comes back; 0 for a chain. Methods for
@@ -118,7 +117,7 @@ class TrajectoryLabeler(Labeler):
 
     label_names: Sequence[str]
     method: Any = METHOD
-    every_m: AtLeastZero = EVERY_M
+    every_m: AtLeastZero | Literal["auto"] = "auto"
     beams: BeamOptions = BEAMS
     sensor: Sensor = SENSOR
     classifier: "DecisionListClassifier | None" = None
@@ -132,6 +131,7 @@ class TrajectoryLabeler(Labeler):
 
     scan_model_: ScanModel = field(init=False)
     method_: Any = field(init=False)
+    chosen_distance_: ChosenDistance | None = field(init=False)
     learn_seconds_: float = field(init=False)
 
     stored_as: ClassVar[str] = "trajectory-labeler"
@@ -361,7 +361,7 @@ class TrajectoryLabeler(Labeler):
         self.check_fitted()
         if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
             return filter_of(self, map_prior).run(trajectory.poses, scores)
-        segments = Segments(trajectory.poses, self.every_m)
+        segments = Segments(trajectory.poses, self.update_m)
         if truth is not None:
             truth = segments.majority(truth, len(self.label_names_))
         problem = self.problem(segments, scores)
@@ -393,6 +393,6 @@ class TrajectoryLabeler(Labeler):
         """
         self.check_fitted()
         other, changed = self.with_options(every_m=every_m), 0.0
-        if isinstance(self.method_, HiddenMarkovModel) and every_m != self.every_m:
-            other.method_, changed = self.method_.rescaled(self.every_m, every_m)
+        if isinstance(self.method_, HiddenMarkovModel) and every_m != self.update_m:
+            other.method_, changed = self.method_.rescaled(self.update_m, every_m)
         return other, changed

@@ -13,8 +13,14 @@ from pgm_places.features.own import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.unseen import with_unseen_rows
-from pgm_places.labelers.method import as_backend, with_edge_kinds
-from pgm_places.labelers.place_learning import learn_movement
+from pgm_places.labelers.method import as_backend, with_edge_kinds, with_shares
+from pgm_places.labelers.place_learning import confusion_counts, learn_movement
+from pgm_places.labelers.update_distance import (
+    EVERY_M,
+    ChosenDistance,
+    ObservedDrive,
+    chosen_distance,
+)
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -155,28 +161,54 @@ def learn_method(
     trajectories: Sequence[Trajectory],
     examples: Examples,
     scores: NDArray[np.float64],
-) -> Any:
+) -> tuple[Any, ChosenDistance | None]:
     """The method fitted on observations as it will see them: on segments where there are any.
 
-    ``scores`` (N, K) are what lists say of the examples that they have not seen.
+    ``scores`` (N, K) are what lists say of the examples that they have not seen. The second result
+    is the distance between updates where it was chosen.
     """
     if not isinstance(method, Learnable):
-        return method
-    n_labels = len(labeler.label_names)
+        return with_shares(method, [examples.truth], len(labeler.label_names)), None
+    n_labels, moves_on_maps = len(labeler.label_names), False
     of_cells, of_steps = examples.split(scores)
-    problems, truths = [], []
-    for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
-        labelled = item.subset(steps)
-        segments = Segments(labelled.poses, labeler.every_m)
-        problems.append(segment_problem(labeler, method, segments, part))
-        truths.append(segments.majority(_labels(labelled), n_labels))
-    if not isinstance(method, HiddenMarkovModel) or not maps:
-        return method.fit(problems, truths)
-    observed = [problem.unary for problem in problems if problem.unary is not None] or of_cells
-    known = truths or np.split(examples.truth, np.cumsum(examples.n_of_map)[:-1])
-    drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
-    learned = learn_movement(maps, known, observed, n_labels, model=method, **drawn)
-    return learned.with_sequences(problems, truths) if problems else learned
+    drives = [
+        ObservedDrive(labelled.poses, part, _labels(labelled))
+        for labelled, part in zip(
+            map(Trajectory.subset, trajectories, examples.steps), of_steps, strict=True
+        )
+    ]
+    if isinstance(method, HiddenMarkovModel) and maps:
+        moves_on_maps = True
+        known = np.split(examples.truth, np.cumsum(examples.n_of_map))[:-1]
+        drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
+        method = learn_movement(maps, known, of_cells, n_labels, model=method, **drawn)
+        if not drives:
+            return method, None
+
+    def learn(every_m: float, some: Sequence[ObservedDrive]) -> Any:
+        problems, truths = [], []
+        for item in some:
+            segments = Segments(item.poses, every_m)
+            problems.append(segment_problem(labeler, method, segments, item.scores))
+            truths.append(segments.majority(item.labels, n_labels))
+        if not moves_on_maps:
+            return method.fit(problems, truths)
+        said = [problem.unary for problem in problems if problem.unary is not None]
+        counted = method.with_counts(confusions=confusion_counts(truths, said, n_labels))
+        return counted.with_sequences(problems, truths)
+
+    def label(fitted: Any, segments: Segments, scores: NDArray[np.float64]) -> NDArray[np.int64]:
+        labels: NDArray[np.int64] = fitted.infer(
+            segment_problem(labeler, fitted, segments, scores)
+        ).labels
+        return labels
+
+    if labeler.every_m != "auto":
+        return learn(labeler.every_m, drives), None
+    if not isinstance(method, HiddenMarkovModel):
+        return learn(EVERY_M, drives), None
+    chosen = chosen_distance(drives, learn, label)
+    return learn(chosen.every_m, drives), chosen
 
 
 def segment_problem(
@@ -282,8 +314,9 @@ def learn_labelers(
 
     def learn(method: Any) -> dict[str, Any]:
         seen = with_edge_kinds(method) if labeler.loop_m > 0 else method
-        fitted = learn_method(labeler, seen, maps, trajectories, examples, scores)
+        fitted, chosen = learn_method(labeler, seen, maps, trajectories, examples, scores)
         names = tuple(labeler.label_names)
-        return {"scan_model_": model, "method_": fitted, "label_names_": names}
+        of_list = {"scan_model_": model, "label_names_": names}
+        return {**of_list, "method_": fitted, "chosen_distance_": chosen}
 
     return labeler.set_learned_with(methods, learn), examples.split(scores)[1]

@@ -28,7 +28,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
         "sensor": dataclasses.asdict(model.sensor),
         "extra_names": list(model.extra_names),
         "sees_spaces": model.sees_spaces,
-        "every_m": float(labeler.every_m),
+        "every_m": float(labeler.update_m),
         "beams": dataclasses.asdict(labeler.beams),
         "options": {name: getattr(labeler, name) for name in OPTIONS},
         "classifier": parts.dump_list(arrays, "classifier", model.classifier),

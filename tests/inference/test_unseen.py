@@ -96,8 +96,8 @@ def test_unseen_steps_teach_no_confusions() -> None:
     hidden = HiddenMarkovModel("smooth", "hard", unlabelled="hidden")
     labels = TRUTH.copy()
     labels[5:15] = -1
-    confusion = hidden.fit([chain(with_gap())], [labels]).confusion
-    assert confusion is not None and np.isfinite(confusion).all()
+    found = hidden.fit([chain(with_gap())], [labels]).confusion
+    assert found is not None and np.isfinite(found).all()
 
 
 @pytest.mark.parametrize("name", ["amn", "crf"])

@@ -347,7 +347,7 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
         ("places", {"learn_on": "all"}, "learn_on must be 'out-of-fold' or 'in-sample', got 'all'"),
         ("places", {"connectivity": 6}, "connectivity must be 4 or 8, got 6"),
         ("places", {"context_m": (0.5, -1.0)}, "context_m must be a list of numbers above 0, got"),
-        ("trajectories", {"every_m": -1.0}, "every_m must be a number of at least 0, got -1.0"),
+        ("trajectories", {"every_m": -1.0}, "every_m must be a number of at least 0 or 'auto'"),
         ("trajectories", {"n_runs": 0}, "n_runs must be a whole number of at least 1, got 0"),
         ("trajectories", {"n_folds": 2.5}, "n_folds must be a whole number from 2 to 50, got 2.5"),
         ("structured", {"n_folds": 1}, "n_folds must be a whole number from 2 to 50, got 1"),

@@ -103,7 +103,7 @@ def test_options_of_learning_reach_the_method(monkeypatch: pytest.MonkeyPatch) -
     def learn(labeler: Any, method: Any, *_: Any) -> Any:
         options = ("every_m", "loop_m", "n_runs", "seed")
         asked.update({name: getattr(labeler, name) for name in options}, method=method)
-        return method
+        return method, None
 
     monkeypatch.setattr("pgm_places.labelers.trajectory_learning.learn_method", learn)
     tool = TrajectoryLabeler(
@@ -204,7 +204,9 @@ def test_bad_input_is_refused_with_a_reason() -> None:
         TrajectoryLabeler(more).fit([LabelledMap(known.grid, known.labels)])
     with pytest.raises(InputError, match="labelled trajectories"):
         TrajectoryLabeler(names, "relaxation").fit([known])
-    with pytest.raises(InputError, match="every_m must be a number of at least 0, got -1"):
+    with pytest.raises(
+        InputError, match="every_m must be a number of at least 0 or 'auto', got -1"
+    ):
         TrajectoryLabeler(names, every_m=-1.0).fit([known])
 
 
@@ -229,3 +231,19 @@ def test_impossible_observations_are_named_and_beliefs_stay_numbers() -> None:
     found = tool.infer(path, scores)
     assert found.info["impossible"] == [0]
     assert found.beliefs is not None and np.isfinite(found.beliefs).all()
+
+
+def test_the_distance_between_updates_is_chosen_reported_and_stored(tmp_path: Path) -> None:
+    _, names = building()
+    tool = TrajectoryLabeler(names, classifier=QUICK).fit([], [drive(0), drive(1)])
+    assert tool.chosen_distance_ is not None
+    assert tool.update_m == tool.chosen_distance_.every_m
+    assert tool.method_choices["every_m"].startswith(f"{tool.update_m:g} (accuracy")
+    save(tool, tmp_path / "model")
+    again = load(tmp_path / "model")
+    assert again.every_m == tool.update_m
+    np.testing.assert_array_equal(again.label(drive(2)).labels, tool.label(drive(2)).labels)
+    given = TrajectoryLabeler(names, every_m=0.3, classifier=QUICK).fit([], [drive(0), drive(1)])
+    assert (given.update_m, given.method_choices) == (0.3, {})
+    other = TrajectoryLabeler(names, "relaxation", classifier=QUICK).fit([], [drive(0)])
+    assert (other.update_m, other.method_choices) == (0.1, {})

@@ -60,7 +60,7 @@ def test_simulated_runs_are_as_many_and_drawn_as_asked(monkeypatch: pytest.Monke
     method = HiddenMarkovModel()
     labeler = TrajectoryLabeler(NAMES, every_m=0.5, n_runs=7, seed=4)
     found = trajectory_learning.learn_method(labeler, method, known, [], given, np.zeros((90, 3)))
-    assert found is method
+    assert found == (method, None)
     assert asked == [{"n_runs": 7, "seed": 4}]
 
 

@@ -1,0 +1,100 @@
+"""Posteriors as unaries lose rare labels; divided by the labels' shares they do not."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LogisticRegression
+
+from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
+from pgm_places.errors import InputError
+from pgm_places.inference.backends import build
+from pgm_places.models.mrf import PottsField
+
+NAMES = ["ground", "object", "other"]
+SIDE = 48
+
+
+def image(seed: int) -> tuple[LabelingProblem, Any]:
+    """Two objects of 12 and 21 % on the ground, seen through noise of standard deviation 1."""
+    rng = np.random.default_rng(seed)
+    labels = np.zeros((SIDE, SIDE), np.int64)
+    row, column = rng.integers(2, 8, 2)
+    labels[row : row + 17, column : column + 16] = 1
+    row, column = rng.integers(24, 26, 2)
+    labels[row : row + 22, column : column + 22] = 2
+    seen = labels.ravel()[:, None] == np.arange(3)
+    features = seen[:, 1:] + rng.normal(size=(SIDE * SIDE, 2))
+    graph = LabelGraph.from_lattice((SIDE, SIDE))
+    return LabelingProblem(graph, NAMES, node_features=features), labels.ravel()
+
+
+@pytest.fixture(scope="module")
+def images() -> tuple[list[Any], list[Any]]:
+    problems, truths = zip(*(image(seed) for seed in range(6)), strict=True)
+    return list(problems), list(truths)
+
+
+def scores(method: Any, images: tuple[list[Any], list[Any]]) -> tuple[float, float]:
+    """Accuracy and balanced accuracy on three images of a method learned on three others."""
+    problems, truths = images
+    found = StructuredLabeler(method, LogisticRegression()).fit(problems[:3], truths[:3])
+    labels, truth = np.concatenate(found.predict(problems[3:])), np.concatenate(truths[3:])
+    right = labels == truth
+    return float(right.mean()), float(np.mean([right[truth == k].mean() for k in range(3)]))
+
+
+def test_likelihoods_keep_the_rare_labels_that_posteriors_lose(
+    images: tuple[list[Any], list[Any]],
+) -> None:
+    alone = scores("independent", images)
+    lost = scores(PottsField(), images)
+    kept = scores(PottsField(evidence="likelihood"), images)
+    assert lost[0] < alone[0]
+    assert kept[0] > alone[0] + 0.1 and kept[1] > lost[1] + 0.3
+
+
+def test_likelihoods_divide_by_the_shares(images: tuple[list[Any], list[Any]]) -> None:
+    graph = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    unary = np.log([[0.7, 0.3], [0.5, 0.5], [0.6, 0.4]])
+    unary[1] = np.nan
+    shares = (0.8, 0.2)
+    field = PottsField(weight=0.6, evidence="likelihood", shares=shares, inference="exact")
+    found = field.infer(LabelingProblem(graph, ["a", "b"], unary))
+    likelihood = unary - np.log(shares)
+    likelihood[1] = np.log(0.5)
+
+    def total(labels: tuple[int, ...]) -> float:
+        agree = (labels[0] == labels[1]) + (labels[1] == labels[2])
+        return float(likelihood[range(3), labels].sum() + 0.6 * agree)
+
+    best = max(product(range(2), repeat=3), key=total)
+    assert found.labels.tolist() == list(best)
+    assert found.score == pytest.approx(total(best))
+
+
+def test_shares_are_given_or_learned() -> None:
+    graph = LabelGraph.from_edges(2, [(0, 1)])
+    problem = LabelingProblem(graph, ["a", "b"], np.log([[0.7, 0.3]] * 2))
+    field = build("potts", evidence="likelihood")
+    with pytest.raises(InputError, match="the share of each of 2 labels, got none"):
+        field.infer(problem)
+    learned = field.with_shares([np.array([0, 0, -1, 0, 1, 0])], 2)
+    assert learned.shares == pytest.approx((5 / 7, 2 / 7))
+    assert build("potts").with_shares([np.array([0, 1])], 2).shares is None
+    with pytest.raises(InputError, match="got 3"):
+        build("potts", evidence="likelihood", shares=[0.2, 0.3, 0.5]).infer(problem)
+
+
+def test_descriptions_warn_of_posteriors_that_lose_rare_labels(
+    images: tuple[list[Any], list[Any]],
+) -> None:
+    problems, truths = images
+    labeler = StructuredLabeler("potts", LogisticRegression()).fit(problems[:3], truths[:3])
+    warned = labeler.problem(problems[3]).describe(truths[3]).warnings
+    assert any("unary hardly ever names 'object'" in text for text in warned)
+    balanced = LogisticRegression(class_weight="balanced")
+    labeler = StructuredLabeler("potts", balanced).fit(problems[:3], truths[:3])
+    warned = labeler.problem(problems[3]).describe(truths[3]).warnings
+    assert not any("hardly ever names" in text for text in warned)
