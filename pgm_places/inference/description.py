@@ -200,7 +200,7 @@ def _about_posteriors(
     named = np.bincount(unary[known].argmax(axis=1), minlength=n_labels) / len(known)
     lost = [
         label_names[k]
-        for k in np.flatnonzero((share > 0) & (share < 1 / n_labels))
+        for k in np.flatnonzero((share > 0) & (share < 1 / n_labels)).tolist()
         if named[k] < OVERLOOKED * share[k]
     ]
     if not lost:
