@@ -186,6 +186,8 @@ def train(
         check_savable(make_labeler(experiment.config))  # not after hours of training
     trained = train_labeler(experiment)
     save(trained.labeler, out, record=_training_record(trained))
+    for option, words in getattr(trained.labeler, "choices", {}).items():
+        say(f"{option}: {words}")
     names, methods = ", ".join(trained.label_names), list(trained.labelers)
     word = "methods" if len(methods) > 1 else "method"
     say(f"wrote {out} (labels: {names}; {word}: {', '.join(methods)})")

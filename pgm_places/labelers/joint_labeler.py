@@ -239,7 +239,7 @@ class JointLabeler(Labeler):
         of_steps: Sequence[NDArray[np.float64]],
     ) -> list[tuple[JointScores, NDArray[np.int64]]]:
         """Scores and true labels per drive with its map, and per map without one."""
-        unary = next(iter(places.resolved_methods().values())).unary
+        unary = places.method().unary
         number = {id(item): index for index, item in enumerate(known)}
 
         def example(
@@ -251,7 +251,7 @@ class JointLabeler(Labeler):
             )
             of_drive = None if drive is None else drive.labels
             truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
-            cell_scores = getattr(of_cells[number[id(item)]], unary)
+            cell_scores = of_cells[number[id(item)]].of(unary)
             return JointScores(graph, cell_scores, scores), truth
 
         examples = []
@@ -340,6 +340,11 @@ class JointLabeler(Labeler):
         """
         with threads(n_threads), reported(progress):
             return self.infer(self.scores(grid, drive, mask=mask))
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """What was chosen on training data, in words, by option."""
+        return self.places_.choices if hasattr(self, "places_") else {}
 
     def with_steps(self, **options: Any) -> Self:
         """A copy that has learned the same and looks at drives with other options.

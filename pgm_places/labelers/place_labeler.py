@@ -19,6 +19,7 @@ from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
+    Unary,
     check_labels_maps,
     infer,
     place_methods,
@@ -30,6 +31,7 @@ from pgm_places.options import Positive
 from pgm_places.progress import Progress, reported
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import options
+from pgm_places.unary.choice import UnaryChoice
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
@@ -59,6 +61,10 @@ class PlaceLabeler(Labeler):
         The places to distinguish, for example ``("corridor", "room", "doorway")``.
     methods : mapping of str to PlaceMethod, backend, or name; or sequence of names
         The methods to learn, by the name they are asked for later.
+    unary : {"auto", "laser", "context", "laser+space", "space", "floor"}
+        What methods are given that do not say it themselves: see :class:`PlaceMethod`. ``auto``
+        takes the best of those that the other options provide for, by balanced accuracy on held-out
+        training cells (:mod:`pgm_places.unary.choice`).
     sensor : Sensor
         The simulated range sensor.
     classifier : DecisionListClassifier, optional
@@ -67,7 +73,7 @@ class PlaceLabeler(Labeler):
     connectivity : {8, 4}
         Neighbours of a cell.
     context_m : tuple of float
-        Half-widths of the windows of the second list; () to do without.
+        Half-widths in metres of the windows of the second list; () to do without.
     space : SpaceOptions, optional
         The list that also sees segments, gates and places; None to do without.
     learn_on : {"out-of-fold", "in-sample"}
@@ -109,6 +115,9 @@ class PlaceLabeler(Labeler):
         Which place follows which along a robot's way, and how the list errs, for
         :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`; None where the labels
         are too sparse to drive from one to the next.
+    unary_choice_ : UnaryChoice or None
+        The unary that ``auto`` chose, and the held-out balanced accuracy of each; None where all
+        methods said theirs, and in models of earlier versions.
 
     Examples
     --------
@@ -127,7 +136,7 @@ class PlaceLabeler(Labeler):
     sensor: Sensor = SENSOR
     classifier: "DecisionListClassifier | None" = None
     connectivity: Connectivity = 8
-    context_m: options.WindowsM = ()
+    context_m: options.WindowsM = options.ContextOptions().half_widths_m
     space: options.SpaceOptions | None = SPACE
     learn_on: options.LearnOn = "out-of-fold"
     n_folds: options.NumberOfFolds = 5
@@ -138,12 +147,14 @@ class PlaceLabeler(Labeler):
     whole_spaces: bool = True
     doorway_depth_m: Positive | None = None
     floor: FloorModel | None = None
+    unary: Unary = "auto"
 
     unary_model_: UnaryModel = field(init=False)
     methods_: dict[str, PlaceMethod] = field(init=False)
     learn_seconds_: dict[str, float] = field(init=False)
     resolution_m_: float = field(init=False)
     movement_: "HiddenMarkovModel | None" = field(init=False)
+    unary_choice_: UnaryChoice | None = field(init=False)
 
     stored_as: ClassVar[str] = "place-labeler"
     _call_first: ClassVar[str] = "fit(maps)"
@@ -370,10 +381,20 @@ class PlaceLabeler(Labeler):
         self.check_fitted()
         return list(self.methods_)[-1]
 
+    @property
+    def choices(self) -> dict[str, str]:
+        """What was chosen on training data, in words, by option."""
+        choice: UnaryChoice | None = getattr(self, "unary_choice_", None)
+        return {} if choice is None else {"unary": choice.words}
+
     def resolved_methods(self) -> dict[str, PlaceMethod]:
-        """The methods by name, built, with the unary that each gets."""
+        """The methods by name, built, each with its unary, or ``auto`` where learning chooses."""
         return place_methods(
-            self.methods, bool(self.context_m), self.space is not None, self.floor is not None
+            self.methods,
+            bool(self.context_m),
+            self.space is not None,
+            self.floor is not None,
+            self.unary,
         )
 
     def _part(self, name: str) -> Any:

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.evaluation.folds import map_buildings
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.labeler import as_fitted, learned_with
-from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelers.method import PlaceMethod, with_unary
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -27,7 +28,7 @@ from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.learning import Halls, LearnedUnary, UnaryLearner
-from pgm_places.unary.map_model import CellScores, sees_spaces
+from pgm_places.unary.map_model import MIXED, CellScores, sees_spaces
 from pgm_places.unary.options import ClassifierOptions
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -141,25 +142,34 @@ def learn_places(
     maps, names, halls = without_halls(maps, names)
     resolution_m = common_resolution(maps)
     methods = labeler.resolved_methods()
-    wanted = {method.unary for method in methods.values()}
-    floor = labeler.floor if "floor" in wanted else None
+    wanted = {method.unary for method in methods.values()} - {"auto"}
+    candidates = unary_candidates(labeler, maps, halls) if _chooses(methods) else ()
+    if len(candidates) == 1:  # nothing to choose
+        methods = with_unary(methods, candidates[0])
+        wanted, candidates = wanted.union(candidates), ()
+    trained = wanted.union(candidates)
+    floor = labeler.floor if "floor" in trained else None
     unary = UnaryLearner(
         labeler.sensor,
         labeler.classifier or ClassifierOptions().classifier(names),
         len(names),
         n_node_features=labeler.n_node_features,
         max_examples_per_map=labeler.max_examples_per_map,
-        context_m=tuple(labeler.context_m) if "context" in wanted else (),
-        space=space if sees_spaces(wanted) else None,
+        context_m=tuple(labeler.context_m) if "context" in trained else (),
+        space=space if sees_spaces(trained) else None,
         floor=None if floor is None else replace(floor, columns=columns_of(names)),
         doorway=None if space is None else space.doorway(names),
         halls=halls,
+        candidates=candidates,
+        wanted=wanted,
         learn_on=labeler.learn_on,
         n_folds=labeler.n_folds,
         features=as_features(labeler.features),
         with_scores=with_scores or learn_from_scores(methods),
         feature_cache=feature_cache,
     ).fit(maps)
+    if unary.choice is not None:
+        methods = with_unary(methods, unary.choice.unary)
     nodes = LabelledNodes.of_maps(maps, labeler.connectivity, names, unary.scores)
     held_out = unary.scores is not None and labeler.learn_on == "out-of-fold"
     fitted, seconds = learn_methods(methods, nodes, held_out)
@@ -170,7 +180,34 @@ def learn_places(
         "resolution_m_": resolution_m,
         "movement_": movement_of(maps, unary, len(names)),
         "label_names_": shown_names(names, unary.model, labeler.halls),
+        "unary_choice_": unary.choice,
     }
+
+
+def unary_candidates(
+    labeler: Any, maps: Sequence[LabelledMap], halls: Halls | None
+) -> tuple[str, ...]:
+    """The unaries that a labeler can choose from for the methods that are told none.
+
+    Fewer than three buildings cannot say how the list with spaces does in others: blocks of a
+    building share its spaces, and a list of a single building is not that of two. Where a window
+    leaves out a part of a single building, that part is what is to be labelled.
+    """
+    has_spaces = labeler.space is not None
+    n_buildings = len({*map_buildings(maps)})
+    within = n_buildings == 1 and any((item.cells != item.grid.free).any() for item in maps)
+    options = {
+        "laser": halls is None or not has_spaces,  # only spaces tell halls from corridors
+        "context": bool(labeler.context_m) and (halls is None or not has_spaces),
+        MIXED: has_spaces,
+        "space": has_spaces and (n_buildings > 2 or within),
+        "floor": has_spaces and labeler.floor is not None,
+    }
+    return tuple(name for name, possible in options.items() if possible)
+
+
+def _chooses(methods: Mapping[str, PlaceMethod]) -> bool:
+    return any(method.unary == "auto" for method in methods.values())
 
 
 def movement_of(

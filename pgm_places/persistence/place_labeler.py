@@ -20,6 +20,7 @@ from pgm_places.persistence import unary as parts
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
+from pgm_places.unary.choice import UnaryChoice
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
@@ -64,6 +65,8 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         manifest["halls"] = labeler.halls
     if unary.space is not None:
         manifest["space"] = _dump_space(arrays, unary.space)
+    if labeler.unary_choice_ is not None:
+        manifest["unary_choice"] = dataclasses.asdict(labeler.unary_choice_)
     if unary.floor is not None:
         manifest["floor"] = parts.dump_floor(arrays, unary.floor)
     return manifest, arrays
@@ -84,6 +87,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         for item in manifest["methods"]
         for name in [item["name"]]
     }
+    choice = manifest.get("unary_choice")  # absent from models saved by earlier versions
     record = manifest.get("movement")  # absent from models saved by earlier versions
     names = tuple(str(name) for name in manifest["label_names"])
     labeler = PlaceLabeler(
@@ -109,6 +113,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         resolution_m_=resolution_m,
         movement_=None if record is None else load_backend(arrays, "movement", record),
         label_names_=shown_names(names, unary, labeler.halls),
+        unary_choice_=None if choice is None else UnaryChoice.from_record(choice),
     )
 
 

@@ -219,6 +219,7 @@ def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) 
         resolution_m_=table.grid.resolution_m,
         movement_=None,
         label_names_=names,
+        unary_choice_=None,
     )
 
 

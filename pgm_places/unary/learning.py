@@ -1,26 +1,25 @@
 """Training the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.folds import map_buildings
 from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import staged
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import list_learning
-from pgm_places.unary.cell_lists import without_halls
+from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
 from pgm_places.unary.feature_tables import FeatureTables
-from pgm_places.unary.floor_model import FloorModel, with_floor
-from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.floor_model import FloorModel
+from pgm_places.unary.learned_lists import Extra, Lists, SpaceLists, Stages, beside_extra
+from pgm_places.unary.map_model import UNARIES, CellScores, UnaryModel, made_from, sees_spaces
 from pgm_places.unary.options import SpaceOptions
-from pgm_places.unary.space_learning import LearnedSpaces, learn_spaces
-from pgm_places.unary.space_model import SpaceModel
+from pgm_places.unary.space_learning import learn_spaces
 from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -43,10 +42,6 @@ class Halls:
     are_halls: NDArray[np.bool_]
 
 
-# Columns (n, D) beside the cells' own features, for cells by their numbers.
-Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
-
-
 @dataclass(frozen=True, eq=False)
 class LearnedUnary:
     """A fitted unary model, and the scores that whatever comes behind it learns from.
@@ -60,12 +55,15 @@ class LearnedUnary:
         What laser lists say of them.
     scores : list of CellScores or None
         One per map, in the node order of its graph of labelled cells; only where it was asked for.
+    choice : UnaryChoice or None
+        The unary that was chosen, where there was a choice.
     """
 
     model: UnaryModel
     truths: list[NDArray[np.int64]]
     laser: list[NDArray[np.float64]]
     scores: list[CellScores] | None
+    choice: UnaryChoice | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +88,11 @@ class UnaryLearner:
         Which labelled cells are halls, to tell them from other corridors.
     floor : FloorModel, optional
         Networks that see the whole floor, and have not seen these maps.
+    candidates : tuple of str
+        Unaries to choose one from by held-out scores (:mod:`pgm_places.unary.choice`); () for no
+        choice.
+    wanted : collection of str
+        Unaries that the model is to have, whichever of the candidates is chosen.
     learn_on : {"in-sample", "out-of-fold"}
         Whether the returned scores come from the fitted lists, or from lists that did not see the
         building that a cell lies in, or its contiguous block where there is only one building.
@@ -115,6 +118,8 @@ class UnaryLearner:
     doorway: int | None = None
     halls: Halls | None = None
     floor: FloorModel | None = None
+    candidates: tuple[str, ...] = ()
+    wanted: Collection[str] = UNARIES
     learn_on: str = "out-of-fold"
     n_folds: int = 5
     max_examples_per_map: int | None = None
@@ -131,32 +136,59 @@ class UnaryLearner:
             n_folds=self.n_folds,
             limit=self.max_examples_per_map,
             seed=self.classifier.seed,
-            wants_all=self.with_scores or bool(self.context_m),
+            wants_all=self.with_scores or bool(self.context_m or self.candidates),
             feature_cache=self.feature_cache,
         )
         classifier = list_learning.with_explicit_order(self.classifier, cells.truth)
         laser = self._lists("decision list", classifier, cells, held_out=self._holds_out)
         context = self._in_context(laser, classifier) if self.context_m else None
         spaces = None if self.space is None else self._with_spaces(self.space, cells)
+        stages = Stages(cells, laser, context, spaces, self.floor)
+        choice = self._choice(stages) if self.candidates else None
+        kept = self._kept(choice)
         columns = laser.fitted.features_in_order_of_choice(self.n_node_features)
         model = UnaryModel(
             self.sensor,
             laser.fitted,
             self.n_labels,
             np.asarray(columns, np.int64),
-            self.context_m,
-            None if context is None else context.fitted,
+            self.context_m if "context" in kept else (),
+            None if context is None or "context" not in kept else context.fitted,
             self.features,
-            None if spaces is None else spaces.model,
-            self.floor,
+            None if spaces is None or not sees_spaces(kept) else spaces.model,
+            self.floor if "floor" in kept else None,
         )
         ends = np.searchsorted(cells.examples, np.cumsum(cells.sizes))[:-1]
         return LearnedUnary(
             model,
             np.split(cells.truth[cells.examples], ends),
             np.split(laser.scores_of_examples(held_out=self._from_held_out), ends),
-            self._scores(cells, model, laser, context, spaces) if self.with_scores else None,
+            self._scores(stages, model, kept) if self.with_scores else None,
+            choice,
         )
+
+    def _kept(self, choice: UnaryChoice | None) -> set[str]:
+        """The scores that the model is to give."""
+        chosen = () if choice is None else (choice.unary,)
+        kept = {"laser", *made_from({*self.wanted, *chosen})}
+        return kept - {
+            *(() if self.context_m else ("context",)),
+            *(() if self.space is not None else ("space", "floor")),
+            *(() if self.floor is not None else ("floor",)),
+        }
+
+    def _choice(self, stages: Stages) -> UnaryChoice:
+        """The candidate that is best by held-out scores of whole buildings, or blocks of one."""
+        cells, buildings = stages.cells, map_buildings(stages.cells.maps)
+        names = sorted({*buildings})
+        several = len(names) > 1
+        numbers = np.repeat([names.index(name) for name in buildings], cells.sizes)
+        parts = numbers if several else cells.groups
+        found = {}
+        for name in self.candidates:
+            scores = np.concatenate(stages.scores(name, held_out=True))
+            found[name] = accuracy_by_part(cells.truth, scores, parts, self.n_labels)
+        return UnaryChoice.of(found, "buildings" if several else "blocks")
 
     @property
     def _from_held_out(self) -> bool:
@@ -166,9 +198,14 @@ class UnaryLearner:
     @property
     def _holds_out(self) -> bool:
         """Whether lists on scans are held out: their scores are also what context is made of."""
-        return self._from_held_out or bool(self.context_m)
+        return self._from_held_out or bool(self.context_m or self.candidates)
 
-    def _in_context(self, laser: "_Lists", classifier: "DecisionListClassifier") -> "_Lists":
+    @property
+    def _holds_out_others(self) -> bool:
+        """Whether the lists that see more than scans are held out."""
+        return (self.with_scores and self._from_held_out) or bool(self.candidates)
+
+    def _in_context(self, laser: Lists, classifier: "DecisionListClassifier") -> Lists:
         """The stage of the list that also sees the scores in windows around each cell."""
         cells, parts = laser.cells, []
         for m, part in enumerate(cells.by_map(np.exp(laser.scores(held_out=True)))):
@@ -182,11 +219,11 @@ class UnaryLearner:
             "list with context",
             list_learning.like(classifier, order=order, max_depth=1, shrinkage=1.0),
             cells,
-            held_out=self.with_scores and self._from_held_out,
+            held_out=self._holds_out_others,
             extra=lambda some: means[some],
         )
 
-    def _with_spaces(self, options: SpaceOptions, cells: TrainingCells) -> "_SpaceLists":
+    def _with_spaces(self, options: SpaceOptions, cells: TrainingCells) -> SpaceLists:
         """The stage of the list that also sees segments, gates and places."""
         spaces = learn_spaces(cells, self.doorway)
         if self.halls is not None:
@@ -196,13 +233,13 @@ class UnaryLearner:
             "list with spaces",
             list_learning.with_explicit_order(options.classifier(), cells.truth),
             cells,
-            held_out=self.with_scores and self._from_held_out,
+            held_out=self._holds_out_others,
             extra=spaces.columns,
             limit=options.max_examples_per_map,
             by_domain=True,
             n_labels=self.n_labels + (self.halls is not None),
         )
-        return _SpaceLists(lists, spaces, None if self.halls is None else self.halls.corridor)
+        return SpaceLists(lists, spaces, None if self.halls is None else self.halls.corridor)
 
     def _lists(
         self,
@@ -215,7 +252,7 @@ class UnaryLearner:
         limit: int | None = None,
         by_domain: bool = False,
         n_labels: int | None = None,
-    ) -> "_Lists":
+    ) -> Lists:
         """A list fitted on the examples and, if wanted, one for each fold that has not seen it.
 
         With ``limit`` it is fitted on at most that many examples of each map; ``by_domain`` it is
@@ -224,7 +261,7 @@ class UnaryLearner:
         some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
         rows = list_learning.Rows(
-            _beside(cells.features[some], examples, extra),
+            beside_extra(cells.features[some], examples, extra),
             cells.truth[examples],
             cells.groups[examples],
             cells.domain[examples] if by_domain else None,
@@ -240,92 +277,19 @@ class UnaryLearner:
             of_fold = list_learning.held_out_lists(ordered, rows, f"held-out scores: {name}")
         if tempered:
             fitted, of_fold = list_learning.with_temperatures(fitted, of_fold, rows)
-        return _Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
+        return Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
-    def _scores(
-        self,
-        cells: TrainingCells,
-        model: UnaryModel,
-        laser: "_Lists",
-        context: "_Lists | None",
-        spaces: "_SpaceLists | None",
-    ) -> list[CellScores]:
+    def _scores(self, stages: Stages, model: UnaryModel, kept: set[str]) -> list[CellScores]:
         """What is known of the labelled cells of each map."""
-        stages = {"laser": laser, "context": context, "space": spaces}
+        cells = stages.cells
         tables: dict[str, list[NDArray[Any]]] = {
-            name: cells.by_map(stage.scores(held_out=self._from_held_out))
-            for name, stage in stages.items()
-            if stage is not None
+            name: stages.scores(name, held_out=self._from_held_out) for name in kept
         }
         tables["node_features"] = cells.by_map(_columns(cells, model.node_columns))
-        if self.floor is not None and spaces is not None:
-            tables["floor"] = []
-            for m, log_z in enumerate(tables["space"]):
-                seen = self.floor.scores(cells.maps[m].grid)
-                tables["floor"].append(with_floor(log_z, seen, self.floor, cells.layout(m)))
         of_maps: list[dict[str, Any]] = [
             {name: table[m] for name, table in tables.items()} for m in range(len(cells.maps))
         ]
         return [CellScores(**item) for item in of_maps]
-
-
-@dataclass(frozen=True, eq=False)
-class _Lists:
-    """A list fitted on all examples and, where there are any, lists that have not seen a fold."""
-
-    fitted: BoostedList
-    of_fold: dict[int, BoostedList]
-    cells: TrainingCells
-    n_labels: int
-    extra: Extra | None
-
-    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(N, K) log z of all cells, from the fitted list or from those that have not seen them."""
-        return self._held_out_scores if held_out else self._all_scores(held_out=False)
-
-    @cached_property
-    def _held_out_scores(self) -> NDArray[np.float64]:
-        return self._all_scores(held_out=True)
-
-    def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        found = np.empty((len(self.cells.truth), self.n_labels))
-        for some, values in self.cells.blocks():
-            found[some] = self._of(some, _beside(values, some, self.extra), held_out)
-        return found
-
-    def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(n, K) the same of the examples."""
-        examples = self.cells.examples
-        return self._of(examples, _beside(self.cells.features, examples, self.extra), held_out)
-
-    def _of(
-        self, some: NDArray[np.int64], values: NDArray[np.float32], held_out: bool
-    ) -> NDArray[np.float64]:
-        groups = self.cells.groups[some]
-        everyone = dict.fromkeys(np.unique(groups).tolist(), self.fitted)
-        lists = self.of_fold if held_out else everyone
-        return list_learning.scores_of(lists, values, groups, self.n_labels)
-
-
-@dataclass(frozen=True, eq=False)
-class _SpaceLists:
-    """Lists that see spaces, with the gates that weigh what they say of doorways."""
-
-    lists: _Lists
-    spaces: LearnedSpaces
-    corridor: int | None
-
-    @property
-    def model(self) -> SpaceModel:
-        """The model of all that was learned."""
-        return self.spaces.model(self.lists.fitted, self.corridor)
-
-    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(N, K) log z of all cells, halls among corridors, doorways weighed by their gates."""
-        log_z = self.lists.scores(held_out=held_out)
-        if self.corridor is not None:
-            log_z, _ = without_halls(log_z, self.corridor)
-        return self.spaces.scores(log_z)
 
 
 def _columns(cells: TrainingCells, columns: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -334,9 +298,3 @@ def _columns(cells: TrainingCells, columns: NDArray[np.int64]) -> NDArray[np.flo
     for some, values in cells.blocks():
         found[some] = values[:, columns]
     return found
-
-
-def _beside(
-    values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
-) -> NDArray[np.float32]:
-    return values if extra is None else np.concatenate([values, extra(cells)], axis=1)

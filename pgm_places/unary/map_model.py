@@ -27,13 +27,31 @@ from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
 
-UNARIES = ("laser", "context", "space", "floor")
-"""What a method can be given, by name."""
+MIXED = "laser+space"
+
+UNARIES = ("laser", "context", MIXED, "space", "floor")
+"""What a method can be given, by name; the simplest first."""
+
+
+def made_from(unaries: Collection[str]) -> set[str]:
+    """The scores that some unaries are made from: ``laser+space`` is made from two."""
+    single = {name for name in unaries if name != MIXED}
+    return single if len(single) == len(unaries) else single | {"laser", "space"}
 
 
 def sees_spaces(unaries: Collection[str]) -> bool:
     """Whether any of these is made from segments, gates and places."""
-    return "space" in unaries or "floor" in unaries
+    return not {"space", "floor"}.isdisjoint(made_from(unaries))
+
+
+def log_mean(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, K) the logarithm of the geometric mean of two distributions, normalised again.
+
+    Where the two disagree, the surer one decides: the logarithmic opinion pool of Genest and
+    Zidek (Combining probability distributions, Statistical Science 1, 1986).
+    """
+    mean = (one + other) / 2
+    return np.asarray(mean - np.logaddexp.reduce(mean, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +91,18 @@ class CellScores:
     floor: NDArray[np.float64] | None = None
 
     def of(self, unary: str) -> NDArray[np.float64]:
-        """(N, K) the scores of that name: ``laser``, ``context``, ``space`` or ``floor``.
+        """(N, K) the scores of that name.
+
+        One of ``laser``, ``context``, ``space`` and ``floor``, or ``laser+space``, which is the
+        normalised geometric mean of the two.
 
         Raises
         ------
         InputError
             They were not asked for.
         """
+        if unary == MIXED:
+            return log_mean(self.of("laser"), self.of("space"))
         values: NDArray[np.float64] | None = getattr(self, unary)
         if values is None:
             raise InputError(
@@ -146,7 +169,7 @@ class UnaryModel:
 
     def columns(self, unaries: Collection[str], *, node_features: bool) -> NDArray[np.int64]:
         """The laser and custom features, ascending, that these scores are made from."""
-        lists = []
+        lists, unaries = [], made_from(unaries)
         if "laser" in unaries or "context" in unaries:
             lists.append(self.classifier)
         if "context" in unaries and self.context_classifier is not None:
@@ -197,7 +220,7 @@ class UnaryModel:
             The laser and custom features of the nodes that are needed, where they are known from
             before, and the scores that follow from them.
         """
-        layout, n = graph.grid_layout, graph.n_nodes
+        layout, n, unaries = graph.grid_layout, graph.n_nodes, made_from(unaries)
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
         second = self.context_classifier if "context" in unaries else None
@@ -253,7 +276,7 @@ class UnaryModel:
             by_unary["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
         laser, context, space, floor = (
             sealed(by_unary[name]) if name in by_unary and name in unaries else None
-            for name in UNARIES
+            for name in ("laser", "context", "space", "floor")
         )
         return CellScores(
             laser,
