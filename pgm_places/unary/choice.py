@@ -13,10 +13,6 @@ from pgm_places.unary.map_model import UNARIES
 
 HeldOut = Literal["buildings", "blocks"]
 
-SAFE = "laser+space"
-"""Taken unless another is ahead by more than chance: in unseen buildings it is rarely below the
-list on scans, and the list with spaces often is (docs/spaces.md)."""
-
 
 @dataclass(frozen=True)
 class UnaryChoice:
@@ -41,13 +37,12 @@ class UnaryChoice:
     def of(cls, parts: Mapping[str, ArrayLike], held_out: HeldOut) -> Self:
         """The choice by the balanced accuracy (P,) of each candidate in each building or block.
 
-        It is ``laser+space``, or the first candidate where that is none of them, unless others are
-        ahead of it by more than one standard error of the mean of the P paired differences; then
-        the best of these.
+        It is the first candidate, unless others are ahead of it by more than one standard error of
+        the mean of the P paired differences; then the best of these.
 
         Examples
         --------
-        >>> parts = {"laser": [0.88, 0.9, 0.86], "laser+space": [0.9, 0.9, 0.9]}
+        >>> parts = {"laser+space": [0.9, 0.9, 0.9], "laser": [0.88, 0.9, 0.86]}
         >>> UnaryChoice.of({**parts, "space": [0.93, 0.92, 0.94]}, "buildings").unary
         'space'
         >>> UnaryChoice.of({**parts, "space": [0.99, 0.99, 0.75]}, "buildings").unary
@@ -55,9 +50,9 @@ class UnaryChoice:
         """
         values = {name: np.asarray(part, np.float64) for name, part in parts.items()}
         scores = {name: float(part.mean()) for name, part in values.items()}
-        safe = SAFE if SAFE in values else next(iter(values))
-        ahead = [name for name, part in values.items() if _is_ahead(part - values[safe])]
-        return cls(max(ahead, key=scores.__getitem__) if ahead else safe, scores, held_out)
+        first = next(iter(values))
+        ahead = [name for name, part in values.items() if _is_ahead(part - values[first])]
+        return cls(max(ahead, key=scores.__getitem__) if ahead else first, scores, held_out)
 
     @property
     def words(self) -> str:

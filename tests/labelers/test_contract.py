@@ -300,14 +300,6 @@ def test_a_search_chooses_among_options_of_methods() -> None:
 
 def test_all_methods_start_from_the_same_unary_unless_told_otherwise() -> None:
     methods = {"independent": "independent", "potts": "potts"}
-    for options, auto in (
-        ({}, "space"),
-        ({"context_m": (0.5,)}, "space"),
-        ({"context_m": (0.5,), "space": None}, "context"),
-        ({"space": None}, "laser"),
-    ):
-        resolved = PlaceLabeler(NAMES, methods, **options).resolved_methods()
-        assert [method.unary for method in resolved.values()] == [auto, auto]
     labeler = PlaceLabeler(NAMES, methods, SENSOR, QUICK, context_m=(0.5,), space=None, n_folds=2)
     labeler.fit([known(0)])
     alone, other = (labeler.problem(known(0).grid, method=name) for name in methods)
