@@ -19,6 +19,7 @@ from experiments.kept import KeptArrays, fingerprint
 from experiments.page_tables import text_of, write_table
 from experiments.paper.section import Table
 from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
@@ -26,9 +27,9 @@ from pgm_places.maps.labelled_map import LabelledMap
 CELLS_M, MAX_EXAMPLES = 0.2, 1000
 METHODS = ("laser", "context", "laser+space", "space", "auto")
 TRAINED = (1, 2, 3, 5, 10, 20)
-REPEATS, N_TESTS = 2, 8
+REPEATS, N_TESTS = 1, 6
 JUDGED = ("building 79", "building 52", "cold_saarbrucken_seq2")
-"""The maps of robots among the transfers; the others are every sixth drawn floor."""
+"""The maps of robots among the transfers; the others are every twelfth drawn floor."""
 
 _LEFT_OUT = ("building 79, redrawn", "cold_saarbrucken_seq1")
 """Not a robot's map; and hardly more than a corridor."""
@@ -60,7 +61,8 @@ def figures(
             for name in METHODS
         }
         labeler = PlaceLabeler(NAMES, methods, max_examples_per_map=MAX_EXAMPLES)
-        labeler.fit(train, n_threads=1)
+        cache = None if kept.folder is None else FeatureCache(kept.folder / "features")
+        labeler.fit(train, n_threads=1, feature_cache=cache)
         rates = np.empty((len(METHODS), len(tests), 2))
         for t, item in enumerate(tests):
             graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=1)
@@ -99,7 +101,7 @@ def curve(data: Path, kept: KeptArrays) -> Table:
 def transfers(data: Path, kept: KeptArrays) -> Table:
     """One or two single maps to every other building; auto against each fixed unary."""
     maps = maps_of(data)
-    floors = [item for item in maps if item.name.startswith(("office_", "school_"))][::6]
+    floors = [item for item in maps if item.name.startswith(("office_", "school_"))][::12]
     judged = [item for item in maps if item.name in JUDGED] + floors
     rows = []
     for n in (1, 2):

@@ -1,5 +1,7 @@
 """Running an experiment: every method labels every map once, and no record is rewritten."""
 
+import html
+import json
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -7,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pgm_places.cli.tables import comparison_table
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.experiment import Experiment
@@ -14,6 +17,9 @@ from pgm_places.experiment.runs import compare, train
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.relaxation import Relaxation
+from pgm_places.persistence.model_folder import load_folder
+from pgm_places.persistence.stored import load, save
+from pgm_places.report.comparison_files import write_comparison
 from pgm_places.spaces.door_truth import match_doors, match_painted
 
 
@@ -92,7 +98,7 @@ def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None
     ]
     labeler = make_labeler(config(methods=methods))
     unaries = [method.unary for method in labeler.resolved_methods().values()]
-    assert unaries == ["space", "space", "laser"]
+    assert unaries == ["auto", "auto", "laser"]
 
 
 @pytest.mark.parametrize(
@@ -147,3 +153,23 @@ def test_what_labelers_and_methods_chose_is_in_the_results(monkeypatch: pytest.M
     monkeypatch.setattr(Relaxation, "choices", {"max_iterations": "50"}, raising=False)
     found = compare(Experiment(config(), Path()))
     assert found.all_choices == {**chosen, "relaxation, max_iterations": "50"}
+
+
+def test_the_chosen_unary_is_the_same_in_all_that_a_comparison_says(tmp_path: Path) -> None:
+    experiment = Experiment(config(methods=[{"name": "independent"}]), Path())
+    trained = train(experiment)
+    found = compare(experiment)
+    choice = trained.labeler.unary_choice_
+    assert choice is not None
+    assert set(choice.scores) == {"space", "laser+space", "laser"}  # half of a building
+    assert found.methods[0].options["unary"] == choice.unary
+    write_comparison(found, tmp_path)
+    record = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert record["choices"] == found.choices == {"unary": choice.words}
+    assert record["config"]["methods"][0]["unary"] == choice.unary
+    assert f"unary: {choice.words}" in comparison_table(found)
+    assert choice.words in html.unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
+    save(trained.labeler, tmp_path / "model")
+    manifest, _ = load_folder(tmp_path / "model")
+    assert manifest["unary_choice"]["unary"] == manifest["methods"][0]["unary"] == choice.unary
+    assert load(tmp_path / "model").choices == found.choices

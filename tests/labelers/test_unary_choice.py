@@ -1,7 +1,6 @@
-"""PlaceLabeler with unary = "auto": candidates, the choice among them, and what is learned for it."""
+"""PlaceLabeler with unary = "auto": the candidates, the choice, and what is learned for it."""
 
 import dataclasses
-import json
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,9 @@ from pgm_places.datasets import generate_building
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.labelers.place_learning import unary_candidates
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.persistence.model_folder import load_folder
 from pgm_places.persistence.stored import load, save
 from pgm_places.unary import learning, list_learning
 from pgm_places.unary.learning import Halls
@@ -27,8 +28,9 @@ QUICK = DecisionListClassifier(n_rounds=5, order="rarest-first")
 
 
 def known(seed: int) -> LabelledMap:
-    made = generate_building(seed, size="small")
-    return LabelledMap(made.grid, made.labels, name=f"small {seed}", building=f"small {seed}")
+    made, name = generate_building(seed, size="small"), f"small {seed}"
+    grid = coarsen(made.grid, 0.1)
+    return LabelledMap(grid, coarsen_labels(made.labels, made.grid, grid), None, name, name)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +96,7 @@ def test_models_without_a_choice_load(maps: list[LabelledMap], tmp_path: Path) -
     folder = save(
         quick({"a": PlaceMethod("independent", "laser")}).fit(maps[:1]), tmp_path / "model"
     )
-    assert "unary_choice" not in json.loads((folder / "manifest.json").read_text())
+    assert "unary_choice" not in load_folder(folder)[0]
     assert load(folder).unary_choice_ is None
     assert load(folder).choices == {}
 
