@@ -20,4 +20,5 @@ def places() -> PlaceLabeler:
         space=SpaceOptions(n_rounds=5),
         max_examples_per_map=2000,
         n_folds=2,
+        unary="space",
     ).fit([known])

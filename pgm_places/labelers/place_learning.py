@@ -144,9 +144,8 @@ def learn_places(
     methods = labeler.resolved_methods()
     wanted = {method.unary for method in methods.values()} - {"auto"}
     candidates = unary_candidates(labeler, maps, halls) if _chooses(methods) else ()
-    if len(candidates) == 1:  # nothing to choose
-        methods = with_unary(methods, candidates[0])
-        wanted, candidates = wanted.union(candidates), ()
+    if candidates == ("laser",):  # nothing to choose, and nothing to hold out for it
+        methods, candidates = with_unary(methods, "laser"), ()
     trained = wanted.union(candidates)
     floor = labeler.floor if "floor" in trained else None
     unary = UnaryLearner(
@@ -189,22 +188,24 @@ def unary_candidates(
 ) -> tuple[str, ...]:
     """The unaries that a labeler can choose from, first the one to take where none is ahead.
 
-    That is ``laser+space``, which is rarely below ``laser`` in unseen buildings, as ``space`` often
-    is (docs/results.md). Fewer than three buildings cannot say how ``space`` does in others: blocks
-    of a building share its spaces, and a list of a single building is not that of two. Where a
-    window leaves out a part of a single building, that part is to be labelled, and ``space`` first.
+    That is ``laser+space``, which is rarely below ``laser`` in unseen buildings, as ``space`` and
+    ``context`` often are after one or two (docs/results.md). Fewer than three buildings cannot say
+    how these do in others: blocks of a building share its spaces, and a list of a single building
+    is not that of two. Where a window leaves out a part of a single building, its spaces are those
+    learned from: ``space``.
     """
-    has_spaces, has_windows = labeler.space is not None, bool(labeler.context_m)
-    others = ("context",) if has_windows else ()
-    if not has_spaces:
+    others = ("context",) if labeler.context_m else ()
+    with_networks = () if labeler.floor is None else ("floor",)
+    if labeler.space is None:
         return ("laser", *others)
     n_buildings = len({*map_buildings(maps)})
-    within = n_buildings == 1 and any((item.cells != item.grid.free).any() for item in maps)
-    with_spaces = ("space", MIXED) if within else (MIXED, "space") if n_buildings > 2 else (MIXED,)
-    with_networks = () if labeler.floor is None else ("floor",)
+    if n_buildings == 1 and any((item.cells != item.grid.free).any() for item in maps):
+        return ("space", *with_networks)
+    with_spaces = (MIXED, "space") if n_buildings > 2 else (MIXED,)
     # Only spaces tell halls from corridors.
-    on_scans = ("laser", *others) if halls is None else ()
-    return (*with_spaces, *on_scans, *with_networks)
+    on_scans = ("laser",) if halls is None else ()
+    with_context = others if halls is None and n_buildings > 2 else ()
+    return (*with_spaces, *on_scans, *with_context, *with_networks)
 
 
 def _chooses(methods: Mapping[str, PlaceMethod]) -> bool:

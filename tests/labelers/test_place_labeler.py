@@ -212,6 +212,7 @@ def test_lists_may_be_trained_on_a_part_of_each_map(known: LabelledMap) -> None:
         classifier=DecisionListClassifier(n_rounds=10, order="rarest-first"),
         max_examples_per_map=300,
         space=None,
+        unary="laser",
     )
     labeling = few.fit([known]).label(known.grid)
     truth = known.truth(known.graph())
