@@ -62,9 +62,8 @@ class PlaceLabeler(Labeler):
     methods : mapping of str to PlaceMethod, backend, or name; or sequence of names
         The methods to learn, by the name they are asked for later.
     unary : {"auto", "laser", "context", "laser+space", "space", "floor"}
-        What methods are given that do not say it themselves: see :class:`PlaceMethod`. ``auto``
-        takes the best of those that the other options provide for, by balanced accuracy on held-out
-        training cells (:mod:`pgm_places.unary.choice`).
+        What methods are given that do not say it: see :class:`PlaceMethod`. ``auto`` chooses by
+        balanced accuracy on held-out training cells (:mod:`pgm_places.unary.choice`).
     sensor : Sensor
         The simulated range sensor.
     classifier : DecisionListClassifier, optional
