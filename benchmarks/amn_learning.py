@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -86,8 +85,6 @@ def learners(task: MaxMarginProblem) -> dict[str, Callable[[], LearnedWeights]]:
     if task.n_nodes <= QP_NODES:
         found["compact QP, Clarabel"] = lambda: max_margin_qp(task, solver="clarabel")
         found["compact QP, OSQP"] = lambda: max_margin_qp(task, solver="osqp", tolerance=1e-4)
-        if find_spec("piqp") is not None:
-            found["compact QP, PIQP"] = lambda: max_margin_qp(task, solver="piqp")
     return found
 
 

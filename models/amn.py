@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
-from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.learned_names import in_learned_order
@@ -21,24 +20,27 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
     Learner,
     LearningOptions,
+    choose,
     choose_completed,
-    choose_penalty,
     learn,
     learn_hidden,
+    resolved_learner,
     weighted,
 )
 from pgm_places.models.cliques import clique_terms, require_like_cliques
-from pgm_places.models.completion import completes, hidden_parts
+from pgm_places.models.completion import LossOf, completes, hidden_parts
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
+    held_out_parts,
     labelled_parts,
     labelled_weights,
+    node_losses,
     penalties_of,
 )
-from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
+from pgm_places.models.learning_record import LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
     edge_feature_count,
     edge_features,
@@ -58,8 +60,11 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights
 
-# What C="auto" tries.
-AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0)
+# What C="auto" tries, and what it is where nothing can be held out.
+AUTO_PENALTIES = (10.0, 100.0, 1000.0)
+PENALTY = 100.0
+
+_REMEDIES = "take a smaller C, learner='qp', or method 'crf' where neighbours do not only agree"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +78,20 @@ class AssociativeMarkovNetwork(LinearModel):
 
     Parameters
     ----------
-    learner : {"cutting-plane", "qp"}
-        How weights are found: cuts from a graph cut with a small QP over them (any size), or the
-        compact QP, exact for the relaxed objective (some thousand nodes).
+    learner : {"auto", "cutting-plane", "qp"}
+        How weights are found: by the compact QP in cvxpy, exact for the relaxed objective (some
+        thousand nodes), or by cuts from a graph cut with a small QP over them (any size). ``auto``
+        is the QP where it costs about a second or two; ``summary`` says which it was, and why.
     inference : str
         Any decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``lp``, ``trw-s``, ...
     C : float, "auto" or tuple of float
         The price of the mean hinge against the size of the weights; it means the same for maps of
-        any size. Several values, or ``auto`` for 1, 10, 100, 1000, are compared by balanced
-        accuracy on held-out blocks of the training maps.
+        any size. Several values, or ``auto`` for 10, 100, 1000, are compared by the mean of
+        accuracy and balanced accuracy on held-out maps, or on held-out blocks of a single one.
+        ``auto`` is 100 where labels are being completed.
     node_features : str
-        Parts joined by ``+``, of which ``auto`` is ``logz`` and ``raw`` as far as the problem has
-        them.
+        Parts joined by ``+``. ``auto`` is what the problem has of ``logz`` and ``raw``; with both,
+        ``raw`` is taken only if it labels held-out parts better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, ``raw-difference`` where the problem has node
         features, and ``given`` where it has edge features.
@@ -96,8 +103,8 @@ class AssociativeMarkovNetwork(LinearModel):
         in turn with learning; or they are left out with their edges. ``auto`` completes them where
         most links of the labelled nodes lead to them: links learned without those would be far too
         strong. ``completion_objectives`` then holds the objective of each round.
-    solver : {"clarabel", "piqp", "osqp"}
-        Of the compact QP; the others follow where it fails.
+    solver : {"osqp", "clarabel"}
+        Of the compact QP; the other follows where it fails.
     max_cuts : int
         Limit of the cuts in learning.
     certify_learning : bool
@@ -121,12 +128,12 @@ class AssociativeMarkovNetwork(LinearModel):
     'optimal'
     """
 
-    learner: Learner = "cutting-plane"
+    learner: Learner = "auto"
     inference: Decoder = "graph-cut"
-    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 100.0
+    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = "auto"
     edge_scale: Positive = 2.0
     unlabelled: Literal["auto", "hidden", "dropped"] = "auto"
-    solver: QPSolver = "clarabel"
+    solver: QPSolver = "osqp"
     max_cuts: Whole = 500
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
@@ -182,26 +189,24 @@ class AssociativeMarkovNetwork(LinearModel):
                 "begins with a completion, not with weights"
             )
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
-        scaling, sizes, task = self._prepared(examples)
-        if weights is not None:
-            task = weighted(task, np.concatenate(labelled_weights(weights, labelings)))
-        options, search = self._learner_options(), None
-        penalties = penalties_of(self.C, AUTO_PENALTIES)
-        if len(penalties) > 1:
-            task, search = self._with_penalty(task, examples, hidden, penalties, options)
+        counts = None if weights is None else np.concatenate(labelled_weights(weights, labelings))
+        node_parts, penalty, search = self._chosen(examples, hidden, counts)
+        scaling, sizes, task = self._prepared(examples, node_parts, penalty, counts)
+        options, reason = self._learner_options(task, hidden)
         of_weights = sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
         start, objectives = time.perf_counter(), None
         if hidden:
             truth = np.concatenate([labels for _, labels in examples])
             completed = learn_hidden(
-                task, truth, self._class_weight, options, on_iteration=on_iteration
+                task, truth, self._loss_of(examples), options, on_iteration=on_iteration
             )
             solution, objectives = completed.solution, completed.objectives
         else:
             begin = self._weights_to_begin_with("edge_weights", of_weights, task.n_labels)
             solution = learn(task, options, start=begin, on_iteration=on_iteration)
         record = self._record(task, solution, len(examples), time.perf_counter() - start)
-        warn_if_stalled(record, self.scale)
+        record = replace(record, learner=options.learner, reason=reason)
+        warn_of_gap(record, self.scale, _REMEDIES)
         weights_now = solution.weights / of_weights
         node_weights, edge_weights = task.split(weights_now)
         return replace(
@@ -209,47 +214,74 @@ class AssociativeMarkovNetwork(LinearModel):
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
             clique_weights=None if task.sets is None else task.set_weights(weights_now).copy(),
-            **learned_arrays(scaling, record, solution.history, search),
+            **learned_arrays(scaling, record, solution.history, search, node_parts),
             completion_objectives=objectives,
         )
 
-    def _with_penalty(
+    def _chosen(
         self,
-        task: MaxMarginProblem,
         examples: Sequence[Example],
         hidden: bool,
-        penalties: Sequence[float],
-        options: LearningOptions,
-    ) -> tuple[MaxMarginProblem, NDArray[np.float64]]:
-        """The problem with the C that labels held-out nodes best, and what each C reaches."""
-        n = self.n_validation_blocks
-        if not hidden:
-            parts = np.concatenate([contiguous_parts(p.graph, n, truth) for p, truth in examples])
-            penalty, search = choose_penalty(task, parts, n, penalties, options)
-            return replace(task, penalty=penalty), search
-        parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
-        if task.told is not None:
-            parts[task.told >= 0] = -1
-        truth = np.concatenate([labels for _, labels in examples])
-        penalty, search = choose_completed(
-            task, truth, parts, penalties, self._class_weight, options
-        )
-        return replace(task, penalty=penalty), search
+        counts: NDArray[np.float64] | None,
+    ) -> tuple[str, float, NDArray[np.float64] | None]:
+        """The node features and the C that label held-out nodes best, and what all reach."""
+        choices = self._node_choices([problem for problem, _ in examples])
+        if self._goes_on and self.C == "auto" and self.learning is not None:
+            return choices[0], float(self.summary["penalty"]), None
+        n, penalties = self.n_validation_blocks, penalties_of(self.C, AUTO_PENALTIES)
+        usual = PENALTY if self.C == "auto" else penalties[0]
+        if hidden:
+            if self.C == "auto" or len(penalties) == 1:
+                return self._node_parts, usual, None
+            task = self._prepared(examples, self._node_parts, penalties[0])[2]
+            parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
+            if task.told is not None:
+                parts[task.told >= 0] = -1
+            truth = np.concatenate([labels for _, labels in examples])
+            options = self._learner_options(task, hidden)[0]
+            found = choose_completed(
+                task, truth, parts, penalties, self._loss_of(examples), options
+            )
+            return self._node_parts, *found
+        if len(choices) * len(penalties) == 1:
+            return choices[0], penalties[0], None
+        tasks = {
+            choice: self._prepared(examples, choice, penalties[0], counts)[2] for choice in choices
+        }
+        options = self._learner_options(next(iter(tasks.values())), hidden)[0]
+        best, search = choose(tasks, held_out_parts(examples, n), penalties, options)
+        if np.isnan(search).any():  # nothing could be held out
+            return choices[-1], usual, search
+        return best.node_features, best.penalty, search
+
+    def _loss_of(self, examples: Sequence[Example]) -> LossOf:
+        """What a wrong label costs at nodes of given labels, once the unknown ones are known."""
+        weight = self.class_weight if self.loss == "class-weighted" else "none"
+        names = examples[0][0].label_names
+        return lambda labels: node_losses(labels, names, weight)
 
     def learning_problem(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> MaxMarginProblem:
         """The max-margin problem of all maps that :meth:`fit` hands to the learner.
 
-        It has the first C where there are several.
+        It has the first C where there are several, 100 for ``auto``, and no choice of features.
         """
-        return self._prepared(labelled_parts(problems, labelings))[2]
+        penalty = PENALTY if self.C == "auto" else penalties_of(self.C, AUTO_PENALTIES)[0]
+        return self._prepared(labelled_parts(problems, labelings), self._node_parts, penalty)[2]
 
     def _prepared(
-        self, known: Sequence[Example]
+        self,
+        known: Sequence[Example],
+        node_parts: str,
+        penalty: float,
+        counts: NDArray[np.float64] | None = None,
     ) -> tuple[Standardization, TermSizes, MaxMarginProblem]:
-        """The scaling, and all maps as one problem; unknown labels are 0, with a loss of 0."""
-        parts = parse_node_features(self.node_features)
+        """The scaling, and all maps as one problem; unknown labels are 0, with a loss of 0.
+
+        ``counts`` (N,) is what each node counts.
+        """
+        parts = parse_node_features(node_parts)
         problems = [problem for problem, _ in known]
         require_like_cliques(problems)
         raw = [node_features(problem, parts) for problem in problems]
@@ -267,15 +299,17 @@ class AssociativeMarkovNetwork(LinearModel):
                 np.maximum(truth, 0),
                 len(names),
                 loss,
-                penalties_of(self.C, AUTO_PENALTIES)[0],
+                penalty,
                 clique_terms(problem, self.clique_dissent, sizes.cliques),
                 problem.known,
+                self._costs(names),
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True
             )
         ]
-        return scaling, sizes, joined(tasks)
+        task = joined(tasks)
+        return scaling, sizes, task if counts is None else weighted(task, counts)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         features = edge_features(problem, self.edge_features)
@@ -287,15 +321,18 @@ class AssociativeMarkovNetwork(LinearModel):
             )
         return self.edge_scale * features
 
-    def _learner_options(self) -> LearningOptions:
-        return LearningOptions(
-            self.learner,
+    def _learner_options(self, task: MaxMarginProblem, hidden: bool) -> tuple[LearningOptions, str]:
+        """The options of learning, and why its learner is this one."""
+        learner, reason = resolved_learner(task, self.learner, needs_cuts=hidden or self._goes_on)
+        options = LearningOptions(
+            learner,
             self.learning_tolerance,
             self.max_cuts,
             self.time_limit_s,
             self.certified_tolerance if self.certify_learning else None,
             self.solver,
         )
+        return options, reason
 
     def _record(
         self, task: MaxMarginProblem, solution: LearnedWeights, n_maps: int, seconds: float
@@ -341,7 +378,7 @@ class AssociativeMarkovNetwork(LinearModel):
         node_weights, edge_weights = self._learned("node_weights", "edge_weights")
         self._require_labels(problem)
         require_edge_features(edge_feature_count(problem, self.edge_features), len(edge_weights))
-        parts = parse_node_features(self.node_features)
+        parts = parse_node_features(self._node_parts)
         nodes = self._scaling().apply(node_features(problem, parts))
         edges = self._edge_features(problem)
         unary = problem.with_evidence(nodes @ node_weights)

@@ -1,32 +1,38 @@
 """How an associative Markov network is trained: learners by name, the choice of C."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import times_rows
-from pgm_places.errors import InputError, LabelError
+from pgm_places._checks import is_sparse, times_rows
+from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.models.completion import (
     Completed,
+    LossOf,
     best_of_hidden,
     learn_completed,
     smooth_completion,
 )
-from pgm_places.models.labelled_examples import ClassWeight, best_value, node_losses
+from pgm_places.models.held_out_choice import Candidate, best_candidate
+from pgm_places.models.learning_record import REASONS
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 
-Learner = Literal["cutting-plane", "qp"]
+Learner = Literal["auto", "cutting-plane", "qp"]
 
 # Learning is only this exact while C is being chosen: C changes by factors of several.
 SEARCH_TOLERANCE = 1e-2
+
+# Where each C goes on with the cuts of the smaller ones, it takes so many more, or this gap.
+PATH_STEPS = 10
+PATH_TOLERANCE = 5e-2
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,7 @@ class LearningOptions:
     max_steps: int
     time_limit_s: float | None
     certified_tolerance: float | None
-    solver: QPSolver = "clarabel"
+    solver: QPSolver = "osqp"
 
     @property
     def quick(self) -> "LearningOptions":
@@ -76,6 +82,7 @@ def learn(
             solver=options.solver,
             tolerance=min(options.tolerance, 1e-4),
             time_limit_s=options.time_limit_s,
+            on_iteration=on_iteration,
         )
     from pgm_places.solvers.cutting_plane import cutting_plane
 
@@ -96,44 +103,65 @@ def learn(
     )
 
 
-def choose_penalty(
-    problem: MaxMarginProblem,
+def resolved_learner(
+    problem: MaxMarginProblem, learner: Learner, *, needs_cuts: bool
+) -> tuple[str, str]:
+    """The learner of a problem, and why it is this one: a sentence of the learning record.
+
+    ``auto`` is the quadratic program where it costs about a second or two and can be asked.
+    """
+    from pgm_places.solvers.max_margin_qp import QUICK_ENTRIES, n_entries
+
+    if learner != "auto":
+        return learner, REASONS[0]
+    unfit = problem.sets is not None or problem.told is not None
+    if needs_cuts or unfit or is_sparse(problem.node_features):
+        return "cutting-plane", REASONS[3]
+    quick = n_entries(problem) <= QUICK_ENTRIES
+    return ("qp", REASONS[1]) if quick else ("cutting-plane", REASONS[2])
+
+
+def choose(
+    tasks: Mapping[str, MaxMarginProblem],
     parts: NDArray[np.int64],
-    n_parts: int,
     penalties: Sequence[float],
     options: LearningOptions,
-) -> tuple[float, NDArray[np.float64]]:
-    """The C with the best balanced accuracy on held-out parts, and (P, 2) C and that accuracy.
+) -> tuple[Candidate, NDArray[np.float64]]:
+    """The node features and the C that label held-out parts best, and all with their scores.
 
-    Every map is cut into contiguous parts (N,); part b of all maps is held out in turn, the network
-    is learned on the rest and labels the part alone. Single cells are never held out: their
-    neighbours would give them away. Among equals the smaller C wins.
+    Every part (N,) is held out in turn, the network is learned on the rest and labels the part
+    alone. Single cells are never held out: their neighbours would give them away. A part that has
+    all examples of a label stays in.
 
-    Raises
-    ------
-    LabelError
-        A label lies in one part only, so that learning without that part is impossible.
+    Parameters
+    ----------
+    tasks : mapping
+        The problem by its node features, the simpler ones first.
     """
-    quick = replace(options.quick, learner="cutting-plane")
+    steps = min(options.max_steps, PATH_STEPS)
+    quick = replace(
+        options.quick, learner="cutting-plane", max_steps=steps, tolerance=PATH_TOLERANCE
+    )
+    candidates = [Candidate(name, "cutting-plane", C) for name in tasks for C in penalties]
     truth: list[NDArray[np.int64]] = []
-    answers: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
-    for part in range(n_parts):
-        rest, held_out = _restricted(problem, parts != part), _restricted(problem, parts == part)
-        if len(np.unique(rest.labels)) < problem.n_labels:
-            raise LabelError(
-                "C cannot be chosen by held-out blocks: without block "
-                f"{part + 1} of {n_parts} some label has no example left. "
-                "Use more validation blocks or give one C"
-            )
-        counts = held_out.loss > 0  # what weighs nothing is not asked either
-        truth.append(held_out.labels[counts])
-        cuts: tuple[Cut, ...] = ()
-        oracle = problem_oracle(held_out)
-        for labelings, penalty in zip(answers, penalties, strict=True):
-            solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
-            cuts = solution.cuts  # planes hold at any C
-            labelings.append(_labels_at(held_out, solution.weights, oracle)[counts])
-    return best_value(penalties, truth, answers)
+    answers: dict[Candidate, list[NDArray[np.int64]]] = {each: [] for each in candidates}
+    first = next(iter(tasks.values()))
+    for part in np.unique(parts):
+        if len(np.unique(first.labels[parts != part])) < first.n_labels:
+            continue
+        for name, task in tasks.items():
+            rest, held_out = _restricted(task, parts != part), _restricted(task, parts == part)
+            counts = held_out.loss > 0  # what weighs nothing is not asked either
+            if task is first:
+                truth.append(held_out.labels[counts])
+            cuts: tuple[Cut, ...] = ()
+            oracle = problem_oracle(held_out)
+            for penalty in penalties:
+                solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
+                cuts = solution.cuts  # planes hold at any C
+                labels = _labels_at(held_out, solution.weights, oracle)[counts]
+                answers[Candidate(name, "cutting-plane", penalty)].append(labels)
+    return best_candidate(candidates, truth, answers)
 
 
 def _labels_at(
@@ -147,20 +175,19 @@ def _labels_at(
 def learn_hidden(
     problem: MaxMarginProblem,
     truth: NDArray[np.int64],
-    class_weight: ClassWeight,
+    loss_of: LossOf,
     options: LearningOptions,
     *,
     on_iteration: OnStep | None = None,
 ) -> Completed:
     """The weights, with the labels that are -1 in the truth (N,) completed."""
-    names = [str(k) for k in range(problem.n_labels)]
     quick = replace(options, learner="cutting-plane", certified_tolerance=None)
     around = adjacency(problem.n_nodes, problem.edges)
     return learn_completed(
         problem,
         truth,
         [smooth_completion(problem.node_features, around, truth, problem.n_labels)],
-        lambda labels: node_losses(labels, names, class_weight),
+        loss_of,
         lambda now, cuts: learn(now, quick, cuts=cuts, on_iteration=on_iteration),
         problem_oracle(problem),
         lambda now: learn(now, options, on_iteration=on_iteration),
@@ -172,7 +199,7 @@ def choose_completed(
     truth: NDArray[np.int64],
     parts: NDArray[np.int64],
     penalties: Sequence[float],
-    class_weight: ClassWeight,
+    loss_of: LossOf,
     options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
     """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy."""
@@ -181,7 +208,7 @@ def choose_completed(
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         priced = (replace(problem, penalty=penalty) for penalty in penalties)
-        learned = (learn_hidden(now, labels, class_weight, quick).solution for now in priced)
+        learned = (learn_hidden(now, labels, loss_of, quick).solution for now in priced)
         return [_labels_at(problem, solution.weights, best) for solution in learned]
 
     return best_of_hidden(truth, parts, penalties, labels_with)

@@ -24,16 +24,18 @@ from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningTask,
+    choose,
     choose_by_hiding,
     choose_link_scale,
-    choose_penalty,
     damped,
     learn,
+    learners_to_compare,
     needs_damping,
-    resolved,
+    reason_for,
 )
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.held_out_choice import Candidate
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
@@ -43,11 +45,10 @@ from pgm_places.models.labelled_examples import (
     node_losses,
     penalties_of,
 )
-from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
+from pgm_places.models.learning_record import REASONS, LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
     edge_features,
-    node_features,
-    parse_node_features,
+    field_features,
     with_auto,
 )
 from pgm_places.models.linear_model import (
@@ -62,8 +63,11 @@ from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField, beside
 
-# What C="auto" tries.
+# What C="auto" tries, and what it is where nothing can be held out.
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
+PENALTY = 1000.0
+
+_REMEDIES = "take learner='pseudo-likelihood', which needs no maximum, or C='auto'"
 
 # Of edges on chains: each step has one table, which is shared by all, but many node weights.
 CHAIN_SCALE = 2.0
@@ -84,15 +88,17 @@ class ConditionalRandomField(LinearModel):
         What the weights maximise: the likelihood of the labels, exact on chains, trees and forests;
         that of each node given its neighbours, or of each edge by itself, on any graph; or the
         margin between the true labelling and every other one. ``auto`` is ``likelihood`` where no
-        training graph has a cycle or cliques, else ``max-margin``; docs/crf.md compares them.
+        training graph has a cycle or cliques; else what labels held-out parts better of
+        ``max-margin`` and ``pseudo-likelihood``. ``summary`` says which it was, and why.
     inference : {"auto"} or str
         The name of any decoder (docs/inference.md). ``auto`` is exact on graphs without
         cycles: the most probable label of each node after learning by likelihood (``sum-product``)
         and the best labelling after ``max-margin`` (``max-product``); elsewhere ``trw-s``.
     C : float, "auto" or tuple of float
         The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
-        size of the weights. Several values, or ``auto`` for 1, 10, ..., 10000, are compared by
-        balanced accuracy on held-out problems, or on held-out blocks of a single problem.
+        size of the weights. Several values, or ``auto`` for 1, 10, ..., 10000, are compared by the
+        mean of accuracy and balanced accuracy on held-out problems, or on held-out blocks of a
+        single problem. ``auto`` is 1000 where a single problem has nodes without a label.
     unlabelled : {"hidden", "dropped"}
         What becomes of nodes without a label: they are summed over (likelihoods) or completed by
         what has been learned (max margin), so that they inform learning, which then ends at a local
@@ -102,8 +108,9 @@ class ConditionalRandomField(LinearModel):
         or knows the pair of labels only, in either order. ``auto`` is ``order`` where all training
         graphs are chains, else ``pair``.
     node_features : str
-        Parts joined by ``+``, of which ``auto`` is ``logz`` where the problem has a unary, else
-        ``raw``: behind a classifier its features say little more, and their weights fit noise.
+        Parts joined by ``+``. ``auto`` is ``logz`` where the problem has a unary, else ``raw``:
+        behind a classifier its features say little more, and their weights fit noise. Where
+        several options are compared, ``raw`` is taken, too, if it labels better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
@@ -185,17 +192,13 @@ class ConditionalRandomField(LinearModel):
         problems, labelings, counts = with_told(problems, labelings, counts)
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         require_like_cliques([problem for problem, _ in examples])
-        scaling, sizes, task = self._task(examples)
+        kept = None
         if counts is not None:
-            kept = labelled_weights(counts, labelings, with_unlabelled=hidden)
-            task = task.weighing(np.concatenate(kept))
-        options = self._options(task.field)
-        penalties = penalties_of(self.C, AUTO_PENALTIES)
-        search = None
-        if len(penalties) > 1:
-            penalty, search = self._choose_penalty(examples, task, penalties, options)
-        else:
-            penalty = penalties[0]
+            kept = np.concatenate(labelled_weights(counts, labelings, with_unlabelled=hidden))
+        chosen, reason, search = self._chosen(examples, kept)
+        node_parts, penalty = chosen.node_features, chosen.penalty
+        scaling, sizes, task = self._task(examples, chosen.node_features, kept, chosen.learner)
+        options = self._options(chosen.learner)
         start = time.perf_counter()
         flat_sizes = sizes.of_weights(
             task.field.n_weights, task.field.n_labels, task.field.n_labels**2
@@ -221,8 +224,10 @@ class ConditionalRandomField(LinearModel):
             n_nodes=task.field.n_nodes,
             n_edges=task.field.around.n_edges,
             n_maps=len(examples),
+            learner=chosen.learner,
+            reason=reason,
         )
-        warn_if_stalled(record, self.scale)
+        warn_of_gap(record, self.scale, _REMEDIES)
         weights = weights / flat_sizes
         node_weights, tables = task.field.split(weights)
         of_cliques = None if task.field.sets is None else task.field.set_weights(weights).copy()
@@ -232,27 +237,46 @@ class ConditionalRandomField(LinearModel):
             tables=tables.copy(),
             clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
-            **learned_arrays(scaling, record, solution.history, search),
+            **learned_arrays(scaling, record, solution.history, search, node_parts),
             link_scales=link_scales,
         )
 
-    def _edge_scale(self, examples: Sequence[Example]) -> float:
+    def _edge_scale(self, examples: Sequence[Example], learner: str) -> float:
         if self.edge_scale != "auto":
             return self.edge_scale
         chains = all(p.graph.is_chain and p.cliques is None for p, _ in examples)
-        return CHAIN_SCALE if chains and self.learner != "max-margin" else 1.0
+        return CHAIN_SCALE if chains and learner != "max-margin" else 1.0
 
-    def _choose_penalty(
-        self,
-        examples: Sequence[Example],
-        task: LearningTask,
-        penalties: Sequence[float],
-        options: LearningOptions,
-    ) -> tuple[float, NDArray[np.float64]]:
+    def _chosen(
+        self, examples: Sequence[Example], counts: NDArray[np.float64] | None
+    ) -> tuple[Candidate, str, NDArray[np.float64] | None]:
+        """The options that label held-out nodes best, why the learner, and what all reach."""
+        choices = self._node_choices([problem for problem, _ in examples])
+        plain = choices[0] if self.node_features == "auto" else self._node_parts
+        penalties = penalties_of(self.C, AUTO_PENALTIES)
+        task = self._task(examples, plain, counts, self.learner)[2]
+        learners = learners_to_compare(self.learner, task.field)
+        reason = reason_for(self.learner, learners)
+        usual = Candidate(plain, learners[0], PENALTY if self.C == "auto" else penalties[0])
+        if self._goes_on and self.learning is not None:
+            before = self.summary
+            learner = before["learner"] if before["learner"] in learners else learners[0]
+            penalty = before["penalty"] if self.C == "auto" else usual.penalty
+            return Candidate(plain, learner, penalty), reason, None
+        options, search = self._options(learners[0]), None
         if len(examples) == 1 and (task.labels < 0).any():
-            return choose_by_hiding(task, self._hidden_parts(examples), penalties, options)
-        parts = held_out_parts(examples, self.n_validation_blocks)
-        return choose_penalty(task, parts, penalties, options)
+            if self.C != "auto" and len(penalties) > 1:
+                parts = self._hidden_parts(examples)
+                penalty, search = choose_by_hiding(task, parts, penalties, options)
+                usual = usual._replace(penalty=penalty)
+        elif len(learners) * len(penalties) > 1:
+            compared = choices if len(penalties) > 1 else (plain,)
+            tasks = {name: self._task(examples, name, counts, learners[0])[2] for name in compared}
+            parts = held_out_parts(examples, self.n_validation_blocks)
+            best, search = choose(tasks, parts, learners, penalties, options)
+            if not np.isnan(search).any():
+                return best, reason, search
+        return usual, REASONS[6] if len(learners) > 1 else reason, search
 
     def _parts_to_hold_out(self, examples: Sequence[Example]) -> NDArray[np.int64]:
         if any((truth < 0).any() for _, truth in examples):
@@ -263,17 +287,25 @@ class ConditionalRandomField(LinearModel):
         n = self.n_validation_blocks
         return np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
 
-    def _task(self, examples: Sequence[Example]) -> tuple[Standardization, TermSizes, LearningTask]:
+    def _task(
+        self,
+        examples: Sequence[Example],
+        node_parts: str,
+        counts: NDArray[np.float64] | None,
+        learner: str,
+    ) -> tuple[Standardization, TermSizes, LearningTask]:
         problems = [problem for problem, _ in examples]
-        raw = [self._node_features(problem) for problem in problems]
+        raw = [field_features(problem, node_parts) for problem in problems]
         scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
         sizes = self._term_sizes(problems, self.edge_names(problems[0]))
-        sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples))
+        sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples, learner))
         truth = np.concatenate([labels for _, labels in examples])
         names = examples[0][0].label_names
 
+        weight = self.class_weight if self.loss == "class-weighted" else "none"
+
         def loss_of(labels: NDArray[np.int64]) -> NDArray[np.float64]:
-            return node_losses(labels, names, self._class_weight)
+            return node_losses(labels, names, weight)
 
         told = told_of(problems)
         loss = of_those_asked(self._node_losses(truth, names), told)
@@ -290,21 +322,18 @@ class ConditionalRandomField(LinearModel):
             )
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
-        return scaling, sizes, LearningTask(beside(fields), truth, loss, loss_of, told=told)
-
-    def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        alone = problem.unary is None
-        parts = parse_node_features(self.node_features)
-        return node_features(problem, with_auto(parts, {"raw": alone, "logz": not alone}))
+        costs = self._costs(names)
+        task = LearningTask(beside(fields), truth, loss, loss_of, told=told, costs=costs)
+        return scaling, sizes, task if counts is None else task.weighing(counts)
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
         """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
         there = {"constant": True, "given": problem.edge_features is not None}
         return tuple(with_auto(self.edge_features, there))
 
-    def _options(self, field: TableField) -> LearningOptions:
+    def _options(self, learner: str) -> LearningOptions:
         return LearningOptions(
-            resolved(self.learner, field),
+            learner,
             self.learning_tolerance,
             self.max_steps,
             self.time_limit_s,
@@ -328,7 +357,7 @@ class ConditionalRandomField(LinearModel):
         """
         node_weights, tables = self._learned("node_weights", "tables")
         self._require_labels(problem)
-        nodes = self._scaling().apply(self._node_features(problem))
+        nodes = self._scaling().apply(field_features(problem, self._node_parts))
         edges = edge_features(problem, self.edge_names(problem))
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)

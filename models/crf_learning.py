@@ -1,6 +1,6 @@
 """How a conditional random field is trained: learners by name, unknown labels, the choice of C."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
@@ -23,7 +23,9 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
+from pgm_places.models.held_out_choice import Candidate, best_candidate
 from pgm_places.models.labelled_examples import best_value
+from pgm_places.models.learning_record import REASONS
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, maximize_likelihood
@@ -63,6 +65,8 @@ class LearningTask:
         What each node counts; ``loss`` contains it.
     told : (N,) int, optional
         Labels that are evidence while learning, -1 elsewhere; their loss is 0.
+    costs : (K, K) float, optional
+        What each label costs where another is true, times the loss, for max-margin learning.
     """
 
     field: TableField
@@ -71,6 +75,7 @@ class LearningTask:
     loss_of: LossOf
     weight: NDArray[np.float64] | None = None
     told: NDArray[np.int64] | None = None
+    costs: NDArray[np.float64] | None = None
 
     def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
         """The task whose nodes count by weights (N,); the mean loss stays."""
@@ -92,11 +97,26 @@ class LearningTask:
         return replace(self, field=smaller, labels=labels, loss=loss, weight=weight, told=told)
 
 
-def resolved(learner: str, field: TableField) -> str:
-    """The learner that ``auto`` stands for: the likelihood where it can be computed exactly."""
-    if learner == "auto":
-        return "likelihood" if field.is_forest else "max-margin"
-    return learner
+def learners_to_compare(learner: str, field: TableField) -> tuple[str, ...]:
+    """What ``auto`` compares: the likelihood alone where it can be computed exactly.
+
+    Elsewhere the margin and the pseudo-likelihood, which learns well where the margin's relaxation
+    is loose; with sets of nodes, whose sums are out of reach, the margin alone.
+    """
+    if learner != "auto":
+        return (learner,)
+    if field.is_forest:
+        return ("likelihood",)
+    return ("max-margin",) if field.sets is not None else ("max-margin", "pseudo-likelihood")
+
+
+def reason_for(asked: str, learners: Sequence[str]) -> str:
+    """Why a learner is taken, a sentence of the learning record."""
+    if asked != "auto":
+        return REASONS[0]
+    if len(learners) > 1:
+        return REASONS[5]
+    return REASONS[4] if learners[0] == "likelihood" else REASONS[7]
 
 
 def learn(
@@ -146,7 +166,9 @@ def _widest_margin(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
-    problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty, task.told)
+    problem = TableMarginProblem(
+        _weighed(task), task.labels, task.loss, penalty, task.told, task.costs
+    )
     exact = task.field.is_forest
     verified = not exact and options.certified_tolerance is not None
     return cutting_plane(
@@ -194,7 +216,7 @@ def _completed(
         return _widest_margin(now, problem.penalty, how, cuts=cuts, on_iteration=on_iteration)
 
     return learn_completed(
-        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty, task.told),
+        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty, task.told, task.costs),
         truth,
         starts,
         task.loss_of,
@@ -288,23 +310,58 @@ def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.i
     return labels[: field.n_nodes]
 
 
-def choose_penalty(
-    task: LearningTask,
+def choose(
+    tasks: Mapping[str, LearningTask],
     parts: NDArray[np.int64],
+    learners: Sequence[str],
     penalties: Sequence[float],
     options: LearningOptions,
-) -> tuple[float, NDArray[np.float64]]:
-    """The C with the best balanced accuracy on held-out parts, and (P, 2) C and that accuracy.
+) -> tuple[Candidate, NDArray[np.float64]]:
+    """The node features, learner and C that label held-out parts best, and all with their scores.
 
     Every part (N,) of the nodes is held out in turn; the field learns on the rest and labels the
-    part alone. Among equals the smaller C wins.
+    part alone. Each learner begins where the smaller C led it.
+
+    Parameters
+    ----------
+    tasks : mapping
+        The task by its node features, the simpler ones first.
     """
-    return _best_held_out(
-        task,
-        parts,
-        penalties,
-        lambda rest: [learn(rest, C, options.quick).weights for C in penalties],
-    )
+    kinds = [(name, learner) for name in tasks for learner in learners]
+    candidates = [Candidate(*kind, C) for kind in kinds for C in penalties]
+    truth: list[NDArray[np.int64]] = []
+    answers: dict[Candidate, list[NDArray[np.int64]]] = {each: [] for each in candidates}
+    first = next(iter(tasks.values()))
+    for part in np.unique(parts):
+        asked = (parts == part) & (first.labels >= 0)
+        left = first.labels[(parts != part) & (first.labels >= 0)]
+        if not asked.any() or len(np.unique(left)) < first.field.n_labels:
+            continue
+        truth.append(first.labels[asked])
+        for name, learner in kinds:
+            rest, held_out = tasks[name].part(parts != part), tasks[name].part(parts == part)
+            quick = replace(options.quick, learner=learner)
+            for candidate, weights in _path(rest, name, penalties, quick):
+                labels = _labels_at(held_out, weights)[held_out.labels >= 0]
+                answers[candidate].append(labels)
+    return best_candidate(candidates, truth, answers)
+
+
+def _path(
+    rest: LearningTask, name: str, penalties: Sequence[float], options: LearningOptions
+) -> Iterator[tuple[Candidate, NDArray[np.float64]]]:
+    """The weights of each C, learned one after the other."""
+    start: NDArray[np.float64] | None = None
+    cuts: tuple[Cut, ...] = ()
+    by_margin = options.learner == "max-margin"
+    for penalty in penalties:
+        if by_margin and (rest.labels >= 0).all():
+            found = _widest_margin(rest, penalty, options, cuts=cuts)
+            cuts = found.cuts  # planes hold at any C
+        else:
+            found = learn(rest, penalty, options, start=None if by_margin else start)
+            start = found.weights
+        yield Candidate(name, options.learner, penalty), found.weights
 
 
 def _best_held_out(

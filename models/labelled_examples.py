@@ -1,15 +1,16 @@
 """Labelled problems as learners take them: labelled parts, what errors cost, what is held out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, LabelError
+from pgm_places.errors import InputError, LabelError, nearest_name
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.options import Positive
 
 
 def best_value(
@@ -48,12 +49,14 @@ def best_value(
     return float(values[best]), np.column_stack([values, scores])
 
 
-ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
+WeightRule = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
+ClassWeight = WeightRule | Mapping[str, Positive]
+"""What a label costs when it is missed: a rule of its share, or a weight by name, 1 elsewhere."""
 
 # A problem and the true label (N,) of every node.
 Example = tuple[LabelingProblem, NDArray[np.int64]]
 
-CLASS_WEIGHTS: dict[ClassWeight, float] = {
+CLASS_WEIGHTS: dict[WeightRule, float] = {
     "none": 0.0,
     "cube-root": 1 / 3,
     "sqrt": 1 / 2,
@@ -72,6 +75,8 @@ def node_losses(
     ------
     LabelError
         A label has no example, so that nothing can be learned about it.
+    InputError
+        A weight for a label that there is not.
     """
     counts = np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
@@ -80,7 +85,16 @@ def node_losses(
             f"no training map has a node labelled {', '.join(map(repr, missing))}; "
             "add a map that has one or take the label out of label_names"
         )
-    weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
+    if isinstance(class_weight, Mapping):
+        for name in class_weight:
+            if name not in label_names:
+                raise InputError(
+                    f"class_weight has a weight for {name!r}, which is no label. "
+                    f"{nearest_name(name, list(label_names))}"
+                )
+        weights = np.array([class_weight.get(name, 1.0) for name in label_names])
+    else:
+        weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
     losses: NDArray[np.float64] = weights[labels]
     return losses / losses.mean()
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LearningWarning
+from pgm_places.models.held_out_choice import LEARNERS
 from pgm_places.solvers.margin_solution import LearningStep, reached, relative_gap
 
 LEARNING_STATUSES = (
@@ -17,6 +18,23 @@ LEARNING_STATUSES = (
 )  # fmt: skip
 """Words of :class:`~pgm_places.solvers.margin_solution.LearnedWeights`; records hold their places
 here, so new ones come last."""
+
+
+REASONS = (
+    "chosen by hand",
+    "costs about a second or two at this size",
+    "the quadratic program would take longer at this size",
+    "the quadratic program knows no cliques, known or unknown labels, sparse features or weights "
+    "to begin at",
+    "exact where no graph has a cycle",
+    "labels held-out parts best",
+    "no held-out part to compare learners on",
+    "likelihoods know no cliques",
+)
+"""Why a learner was taken; records hold their places here, so new ones come last."""
+
+LARGE_GAP = 0.1
+"""A certified gap above this is warned of: the weights may label badly."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +59,10 @@ class LearningRecord:
         Wall-clock time of learning and of the certificate.
     n_nodes, n_edges, n_maps : float
         Size of the training set.
+    learner : str or None
+        What learned the weights; None in records of earlier versions.
+    reason : str or None
+        Why it was this one: a sentence of :data:`REASONS`.
     """
 
     status: str
@@ -54,12 +76,15 @@ class LearningRecord:
     n_nodes: float
     n_edges: float
     n_maps: float
+    learner: str | None = None
+    reason: str | None = None
 
     def to_array(self) -> NDArray[np.float64]:
-        """The fields in order: the status as its index in LEARNING_STATUSES, None as -1."""
-        first = LEARNING_STATUSES.index(self.status)
-        numbers = [getattr(self, name) for name in _FIELDS[1:]]
-        return np.array([first, *(-1.0 if n is None else n for n in numbers)], np.float64)
+        """The fields in order: words as their places in the lists of this module, None as -1."""
+        values = {name: getattr(self, name) for name in _FIELDS}
+        for name, words in _WORDS.items():
+            values[name] = None if values[name] is None else words.index(values[name])
+        return np.array([-1.0 if n is None else n for n in values.values()], np.float64)
 
     @classmethod
     def from_array(cls, values: NDArray[np.float64]) -> "LearningRecord":
@@ -67,10 +92,13 @@ class LearningRecord:
 
         Earlier versions called every closed gap optimal; here only a proved one is.
         """
-        named = dict(zip(_FIELDS[1:], (float(value) for value in values[1:]), strict=True))
+        named: dict[str, Any] = dict(zip(_FIELDS, values.tolist(), strict=len(values) == N_RECORD))
+        for name, words in _WORDS.items():
+            place = int(named.pop(name, -1))
+            named[name] = None if place < 0 else words[place]
         certified = named.pop("certified_objective")
         rigorous = None if certified < 0 else certified
-        status = LEARNING_STATUSES[int(values[0])]
+        status = named.pop("status")
         if status == "optimal":
             status = reached(rigorous, named["lower_bound"], 0.0)
         return cls(status=status, certified_objective=rigorous, **named)
@@ -91,9 +119,17 @@ class LearningRecord:
         return named
 
 
-def warn_if_stalled(record: LearningRecord, scale: str) -> None:
-    """Say that learning ended too early, and what to do with features scaled in that way."""
+def warn_of_gap(record: LearningRecord, scale: str, remedies: str) -> None:
+    """Say that learning ended too early, or that better weights may well exist; and what to do."""
+    gap = record.certified_gap
     if record.status != "stalled":
+        if gap is not None and gap > LARGE_GAP and record.status not in _NO_GAP:
+            warnings.warn(
+                f"better weights may exist: the certified gap of learning is {100 * gap:.0f} % of "
+                f"the objective ({record.status}, C = {record.penalty:g}); {remedies}",
+                LearningWarning,
+                stacklevel=3,
+            )
         return
     reached = record.certified_objective or record.objective
     if scale == "none":
@@ -108,10 +144,17 @@ def warn_if_stalled(record: LearningRecord, scale: str) -> None:
     )
 
 
+# What was ended by hand, and what has no lower bound.
+_NO_GAP = ("stopped", "local_optimum")
+
 _FIELDS = tuple(LearningRecord.__dataclass_fields__)
+_WORDS = {"status": LEARNING_STATUSES, "learner": LEARNERS, "reason": REASONS}
 
 N_RECORD = len(_FIELDS)
 """Length of the array of a record."""
+
+LENGTHS = (N_RECORD - 2, N_RECORD)
+"""Those that are read: earlier versions do not say which learner it was."""
 
 
 def history_array(history: tuple[LearningStep, ...]) -> NDArray[np.float64]:

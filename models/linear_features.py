@@ -86,6 +86,13 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
     return beside
 
 
+def field_features(problem: LabelingProblem, names: str) -> NDArray[np.float64]:
+    """The node features of a field, whose ``auto`` is ``raw`` only where there is no unary."""
+    alone = problem.unary is None
+    parts = parse_node_features(names)
+    return node_features(problem, with_auto(parts, {"raw": alone, "logz": not alone}))
+
+
 def with_auto(names: Sequence[str], there: Mapping[str, bool]) -> list[str]:
     """The names with ``auto`` replaced by those that are there."""
     if "auto" not in names:

@@ -24,16 +24,18 @@ from pgm_places.models.cliques import (
 )
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
+from pgm_places.models.held_out_choice import NODE_CHOICES, choice_record, node_choice
 from pgm_places.models.labelled_examples import ClassWeight, node_losses
-from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
     edge_sizes,
     parse_edge_features,
     parse_node_features,
     resolved_edges,
 )
-from pgm_places.options import Positive, Whole, check_options
+from pgm_places.options import AtLeastZero, Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
+from pgm_places.solvers.max_margin import checked_costs
 
 
 class TermSizes(NamedTuple):
@@ -63,16 +65,20 @@ class LinearModel(LearnedNames):
     ----------
     n_validation_blocks : int
         How many parts are held out in turn to compare several C.
-    loss : {"class-weighted", "hamming"}
+    loss : {"class-weighted", "hamming"} or (K, K) float
         What a wrong label costs in max-margin learning: plain Hamming counts nodes, so rare labels
-        are given up where they are in doubt; class-weighted costs more for rare labels.
-    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
+        are given up where they are in doubt; class-weighted costs more for rare labels; a table
+        says what each label (column) costs where another (row) is true, 0 on the diagonal, scaled
+        to mean 1.
+    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"} or mapping
         A node of a label with share f of the nodes costs ``f**-p`` with p = 2/3, 1/2, 1/3, 1 or
-        0, scaled to mean 1. Ignored with Hamming loss.
+        0, or the weight that is given for its label (1 where none is), scaled to mean 1. For the
+        class-weighted loss alone.
     node_features : str
         Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
-        ``raw`` (the problem's node features); or ``auto``. Repeated columns are dropped, the rest
-        is standardised, and a constant is added.
+        ``raw`` (the problem's node features). ``auto`` is what there is of ``logz`` and ``raw``;
+        with both, ``raw`` is taken only if it labels held-out parts better by a point. Repeated
+        columns are dropped, the rest is standardised, and a constant is added.
     edge_features : tuple of str
         ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
         ``given``; or ``auto``. See :func:`pgm_places.models.linear_features.edge_features`.
@@ -104,7 +110,9 @@ class LinearModel(LearnedNames):
     )
 
     n_validation_blocks: Annotated[int, Ge(2)] = 4
-    loss: Literal["class-weighted", "hamming"] = "class-weighted"
+    loss: Literal["class-weighted", "hamming"] | tuple[tuple[AtLeastZero, ...], ...] = (
+        "class-weighted"
+    )
     class_weight: ClassWeight = "cube-root"
     node_features: str = "auto"
     edge_features: str | tuple[str, ...] = ("auto",)
@@ -123,28 +131,31 @@ class LinearModel(LearnedNames):
     feature_clip: NDArray[np.float64] | None = learned()
     n_features: NDArray[np.int64] | None = learned()
     learning: NDArray[np.float64] | None = learned()
+    node_choice: NDArray[np.int64] | None = learned()
     learning_history: NDArray[np.float64] | None = learned()
     penalty_search: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
         check_options(self)
         parse_node_features(self.node_features)
+        if not isinstance(self.loss, str):
+            checked_costs(self.loss, len(self.loss))
         set_fields(self, edge_features=parse_edge_features(self.edge_features))
         if self.node_weights is not None:
             self._check_learned()
 
     def with_options_in(self, order: NDArray[np.int64]) -> Self:
         """The model with label ``order[k]`` in place k of a loss that is a table."""
-        loss: Any = self.loss
-        if isinstance(loss, str):
+        if isinstance(self.loss, str):
             return self
-        table = np.asarray(loss)[np.ix_(order, order)]
-        turned: dict[str, Any] = {"loss": tuple(map(tuple, table.tolist()))}
-        return replace(self, **turned)
+        table = checked_costs(self.loss, len(order))[np.ix_(order, order)]
+        return replace(self, loss=tuple(map(tuple, table.tolist())))
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """How learning went, by name: status, C, objective, bounds, gap, seconds, sizes.
+        """How learning went, by name: status, C, learner, bounds, gap, seconds, sizes.
+
+        ``held_out`` holds the options that were compared, with their scores on held-out parts.
 
         Raises
         ------
@@ -154,7 +165,22 @@ class LinearModel(LearnedNames):
         self._learned("node_weights")
         if self.learning is None:
             return {}
-        return LearningRecord.from_array(self.learning).summary()
+        record = dict(LearningRecord.from_array(self.learning).summary())
+        record["node_features"] = self._node_parts
+        return {**record, "held_out": choice_record(self.penalty_search, record)}
+
+    @property
+    def _node_parts(self) -> str:
+        """The node features that were chosen, or those that were asked for."""
+        chosen = 0 if self.node_choice is None else int(self.node_choice[0])
+        return NODE_CHOICES[chosen] if chosen else self.node_features
+
+    def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
+        """The node features to compare on held-out parts; more than one where it is ``auto``."""
+        if self._goes_on:
+            return (self._node_parts,)
+        both = all(p.unary is not None and p.node_features is not None for p in problems)
+        return NODE_CHOICES[1:] if self.node_features == "auto" and both else (self.node_features,)
 
     @property
     def _goes_on(self) -> bool:
@@ -185,15 +211,19 @@ class LinearModel(LearnedNames):
             )
         return arrays
 
-    @property
-    def _class_weight(self) -> ClassWeight:
-        return "none" if self.loss == "hamming" else self.class_weight
+    def _costs(self, names: Sequence[str]) -> NDArray[np.float64] | None:
+        """(K, K) what confusing labels costs, scaled to a mean of 1; None if all cost the same."""
+        if isinstance(self.loss, str):
+            return None
+        costs = checked_costs(self.loss, len(names))
+        return costs * (len(names) * (len(names) - 1) / costs.sum())
 
     def _node_losses(self, labels: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.float64]:
         """(N,) what a wrong label costs at each node, 0 where none is known."""
         losses = np.zeros(len(labels))
         known = labels >= 0
-        losses[known] = node_losses(labels[known], names, self._class_weight)
+        weight = self.class_weight if self.loss == "class-weighted" else "none"
+        losses[known] = node_losses(labels[known], names, weight)
         return losses
 
     def _weights_to_begin_with(
@@ -268,8 +298,12 @@ class LinearModel(LearnedNames):
         ):
             raise InputError("feature_clip must hold one positive number")
         check_clique_weights(self.clique_weights, node_weights.shape[1])
-        if self.learning is not None and self.learning.shape != (N_RECORD,):
-            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
+        if self.learning is not None and self.learning.shape not in [(n,) for n in LENGTHS]:
+            raise InputError(f"learning must hold {LENGTHS[-1]} numbers, got {self.learning.shape}")
+        if self.node_choice is not None and not (
+            self.node_choice.shape == (1,) and 0 <= self.node_choice[0] < len(NODE_CHOICES)
+        ):
+            raise InputError(f"node_choice must hold one number below {len(NODE_CHOICES)}")
 
 
 def require_edge_features(count: int, n_known: int) -> None:
@@ -286,6 +320,7 @@ def learned_arrays(
     record: LearningRecord,
     history: tuple[LearningStep, ...],
     search: NDArray[np.float64] | None,
+    node_parts: str,
 ) -> dict[str, Any]:
     """What learning leaves beside the weights, by the names of :class:`LinearModel`."""
     return {
@@ -297,4 +332,5 @@ def learned_arrays(
         "learning": record.to_array(),
         "learning_history": history_array(history),
         "penalty_search": search,
+        "node_choice": np.array([node_choice(node_parts)], np.int64),
     }

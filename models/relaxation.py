@@ -1,9 +1,9 @@
 """Probabilistic relaxation: beliefs revised by how well the labels of neighbours fit together."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,8 @@ from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
-from pgm_places.options import AtLeastZero, Whole, check_options
+from pgm_places.models.labelled_examples import Example, labelled_parts
+from pgm_places.options import AtLeastZero, Probability, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
     edge_pair_counts,
@@ -26,6 +27,9 @@ from pgm_places.solvers.compatibility import (
     yamamoto_coefficients,
 )
 from pgm_places.solvers.relaxation import OnIteration, Relaxed, check_tables, relax_graph
+
+# Iterations where "auto" has nothing to hold out.
+ITERATIONS = 50
 
 
 @travels
@@ -39,8 +43,9 @@ class Relaxation(LearnedNames):
 
     Parameters
     ----------
-    max_iterations : int
-        Limit of the iterations.
+    max_iterations : int or "auto"
+        Limit of the iterations. ``auto`` is what labels held-out training problems best, or
+        held-out blocks of a single one, and 50 where nothing can be held out; the paper takes 10.
     tolerance : float
         Converged when no belief changes by more.
     damping : float
@@ -62,6 +67,12 @@ class Relaxation(LearnedNames):
     floor : float
         Smallest probability at the start of a label that is not forbidden: the update multiplies,
         so that it moves no label whose classifier was absolutely sure.
+    prior_share : float or "auto"
+        How much of the labels' prior is divided out of the scores at the start, from 0 (the
+        paper's) to 1: scores of a sure classifier hold the prior, and so does every neighbour.
+        ``auto`` is chosen together with ``max_iterations``: of what labels held-out nodes no less
+        accurately than the scores alone, the best mean of accuracy and balanced accuracy. It is 0
+        where ``max_iterations`` is given.
 
     Examples
     --------
@@ -77,18 +88,26 @@ class Relaxation(LearnedNames):
         uses_node_features=False, learns_from_labels=True, takes_single_precision=True
     )
 
-    max_iterations: Whole = 50
+    max_iterations: Whole | Literal["auto"] = "auto"
     tolerance: AtLeastZero = 1e-4
     damping: Annotated[float, Ge(0), Lt(1)] = 0.0
     directional: bool = False
     diagonal_weight: AtLeastZero = 1.0
     smoothing: AtLeastZero = 1.0
     floor: Annotated[float, Ge(0), Lt(1)] = 1e-6
+    prior_share: Probability | Literal["auto"] = "auto"
     pair_counts: NDArray[np.int64] | None = learned()
     """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
     of the L = K + 1 labels is the wall."""
     compatibility: NDArray[np.float64] | None = learned(given=True)
     """(D, L, L) coefficients r of equation 6; those of one's own may be (D, K, K)."""
+    label_prior: NDArray[np.float64] | None = learned()
+    """(K,) share of each label in training."""
+    choice: NDArray[np.float64] | None = learned()
+    """Iterations and share of the prior that labelled held-out nodes best."""
+    held_out: NDArray[np.float64] | None = learned()
+    """(P, 4) those that were compared, with accuracy and balanced accuracy; the scores alone
+    first."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -102,6 +121,29 @@ class Relaxation(LearnedNames):
                 f"of edge, got {np.shape(self.compatibility)}"
             )
         set_fields(self, compatibility=check_tables(tables, tables.shape[1]))
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What was chosen, and how what was compared labels held-out nodes; {} without a choice."""
+        if self.held_out is None:
+            return {}
+        names = ("max_iterations", "prior_share", "accuracy", "balanced_accuracy")
+        rows = [dict(zip(names, row, strict=True)) for row in self.held_out.tolist()]
+        return {"max_iterations": self._iterations, "prior_share": self._share, "held_out": rows}
+
+    @property
+    def _iterations(self) -> int:
+        if self.max_iterations != "auto":
+            return self.max_iterations
+        return ITERATIONS if self.choice is None else int(self.choice[0])
+
+    @property
+    def _share(self) -> float:
+        if self.prior_share != "auto":
+            return self.prior_share
+        if self.choice is None or self.max_iterations != "auto":
+            return 0.0
+        return float(self.choice[1])
 
     # ------------------------------------------------------------------ learning
 
@@ -122,7 +164,7 @@ class Relaxation(LearnedNames):
         pairs = labelled_problems(problems, labelings)
         if self._is_given:
             return self
-        counts = [self._counts(problem, truth) for problem, truth in pairs]
+        counts = [self.counts(problem, truth) for problem, truth in pairs]
         if len({len(item) for item in counts}) > 1:
             raise InputError(
                 "directional relaxation has 8 directions on grids and 2 on other graphs; learn "
@@ -131,13 +173,24 @@ class Relaxation(LearnedNames):
         total = np.sum(counts, axis=0)
         if not total.sum():
             raise InputError("no two neighbours are both labelled; there is nothing to count")
-        return replace(
+        fitted = replace(
             self,
             pair_counts=total,
             compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
+            label_prior=_prior(pairs),
+            choice=None,
+            held_out=None,
         ).with_names_of(pairs[0][0])
+        if self.max_iterations != "auto":
+            return fitted
+        from pgm_places.models.relaxation_choice import best_row, compared
 
-    def _counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
+        table = compared(self, labelled_parts(problems, labelings))
+        if table is None:
+            return fitted
+        return replace(fitted, choice=best_row(table)[:2].copy(), held_out=table)
+
+    def counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
         """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""
         n_labels = problem.n_labels
         graph = problem.graph
@@ -179,14 +232,14 @@ class Relaxation(LearnedNames):
             raise NotFittedError(
                 "relaxation has learned no coefficients; call fit first, or give compatibility"
             )
-        unary = evident_unary(problem, "relaxation", single=True)
+        unary = self.start(problem)
         size = self.compatibility.shape[1]
         if size != problem.n_labels + 1 and not (self._is_given and size == problem.n_labels):
             what = f"learned {size - 1} labels (and the wall)"
             what = f"was given {size} labels" if self._is_given else what
             raise InputError(f"relaxation {what}, but the problem has {problem.n_labels}")
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
-        relaxed = self._relax(problem.graph, self._from_prior(problem, unary), recorder)
+        relaxed = self.relaxed(problem.graph, unary, recorder)
         history = {
             "change": relaxed.max_change,
             "mean_change": relaxed.mean_change,
@@ -205,23 +258,27 @@ class Relaxation(LearnedNames):
             info=info,
         )
 
-    def _from_prior(
-        self, problem: LabelingProblem, unary: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """The unary, with the labels' shares in training where nothing was observed.
+    def start(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(N, K) the scores that iterations begin at, without the share of the prior.
 
-        Coefficients say how much likelier than by those shares a label is beside another: from
-        equal beliefs, a rare label would spread for no reason.
+        Where nothing was observed they are the labels' shares in training. Coefficients say how
+        much likelier than by those shares a label is beside another: from equal beliefs, a rare
+        label would spread for no reason.
         """
+        unary = evident_unary(problem, "relaxation", single=True)
+        start = unary
+        if self._share and self.label_prior is not None and len(self.label_prior) == unary.shape[1]:
+            start = unary - (self._share * np.log(self.label_prior)).astype(unary.dtype)
         if problem.unseen is None or self.pair_counts is None:
-            return unary
+            return start
         shares = self.pair_counts.sum(axis=(0, 2))[:-1] + 1.0
         unseen = problem.unseen[:, None] & (unary > -np.inf)
-        return np.where(unseen, np.log(shares / shares.sum()), unary).astype(unary.dtype)
+        return np.where(unseen, np.log(shares / shares.sum()), start).astype(unary.dtype)
 
-    def _relax(
+    def relaxed(
         self, graph: LabelGraph, unary: NDArray[np.float64], on_iteration: OnIteration | None
     ) -> Relaxed:
+        """The beliefs after all iterations, from given scores (N, K)."""
         assert self.compatibility is not None  # infer has checked
         n_labels = unary.shape[1]
         tables = self.compatibility
@@ -231,7 +288,7 @@ class Relaxation(LearnedNames):
         options: dict[str, Any] = {
             "floor": self.floor,
             "damping": self.damping,
-            "max_iterations": self.max_iterations,
+            "max_iterations": self._iterations,
             "tolerance": self.tolerance,
             "on_iteration": on_iteration,
         }
@@ -289,6 +346,16 @@ def _kinds(graph: LabelGraph, n_tables: int) -> NDArray[np.int8]:
             f"{kinds.max()}"
         )
     return kinds
+
+
+def _prior(examples: Sequence[Example]) -> NDArray[np.float64]:
+    """(K,) the share of each label among labelled nodes, as if there were one more of each."""
+    n_labels = examples[0][0].n_labels
+    counts = np.ones(n_labels)
+    for _, truth in examples:
+        counts += np.bincount(truth[truth >= 0], minlength=n_labels)
+    shares: NDArray[np.float64] = counts / counts.sum()
+    return shares
 
 
 def grid_connectivity(graph: LabelGraph) -> int | None:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import (
     feature_rows,
@@ -48,12 +48,14 @@ class MarginProblem(ABC):
 
     ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
     ``penalty`` is C, and labels that are ``told`` (N,), -1 elsewhere, are known to every labelling.
+    With ``costs`` (K, K) it is ``loss`` times the cost of the label taken for the true one.
     """
 
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
     penalty: float
     told: NDArray[np.int64] | None
+    costs: NDArray[np.float64] | None
 
     @property
     @abstractmethod
@@ -89,6 +91,14 @@ class MarginProblem(ABC):
         if not (np.isfinite(self.penalty) and self.penalty > 0):
             raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
         set_fields(self, labels=labels, loss=loss)
+        if self.costs is not None:
+            set_fields(self, costs=checked_costs(self.costs, n_labels))
+
+    def node_costs(self, n_labels: int) -> NDArray[np.float64]:
+        """(N, K) what each label costs at each node, 0 for the true one."""
+        costs = 1.0 - np.eye(n_labels) if self.costs is None else self.costs
+        found: NDArray[np.float64] = self.loss[:, None] * costs[self.labels]
+        return found
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
@@ -98,15 +108,22 @@ class MarginProblem(ABC):
     def augmented_potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The potentials of score plus loss: l_i is added to every wrong label of node i."""
+        """The potentials of score plus loss: what it costs is added to every label of a node."""
         unary, pairs = self.potentials(weights)
-        unary[: self.n_nodes] += self.loss[:, None]
-        unary[np.arange(self.n_nodes), self.labels] -= self.loss
+        if self.costs is None:
+            unary[: self.n_nodes] += self.loss[:, None]
+            unary[np.arange(self.n_nodes), self.labels] -= self.loss
+        else:  # nodes never take the label that sets have beside these
+            k = len(self.costs)
+            unary[: self.n_nodes, :k] += self.node_costs(k)
         return keep_known(unary, self.told), pairs
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
-        wrong = float(self.loss[labels != self.labels].sum())
+        if self.costs is None:
+            wrong = float(self.loss[labels != self.labels].sum())
+        else:
+            wrong = float(self.loss @ self.costs[self.labels, labels])
         return Cut(self._less_than_truth(labels) / self.n_nodes, wrong / self.n_nodes)
 
     def _less_than_truth(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -139,6 +156,9 @@ class MaxMarginProblem(MarginProblem):
     told : (N,) int, optional
         Labels that are known to every labelling, -1 elsewhere: the true labelling has to win
         against those alone that keep them.
+    costs : (K, K) float, optional
+        What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all pairs by
+        default, the (weighted) Hamming loss.
     """
 
     node_features: NDArray[np.float64]
@@ -150,6 +170,7 @@ class MaxMarginProblem(MarginProblem):
     penalty: float
     sets: SetTerms | None = None
     told: NDArray[np.int64] | None = None
+    costs: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, "N")
@@ -286,7 +307,25 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         first.penalty,
         SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
         known_beside([(problem.told, problem.n_nodes) for problem in problems]),
+        first.costs,
     )
+
+
+def checked_costs(costs: ArrayLike, n_labels: int) -> NDArray[np.float64]:
+    """Costs (K, K) of taking the label of a column for that of a row.
+
+    Raises
+    ------
+    InputError
+        Another shape, numbers below 0 or not finite, a diagonal that is not 0, or only zeros.
+    """
+    found = finite_array("the costs of confusing labels", costs, (n_labels, n_labels))
+    if found.min() < 0 or np.diag(found).any() or not found.any():
+        raise InputError(
+            "costs[true, taken] must be 0 on the diagonal, at least 0 elsewhere, and not all 0; "
+            f"got {found.tolist()}"
+        )
+    return found
 
 
 def _sums_by_label(
@@ -328,15 +367,14 @@ def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64
     Any marginals with rows that sum to one are feasible in the dual of the learning QP, with
     the edge marginals ``min(m_i, m_j)`` that suit it best; the bound is the dual's value::
 
-        C/N sum_i l_i (1 - m_i[t_i]) - 1/2 |w_n|^2 - 1/2 |w_e|^2,
+        C/N sum_ik l_i cost[t_i, k] m_i[k] - 1/2 |w_n|^2 - 1/2 |w_e|^2,
         w_n = C/N sum_i x_i (1[t_i] - m_i),  w_e = max(0, C/N sum_ij x_ij (1[t_ij] - m_ij)).
     """
-    nodes = np.arange(problem.n_nodes)
     m = np.maximum(marginals, 0.0)
     total = m.sum(axis=1, keepdims=True)
     m = np.where(total > 0, m / np.where(total > 0, total, 1.0), 1.0 / problem.n_labels)
     scale = problem.penalty / problem.n_nodes
-    loss = scale * float(problem.loss @ (1.0 - m[nodes, problem.labels]))
+    loss = scale * float((problem.node_costs(problem.n_labels) * m).sum())
     edge_marginals = np.minimum(m[problem.edges[:, 0]], m[problem.edges[:, 1]])
     expected = np.concatenate(
         [(problem.node_features.T @ m).ravel(), (problem.edge_features.T @ edge_marginals).ravel()]

@@ -3,14 +3,16 @@
 The maximum over labellings in the hinge is replaced by its LP relaxation, and that LP by its dual
 (Taskar et al. 2004), which makes learning one convex QP. With two labels the relaxation is tight
 and the QP is the exact objective; with more it lies above it. Memory and time grow quickly: use it
-up to some thousand nodes, and the cutting plane beyond.
+up to some thousand nodes, and the cutting plane beyond. OSQP runs in chunks of a fixed number of
+iterations, between which signals are handled and the time limit is looked at.
 """
 
-import importlib.util
 import logging
+import os
 import time
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -19,7 +21,13 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import is_sparse
 from pgm_places.errors import InputError, SolverError
-from pgm_places.solvers.margin_solution import PROVED, LearnedWeights, LearningStep, reached
+from pgm_places.solvers.margin_solution import (
+    PROVED,
+    LearnedWeights,
+    LearningStep,
+    OnStep,
+    reached,
+)
 from pgm_places.solvers.max_margin import MaxMarginProblem, hinge, objective, relaxed_lower_bound
 
 if TYPE_CHECKING:
@@ -27,11 +35,22 @@ if TYPE_CHECKING:
 
 _logger = logging.getLogger(__name__)
 
-QPSolver = Literal["clarabel", "piqp", "osqp"]
+QPSolver = Literal["osqp", "clarabel"]
 QP_SOLVERS: tuple[QPSolver, ...] = get_args(QPSolver)
 """Solvers of the QP, in the order in which they are tried when one fails."""
 
-_USABLE = ("optimal", "optimal_inaccurate")
+# Entries of the program's matrices up to which it costs about a second or two.
+QUICK_ENTRIES = 300_000
+
+# Clarabel neither hears signals nor keeps its time limit within a factorisation.
+CLARABEL_ENTRIES = 1_000_000
+
+# Peak of memory for each entry, measured from 335,000 to 3,000,000 entries: 200 to 285.
+BYTES_PER_ENTRY = 300
+
+# A multiple of OSQP's intervals, so that a chunk ends where it looks at its state anyway.
+CHUNK = 50
+MAX_ITERATIONS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +67,10 @@ class _Program:
 def max_margin_qp(
     problem: MaxMarginProblem,
     *,
-    solver: str = "clarabel",
+    solver: str = "osqp",
     tolerance: float = 1e-6,
     time_limit_s: float | None = None,
+    on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
     """The weights that minimise the relaxed objective, with a rigorous value and lower bound.
 
@@ -66,18 +86,24 @@ def max_margin_qp(
 
     Parameters
     ----------
-    solver : {"clarabel", "piqp", "osqp"}
-        Tried first; the others follow where it fails. OSQP runs without its own scaling, on the
+    solver : {"osqp", "clarabel"}
+        Tried first; the other follows where it fails. OSQP runs without its own scaling, on the
         objective multiplied by N/C, without which it does not converge on maps.
     tolerance : float
         Passed to the solver.
     time_limit_s : float, optional
-        Per attempt.
+        Wall-clock seconds after which the best weights so far are returned, with status
+        ``time_limit``.
+    on_iteration : callable, optional
+        Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` after each chunk of
+        OSQP's iterations; when it returns True, the best weights so far are returned, with status
+        ``stopped``.
 
     Raises
     ------
     InputError
-        An unknown solver, or a problem with sets of nodes or sparse features.
+        An unknown solver, a problem with sets of nodes or sparse features, one that would not fit
+        into memory, or one too large for Clarabel.
     SolverError
         No solver found a solution; the message lists every status.
     """
@@ -90,17 +116,60 @@ def max_margin_qp(
             "the compact QP wants dense node_features; take learner='cutting-plane', or give their "
             "toarray()"
         )
+    _require_room(problem, solver)
     start = time.perf_counter()
     unit, problem = _in_units(problem)
     program = _compact_program(problem)
     statuses = []
     for name in (solver, *(other for other in QP_SOLVERS if other != solver)):
-        status = _attempt(program, name, tolerance, time_limit_s)
+        if name == "clarabel" != solver and n_entries(problem) > CLARABEL_ENTRIES:
+            continue
+        left = None if time_limit_s is None else time_limit_s - (time.perf_counter() - start)
+        state = _State(problem, program, tolerance, start, unit, on_iteration)
+        status, iterations = _attempt(state, name, tolerance, left)
         statuses.append(f"{name}: {status}")
-        if status in _USABLE:
-            return _solution(problem, program, tolerance, start, unit)
+        if status in ("optimal", "optimal_inaccurate", "time_limit", "stopped"):
+            found = state.solution(iterations)
+            found = replace(found, history=(*state.history, *found.history))
+            return replace(found, status=status) if status in ("time_limit", "stopped") else found
         _logger.warning("the QP's solver %s ended with status %s", name, status)
     raise SolverError(f"no solver solved the learning QP ({'; '.join(statuses)})")
+
+
+def n_entries(problem: MaxMarginProblem) -> int:
+    """How many entries the program's matrices have, which its time and memory go with."""
+    (n, d), k = problem.node_features.shape, problem.n_labels
+    n_edges, f = problem.edge_features.shape
+    return k * (n * (d + f + 1) + 2 * n_edges * (f + 2))
+
+
+def _require_room(problem: MaxMarginProblem, solver: str) -> None:
+    """Refuse what does not fit into memory, and what nobody could stop."""
+    entries, free = n_entries(problem), _free_bytes()
+    size = f"{problem.n_nodes:,} nodes and {len(problem.edges):,} edges with {problem.n_labels}"
+    if free is not None and entries * BYTES_PER_ENTRY > free:
+        raise InputError(
+            f"the compact QP of {size} labels needs about {entries * BYTES_PER_ENTRY / 2**30:.1f} "
+            f"GiB, and {free / 2**30:.1f} GiB are free; take learner='cutting-plane'"
+        )
+    if solver == "clarabel" and entries > CLARABEL_ENTRIES:
+        raise InputError(
+            f"the compact QP of {size} labels would keep Clarabel busy for minutes, in which "
+            "nothing can stop it; take solver='osqp' or learner='cutting-plane'"
+        )
+
+
+def _free_bytes() -> int | None:
+    """Memory that is free or can be freed; None where the system does not say."""
+    try:
+        with Path("/proc/meminfo").open(encoding="ascii") as lines:
+            found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        return 1024 * found[0] if found else None
+    except OSError:
+        names = getattr(os, "sysconf_names", {})
+        if "SC_PHYS_PAGES" not in names:
+            return None
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def relaxed_objective(
@@ -131,7 +200,7 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
     edge_weights = cp.Variable((n_edge_features, k), nonneg=True)
     split = cp.Variable((n_rows, k))
     node_duals = cp.Variable((n, 1))
-    loss = problem.loss[:, None] * (np.arange(k) != problem.labels[:, None])
+    loss = problem.node_costs(k)
     padded = np.zeros((n_rows, n_edge_features))
     padded[:n_edges] = problem.edge_features
     features = sp.csr_array(padded)
@@ -161,37 +230,48 @@ def _incidence(
     )
 
 
-def _solver_options(name: str, tolerance: float, time_limit_s: float | None) -> dict[str, Any]:
-    if name == "clarabel":
-        options: dict[str, Any] = {
-            "tol_gap_abs": tolerance,
-            "tol_gap_rel": tolerance,
-            "tol_feas": tolerance,
-        }
-    elif name == "piqp":
-        options = {"eps_abs": tolerance, "eps_rel": tolerance}
-    else:
-        options = {"scaling": 0, "eps_abs": tolerance, "eps_rel": tolerance, "max_iter": 20_000}
-        options["adaptive_rho_interval"] = 50  # before 1.0, the clock decides unless told otherwise
-    if time_limit_s is not None and name != "piqp":  # piqp has no limit of time
-        options["time_limit"] = time_limit_s
-    return options
-
-
-def _attempt(program: _Program, name: str, tolerance: float, time_limit_s: float | None) -> str:
+def _attempt(
+    state: "_State", name: str, tolerance: float, time_limit_s: float | None
+) -> tuple[str, int]:
+    """How a solver ends, and after how many iterations; its answer is left in the program."""
     import cvxpy as cp
 
-    if name != "clarabel" and importlib.util.find_spec(name) is None:
-        return "not installed"
-    options = _solver_options(name, tolerance, time_limit_s)
+    problem = state.program.problem
+    end = None if time_limit_s is None else time.perf_counter() + time_limit_s
     try:
         with warnings.catch_warnings():
             # cvxpy warns of inaccurate answers; the status says so, and we report it
             warnings.simplefilter("ignore", UserWarning)
-            program.problem.solve(solver=name.upper(), **options)
+            if name == "clarabel":
+                options = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+                if time_limit_s is not None:
+                    options["time_limit"] = max(time_limit_s, 1e-3)
+                problem.solve(solver=cp.CLARABEL, **options)
+                late = end is not None and time.perf_counter() >= end
+                status = "time_limit" if problem.status == "user_limit" and late else problem.status
+                return str(status), int(problem.solver_stats.num_iters or 0)
+            return _in_chunks(state, tolerance, end)
     except cp.SolverError as error:
-        return f"failed ({error})"
-    return str(program.problem.status)
+        return f"failed ({error})", 0
+
+
+def _in_chunks(state: "_State", tolerance: float, end: float | None) -> tuple[str, int]:
+    """OSQP from chunk to chunk, each from where the last one ended."""
+    import cvxpy as cp
+
+    options = {"scaling": 0, "eps_abs": tolerance, "eps_rel": tolerance, "max_iter": CHUNK}
+    options["adaptive_rho_interval"] = CHUNK  # before 1.0, the clock decides unless told otherwise
+    problem, iterations = state.program.problem, 0
+    while iterations < MAX_ITERATIONS:
+        problem.solve(solver=cp.OSQP, warm_start=iterations > 0, **options)
+        iterations += int(problem.solver_stats.num_iters or 0)
+        if problem.status != "user_limit":
+            return str(problem.status), iterations
+        if state.stops(iterations):
+            return "stopped", iterations
+        if end is not None and time.perf_counter() >= end:
+            return "time_limit", iterations
+    return "user_limit", iterations
 
 
 def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
@@ -210,19 +290,37 @@ def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
     )
 
 
-def _solution(
-    problem: MaxMarginProblem, program: _Program, tolerance: float, start: float, unit: float
-) -> LearnedWeights:
-    edge_weights = np.maximum(program.edge_weights.value, 0.0)
-    weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
-    upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
-    lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
-    weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
-    iterations = int(program.problem.solver_stats.num_iters or 0)
-    status = reached(upper, lower, max(tolerance, PROVED))
-    if status == "oracle_limit":  # there is none here
-        status = "inaccurate"
-    step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
-    return LearnedWeights(
-        weights, max(upper, lower), lower, status, iterations, (step,), certified=max(upper, lower)
-    )
+@dataclass(frozen=True, eq=False)
+class _State:
+    """What is solved, and who is told how it goes."""
+
+    problem: MaxMarginProblem
+    program: _Program
+    tolerance: float
+    start: float
+    unit: float
+    on_iteration: OnStep | None
+    history: list[LearningStep] = field(default_factory=list)
+
+    def stops(self, iterations: int) -> bool:
+        """Report the weights so far; whether that ends learning."""
+        if self.on_iteration is None:
+            return False
+        [step] = self.solution(iterations).history
+        self.history.append(step)
+        return bool(self.on_iteration(step))
+
+    def solution(self, iterations: int) -> LearnedWeights:
+        """The solver's weights so far, made feasible, with their rigorous bounds."""
+        program, problem, unit = self.program, self.problem, self.unit
+        edge_weights = np.maximum(program.edge_weights.value, 0.0)
+        weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
+        upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
+        lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
+        weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
+        status = reached(upper, lower, max(self.tolerance, PROVED))
+        if status == "oracle_limit":  # there is none here
+            status = "inaccurate"
+        upper = max(upper, lower)
+        step = LearningStep(iterations, time.perf_counter() - self.start, upper, lower, 0)
+        return LearnedWeights(weights, upper, lower, status, iterations, (step,), certified=upper)

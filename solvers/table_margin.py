@@ -40,6 +40,8 @@ class TableMarginProblem(MarginProblem):
         C > 0, the price of the mean hinge against the size of the weights.
     told : (N,) int, optional
         Labels that are known to every labelling, -1 elsewhere.
+    costs : (K, K) float, optional
+        What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all by default.
     """
 
     field: TableField
@@ -47,6 +49,7 @@ class TableMarginProblem(MarginProblem):
     loss: NDArray[np.float64]
     penalty: float
     told: NDArray[np.int64] | None = None
+    costs: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         self._check_truth(self.field.n_labels)

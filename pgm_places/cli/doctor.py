@@ -15,7 +15,7 @@ from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 from pgm_places.options import UnknownGrey
 
-_SOLVERS = {"clarabel", "piqp", "ortools"}
+_SOLVERS = {"clarabel", "ortools"}
 """What cvxpy and decoders use where it is installed."""
 
 

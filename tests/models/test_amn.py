@@ -5,15 +5,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.errors import ConfigError, InputError, LabelError, LearningWarning, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import score
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models import amn as module
 from pgm_places.models.amn import AssociativeMarkovNetwork
+from pgm_places.models.amn_learning import choose
 from pgm_places.models.labelled_examples import node_losses
-from pgm_places.models.learning_record import LEARNING_STATUSES, LearningRecord
+from pgm_places.models.learning_record import LEARNING_STATUSES, REASONS, LearningRecord
 from pgm_places.solvers.margin_solution import REACHED, LearningStep
 
 NAMES = ("corridor", "room", "doorway")
@@ -107,7 +109,8 @@ def test_a_graph_without_nodes_gets_no_labels() -> None:
 def test_learners_minimise_the_same_objective() -> None:
     problem, truth = sample(6, 8, n_labels=2, seed=4)
     options: dict[str, Any] = {"C": 5.0, "learning_tolerance": 1e-3}
-    base = AssociativeMarkovNetwork(**options).fit([problem], [truth]).summary
+    base = AssociativeMarkovNetwork(learner="cutting-plane", **options)
+    base = base.fit([problem], [truth]).summary
     other = AssociativeMarkovNetwork(learner="qp", **options).fit([problem], [truth]).summary
     assert other["status"] in ("optimal", "within_tolerance")
     assert other["objective"] == pytest.approx(base["objective"], rel=3e-3)
@@ -131,6 +134,7 @@ def test_the_summary_certifies_the_objective(learner: Any) -> None:
 
 @pytest.mark.parametrize("learner", ["cutting-plane", "qp"])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.filterwarnings("ignore:better weights may exist")
 def test_the_status_says_no_more_than_the_certified_gap(learner: Any, seed: int) -> None:
     """A hard problem: three labels, noisy features, a high C."""
     problem, truth = sample(5, 6, seed=seed)
@@ -182,7 +186,7 @@ def test_the_scale_of_edge_features_frees_the_edge_weights() -> None:
 
 def test_doubling_the_map_changes_no_weight() -> None:
     problem, truth = sample(seed=9)
-    network = AssociativeMarkovNetwork(learning_tolerance=1e-4)
+    network = AssociativeMarkovNetwork(learner="cutting-plane", C=100.0, learning_tolerance=1e-4)
     once = network.fit([problem], [truth])
     twice = network.fit([problem, problem], [truth, truth])
     assert once.node_weights is not None
@@ -249,7 +253,8 @@ def test_progress_is_reported_and_learning_can_be_stopped() -> None:
         seen.append(step)
         return step.iteration >= 4
 
-    network = AssociativeMarkovNetwork().fit([problem], [truth], on_iteration=stop_at_four)
+    network = AssociativeMarkovNetwork(learner="cutting-plane", C=100.0)
+    network = network.fit([problem], [truth], on_iteration=stop_at_four)
     assert [step.iteration for step in seen] == [1, 2, 3, 4]
     assert network.summary["status"] == "stopped"
     assert network.learning_history is not None
@@ -259,8 +264,9 @@ def test_progress_is_reported_and_learning_can_be_stopped() -> None:
 
 def test_a_time_limit_gives_the_best_so_far() -> None:
     problem, truth = sample(seed=13)
-    network = AssociativeMarkovNetwork(time_limit_s=1e-9, learning_tolerance=1e-9)
-    fitted = network.fit([problem], [truth])
+    network = AssociativeMarkovNetwork(time_limit_s=1e-9, learning_tolerance=1e-9, C=100.0)
+    with pytest.warns(LearningWarning, match=r"the certified gap of learning is \d+ % of the obj"):
+        fitted = network.fit([problem], [truth])
     assert fitted.summary["status"] == "time_limit"
     assert fitted.summary["lower_bound"] <= fitted.summary["certified_objective"]
 
@@ -277,8 +283,10 @@ def test_c_is_chosen_on_held_out_blocks() -> None:
     network = AssociativeMarkovNetwork(C=(1e-4, 10.0), node_features="raw").fit([problem], [truth])
     assert network.summary["penalty"] == 10.0
     assert network.penalty_search is not None
-    assert network.penalty_search[:, 0].tolist() == [1e-4, 10.0]
-    assert network.penalty_search[1, 1] > network.penalty_search[0, 1]
+    assert network.penalty_search[:, 2].tolist() == [1e-4, 10.0]
+    assert network.penalty_search[1, 4] > network.penalty_search[0, 4]
+    listed = network.summary["held_out"]
+    assert [(row["penalty"], row["chosen"]) for row in listed] == [(1e-4, False), (10.0, True)]
     direct = AssociativeMarkovNetwork(C=10.0, node_features="raw").fit([problem], [truth])
     np.testing.assert_array_equal(network.node_weights, direct.node_weights)
 
@@ -290,7 +298,7 @@ def test_among_equals_the_smaller_c_is_chosen() -> None:
     network = AssociativeMarkovNetwork(C=(100.0, 10.0, 30.0), node_features="raw")
     fitted = network.fit([problem], [truth])
     assert fitted.penalty_search is not None
-    assert fitted.penalty_search[:, 1].tolist() == [1.0] * 3
+    assert fitted.penalty_search[:, 4].tolist() == [1.0] * 3
     assert fitted.summary["penalty"] == 10.0
 
 
@@ -299,13 +307,89 @@ def test_auto_tries_the_listed_penalties() -> None:
     truth = ((np.mgrid[:6, :24][1] // 2) % 2).ravel().astype(np.int64)
     network = AssociativeMarkovNetwork(C="auto").fit([problem], [truth])
     assert network.penalty_search is not None
-    assert network.summary["penalty"] in network.penalty_search[:, 0]
+    assert network.summary["penalty"] in network.penalty_search[:, 2]
+    assert AssociativeMarkovNetwork().C == "auto"
 
 
-def test_a_label_in_one_block_only_cannot_be_held_out() -> None:
+def test_without_a_block_that_can_be_held_out_c_is_what_it_was() -> None:
     problem, truth = sample(seed=15)
-    with pytest.raises(LabelError, match="Use more validation blocks or give one C"):
-        AssociativeMarkovNetwork(C="auto", n_validation_blocks=3).fit([problem], [truth])
+    fitted = AssociativeMarkovNetwork(n_validation_blocks=3).fit([problem], [truth])
+    assert fitted.summary["penalty"] == 100.0
+    assert {row["balanced_accuracy"] for row in fitted.summary["held_out"]} == {None}
+
+
+def with_noise(n_noise: int, looks: float) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """Stripes with scores that say much, features that say something, and noise."""
+    rng = np.random.default_rng(5)
+    graph = LabelGraph.from_grid(np.ones((6, 40), np.bool_))
+    truth = ((np.mgrid[:6, :40][1] // 4) % 2).ravel().astype(np.int64)
+    scores = np.column_stack([np.where(truth, -1.0, 1.0) + rng.normal(size=240), np.zeros(240)])
+    features = np.column_stack([looks * truth, np.zeros((240, n_noise))])
+    features = features + rng.normal(size=features.shape)
+    return LabelingProblem(graph, NAMES[:2], unary=scores, node_features=features), truth
+
+
+def test_features_join_the_scores_only_where_they_help() -> None:
+    noise, truth = with_noise(60, 0.0)
+    network = AssociativeMarkovNetwork(edge_features="constant").fit([noise], [truth])
+    assert network.summary["node_features"] == "logz"
+    clear, truth = with_noise(0, 6.0)
+    network = AssociativeMarkovNetwork(edge_features="constant").fit([clear], [truth])
+    assert network.summary["node_features"] == "logz+raw"
+    names = {row["node_features"] for row in network.summary["held_out"]}
+    assert names == {"logz", "logz+raw"}
+    arrays: dict[str, Any] = dict(learned_arrays(network))
+    again = replace(AssociativeMarkovNetwork(edge_features="constant"), **arrays)
+    np.testing.assert_array_equal(again.infer(clear).labels, network.infer(clear).labels)
+
+
+def test_several_problems_are_held_out_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    examples = [with_noise(1, 1.0) for _ in range(3)]
+    seen: list[NDArray[np.int64]] = []
+    plain = choose
+
+    def noted(tasks: Any, parts: NDArray[np.int64], *rest: Any) -> Any:
+        seen.append(parts)
+        return plain(tasks, parts, *rest)
+
+    monkeypatch.setattr(module, "choose", noted)
+    AssociativeMarkovNetwork().fit([p for p, _ in examples], [t for _, t in examples])
+    assert seen[0].tolist() == [0] * 240 + [1] * 240 + [2] * 240
+
+
+def test_the_learner_follows_the_size_and_the_record_says_why(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem, truth = sample(6, 8, seed=4)
+    small = AssociativeMarkovNetwork(C=5.0).fit([problem], [truth]).summary
+    assert (small["learner"], small["reason"]) == ("qp", REASONS[1])
+    monkeypatch.setattr("pgm_places.solvers.max_margin_qp.QUICK_ENTRIES", 10)
+    large = AssociativeMarkovNetwork(C=5.0).fit([problem], [truth]).summary
+    assert (large["learner"], large["reason"]) == ("cutting-plane", REASONS[2])
+    asked = AssociativeMarkovNetwork(C=5.0, learner="qp").fit([problem], [truth]).summary
+    assert (asked["learner"], asked["reason"]) == ("qp", REASONS[0])
+
+
+def test_weights_by_name_and_costs_of_confusion() -> None:
+    problem, truth = sample(6, 8, seed=4)
+    network = AssociativeMarkovNetwork(class_weight={NAMES[1]: 4.0})
+    losses = network.learning_problem([problem], [truth]).loss
+    np.testing.assert_allclose(losses / losses[truth == 0][0], np.where(truth == 1, 4.0, 1.0))
+    with pytest.raises(InputError, match="class_weight has a weight for 'hall', which is no label"):
+        AssociativeMarkovNetwork(class_weight={"hall": 4.0}).fit([problem], [truth])
+    table = [[0, 1, 2], [1, 0, 1], [4, 1, 0]]
+    costly = AssociativeMarkovNetwork(loss=table)  # type: ignore[arg-type]
+    task = costly.learning_problem([problem], [truth])
+    np.testing.assert_allclose(task.node_costs(3), np.array(table)[truth] * 6 / 10)
+    plain = AssociativeMarkovNetwork(loss="hamming").learning_problem([problem], [truth])
+    ones = AssociativeMarkovNetwork(loss=(1.0 - np.eye(3)).tolist()).learning_problem(
+        [problem], [truth]
+    )
+    np.testing.assert_array_equal(ones.node_costs(3), plain.node_costs(3))
+    with pytest.raises(InputError, match="0 on the diagonal"):
+        AssociativeMarkovNetwork(loss=((1.0, 1.0), (1.0, 0.0)))
+    with pytest.raises(InputError, match=r"shape \(3, 3\)"):
+        AssociativeMarkovNetwork(loss=((0.0, 1.0), (1.0, 0.0))).fit([problem], [truth])
 
 
 # ---------------------------------------------------------------- storing
@@ -319,7 +403,7 @@ def test_learned_arrays_bring_the_network_back() -> None:
     truth = ((np.mgrid[:8, :12][1] // 2) % 3).ravel().astype(np.int64)
     fitted = network.fit([problem], [truth])
     arrays = learned_arrays(fitted)
-    assert len(arrays) == 11
+    assert len(arrays) == 12
     assert all(np.isfinite(array).all() for array in arrays.values())
     again = replace(AssociativeMarkovNetwork(), **arrays)  # type: ignore[arg-type]
     np.testing.assert_array_equal(again.infer(problem).labels, fitted.infer(problem).labels)
@@ -344,13 +428,13 @@ def test_records_survive_as_arrays(status: str, certified: float | None) -> None
         ("edge_weights", -np.ones((1, 3)), "edge_weights must be at least 0"),
         ("feature_columns", np.full(5, 99), "feature_columns must hold integers"),
         ("feature_scale", np.zeros(5), "feature_scale must be positive"),
-        ("learning", np.zeros(3), "learning must hold 11 numbers"),
+        ("learning", np.zeros(3), "learning must hold 13 numbers"),
         ("feature_mean", None, "has not learned"),
     ],
 )
 def test_damaged_arrays_are_refused(name: str, value: Any, message: str) -> None:
     problem, truth = sample(seed=17)
-    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    network = AssociativeMarkovNetwork(node_features="logz+raw").fit([problem], [truth])
     with pytest.raises((InputError, NotFittedError), match=message):
         replace(network, **{name: value})
 
@@ -402,9 +486,9 @@ def test_maps_and_labelings_must_belong_together() -> None:
     [
         (
             {"learner": "cutting-plan"},
-            "learner must be 'cutting-plane' or 'qp'",
+            "learner must be 'auto', 'cutting-plane' or 'qp'",
         ),
-        ({"loss": "zero-one"}, "loss must be 'class-weighted' or 'hamming', got 'zero-one'"),
+        ({"loss": "zero-one"}, "loss must be 'class-weighted' or 'hamming' or a list of"),
         ({"node_features": "logs"}, "Did you mean 'logz'"),
         ({"edge_features": ()}, "edge_features must be one or more parts"),
         ({"C": 0.0}, "C must be a number above 0, 'auto', or a non-empty list of numbers above 0"),
@@ -451,3 +535,21 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     other = replace(problems[0], edge_features=np.ones((problems[0].graph.n_edges, 1)))
     with pytest.raises(InputError, match="labels and features that the model has learned"):
         before.fit([other], truths[:1])
+
+
+def test_costs_follow_their_labels_whatever_the_order_inside() -> None:
+    problem, truth = sample(6, 9, seed=4)
+    truth = np.where(truth == 0, 2, truth)  # the last label is the most frequent
+    truth[:3] = 0
+    table = ((0.0, 1.0, 2.0), (1.0, 0.0, 1.0), (4.0, 1.0, 0.0))
+    network = AssociativeMarkovNetwork(loss=table, C=5.0, learner="cutting-plane")
+    first = network.fit([problem], [truth])
+    assert first.loss == table
+    turn = np.array([2, 0, 1])
+    assert problem.unary is not None
+    turned = replace(
+        problem, label_names=[NAMES[k] for k in turn], unary=np.asarray(problem.unary)[:, turn]
+    )
+    again = replace(network, loss=tuple(tuple(table[i][j] for j in turn) for i in turn))
+    second = again.fit([turned], [np.argsort(turn)[truth]])
+    assert second.summary["objective"] == pytest.approx(first.summary["objective"], rel=1e-9)

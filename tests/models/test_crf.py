@@ -13,7 +13,15 @@ from pgm_places import LabelGraph, LabelingProblem, Status, build, load, save
 from pgm_places.errors import InputError, LabelError, LearningWarning, NotFittedError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.models.crf import ConditionalRandomField
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.table_field import TableField
+from pgm_places.solvers.table_margin import TableMarginProblem
 from tests.reference.energy import Model, best_score
+from tests.reference.max_margin import all_labelings, constrained_optimum
+
+# Max margin on graphs with cycles says so where its certificate is loose; that is tested below.
+pytestmark = pytest.mark.filterwarnings("ignore:better weights may exist")
 
 LEARNERS = ("likelihood", "pseudo-likelihood", "piecewise", "max-margin")
 NAMES = ("a", "b", "c")
@@ -151,8 +159,8 @@ def test_the_price_is_chosen_on_held_out_parts() -> None:
     problems, truths = [p for p, _ in examples], [t for _, t in examples]
     field = ConditionalRandomField(C=(0.01, 100.0), edge_scale=1.0).fit(problems, truths)
     assert field.penalty_search is not None
-    assert field.penalty_search[:, 0].tolist() == [0.01, 100.0]
-    assert field.penalty_search[1, 1] > field.penalty_search[0, 1]
+    assert field.penalty_search[:, 2].tolist() == [0.01, 100.0]
+    assert field.penalty_search[1, 4] > field.penalty_search[0, 4]
     assert field.summary["penalty"] == 100.0
     single = ConditionalRandomField(C="auto").fit(problems[:1], truths[:1])
     assert single.penalty_search is not None
@@ -356,3 +364,69 @@ def test_a_field_with_cliques_is_kept_and_refuses_what_does_not_fit(tmp_path: Pa
         ConditionalRandomField().fit([problem, bare], [truth, truth])
     with pytest.raises(InputError, match="clique_weights must be at least 0"):
         replace(field, clique_weights=-np.ones((1, 3)))
+
+
+# ---------------------------------------------------------------- friends and rivals
+
+
+def friends(seed: int, n: int = 120) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A random graph whose edges say, mostly rightly, whether both ends have the same label."""
+    rng = np.random.default_rng(seed)
+    pairs = np.unique(np.sort(rng.integers(0, n, (3 * n, 2)), axis=1), axis=0)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    truth = rng.integers(0, 3, n)
+    alike = (truth[pairs[:, 0]] == truth[pairs[:, 1]]) ^ (rng.random(len(pairs)) < 0.1)
+    graph = LabelGraph.from_edges(n, pairs)
+    given = graph.edge_order(pairs).values(np.column_stack([alike, ~alike]).astype(float))
+    looks = np.eye(3)[truth] + rng.normal(size=(n, 3))
+    return LabelingProblem(graph, list("abc"), node_features=looks, edge_features=given), truth
+
+
+def test_learners_are_compared_on_held_out_problems_and_an_open_gap_is_said() -> None:
+    examples = [friends(seed) for seed in range(3)]
+    problems, truths = [p for p, _ in examples], [t for _, t in examples]
+    test, expected = friends(7)
+    with pytest.warns(LearningWarning, match=r"gap of learning is \d+ % .* take learner="):
+        ConditionalRandomField("max-margin").fit(problems, truths)
+    field = ConditionalRandomField(certified_tolerance=None).fit(problems, truths)
+    rows = {row["learner"]: row for row in field.summary["held_out"]}
+    assert set(rows) == {"max-margin", "pseudo-likelihood"}
+    best = max(rows, key=lambda name: rows[name]["accuracy"] + rows[name]["balanced_accuracy"])
+    assert field.summary["learner"] == best
+    assert field.summary["reason"] == "labels held-out parts best"
+    assert test.node_features is not None
+    alone = np.mean(test.node_features.argmax(axis=1) == expected)
+    assert np.mean(field.infer(test).labels == expected) > alone + 0.1
+
+
+def test_learners_are_compared_at_every_price() -> None:
+    problem, truth = friends(1, 60)
+    field = ConditionalRandomField(C=(1.0, 10.0), certified_tolerance=None).fit([problem], [truth])
+    rows = {(row["learner"], row["penalty"]) for row in field.summary["held_out"]}
+    assert rows == {(m, C) for m in ("max-margin", "pseudo-likelihood") for C in (1.0, 10.0)}
+
+
+def test_tables_learn_with_costs_as_enumeration_does() -> None:
+    rng = np.random.default_rng(3)
+    graph = LabelGraph.from_grid(np.ones((2, 3), np.bool_), connectivity=4)
+    truth = np.array([0, 1, 2, 0, 1, 2])
+    costs = rng.uniform(0.2, 3.0, (3, 3)) * (1 - np.eye(3))
+    around = adjacency(6, graph.edges)
+    field = TableField(rng.normal(size=(6, 2)), around, np.ones((graph.n_edges, 1)), 3, True)
+    loss = rng.uniform(0.5, 2.0, 6)
+    problem = TableMarginProblem(field, truth, loss, 5.0, costs=costs)
+    listed = all_labelings(6, 3)
+    phi = np.array([field.features_of(labels) for labels in listed])
+    losses = (loss[:, None] * costs[truth[:, None], listed.T]).sum(axis=0)
+    exact, _ = constrained_optimum(problem, phi - field.features_of(truth), losses)
+
+    def best(unary: NDArray[np.float64], tables: NDArray[np.float64]) -> NDArray[np.int64]:
+        first, second = listed[:, graph.edges].transpose(2, 0, 1)
+        pairs = np.broadcast_to(tables, (graph.n_edges, 3, 3))
+        scores = unary[np.arange(6), listed].sum(axis=1)
+        scores += pairs[np.arange(graph.n_edges), first, second].sum(axis=1)
+        found: NDArray[np.int64] = listed[scores.argmax()]
+        return found
+
+    learned = cutting_plane(problem, best, tolerance=1e-6, exact=True)
+    assert learned.objective == pytest.approx(exact, rel=1e-4)

@@ -45,7 +45,12 @@ def _sets_score(
 
 
 def loss(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> float:
-    return float(sum(problem.loss[i] for i in range(len(labels)) if labels[i] != problem.labels[i]))
+    k = problem.n_labels
+    costs = [[float(i != j) for j in range(k)] for i in range(k)]
+    if problem.costs is not None:
+        costs = problem.costs.tolist()
+    pairs = zip(problem.labels, labels, strict=True)
+    return float(sum(problem.loss[i] * costs[t][y] for i, (t, y) in enumerate(pairs)))
 
 
 def objective(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> float:

@@ -1,3 +1,5 @@
+import signal
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +9,8 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers import max_margin_qp as module
+from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
     hinge,
@@ -91,14 +95,6 @@ def test_solvers_agree_and_their_bounds_close(solver: str) -> None:
     assert found.objective >= exact.lower_bound
     assert found.objective == pytest.approx(exact.objective, rel=1e-3)
     assert found.gap < 2e-3
-
-
-def test_piqp_agrees_where_installed() -> None:
-    pytest.importorskip("piqp")
-    problem = grid_problem(6, 6, 3, seed=5)
-    found = max_margin_qp(problem, solver="piqp")
-    expected = max_margin_qp(problem).objective
-    assert found.objective == pytest.approx(expected, rel=1e-4)
 
 
 # ---------------------------------------------------------------- optimality
@@ -194,13 +190,8 @@ def test_without_edges_the_qp_is_a_plain_margin_classifier() -> None:
 
 
 def test_a_solver_that_fails_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = module._solver_options
-
-    def starved(name: str, tolerance: float, limit: float | None) -> dict[str, Any]:
-        options = plain(name, tolerance, limit)
-        return {**options, "max_iter": 1} if name == "osqp" else options
-
-    monkeypatch.setattr(module, "_solver_options", starved)
+    monkeypatch.setattr(module, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(module, "CHUNK", 1)
     problem = grid_problem(3, 3, 2)
     found = max_margin_qp(problem, solver="osqp")
     assert found.status == "optimal"
@@ -209,15 +200,110 @@ def test_a_solver_that_fails_is_followed_by_the_next(monkeypatch: pytest.MonkeyP
 
 def test_when_all_fail_the_error_has_every_status(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "QP_SOLVERS", ("osqp",))
-    monkeypatch.setattr(module, "_solver_options", lambda *_: {"max_iter": 1})
+    monkeypatch.setattr(module, "MAX_ITERATIONS", 1)
+    monkeypatch.setattr(module, "CHUNK", 1)
     with pytest.raises(
         SolverError, match=r"no solver solved the learning QP \(osqp: (user_limit|failed)"
     ):
         max_margin_qp(grid_problem(3, 3, 2), solver="osqp")
 
 
+def test_at_its_time_limit_it_has_the_best_weights_so_far() -> None:
+    problem = grid_problem(12, 12, 3, seed=4)
+    found = max_margin_qp(problem, tolerance=1e-8, time_limit_s=1e-6)
+    assert found.status == "time_limit"
+    assert found.iterations == module.CHUNK
+    exact = max_margin_qp(problem, tolerance=1e-8)
+    assert exact.iterations > module.CHUNK
+    assert found.lower_bound <= exact.objective <= found.objective
+
+
+def test_it_can_be_stopped_between_chunks() -> None:
+    steps: list[LearningStep] = []
+
+    def second(step: LearningStep) -> bool:
+        steps.append(step)
+        return len(steps) == 2
+
+    problem = grid_problem(12, 12, 3, seed=4)
+    found = max_margin_qp(problem, tolerance=1e-8, on_iteration=second)
+    assert found.status == "stopped"
+    assert [step.iteration for step in steps] == [module.CHUNK, 2 * module.CHUNK]
+    assert found.objective == steps[1].objective
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers here")
+def test_a_signal_ends_it_after_a_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_ITERATIONS", 10**9)
+    done: list[int] = []
+
+    def ended(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    def never(step: LearningStep) -> bool:
+        done.append(step.iteration)
+        if len(done) == 3:
+            signal.setitimer(signal.ITIMER_REAL, 1e-3)
+        return False
+
+    before = signal.signal(signal.SIGALRM, ended)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            max_margin_qp(grid_problem(20, 20, 3), tolerance=1e-15, on_iteration=never)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert done[:3] == [module.CHUNK, 2 * module.CHUNK, 3 * module.CHUNK]
+
+
+def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = grid_problem(10, 10, 3)
+    entries = 3 * (100 * (5 + 2 + 1) + 2 * len(problem.edges) * 4)
+    assert module.n_entries(problem) == entries
+    monkeypatch.setattr(module, "_free_bytes", lambda: entries * module.BYTES_PER_ENTRY - 1)
+    with pytest.raises(InputError, match="100 nodes and 342 edges with 3 labels needs about"):
+        max_margin_qp(problem)
+    monkeypatch.setattr(module, "_free_bytes", lambda: None)
+    monkeypatch.setattr(module, "CLARABEL_ENTRIES", entries - 1)
+    with pytest.raises(InputError, match="take solver='osqp' or learner='cutting-plane'"):
+        max_margin_qp(problem, solver="clarabel")
+    assert max_margin_qp(problem).gap < 1e-2
+
+
+# ---------------------------------------------------------------- costs of confusion
+
+
+def costly(n_labels: int) -> MaxMarginProblem:
+    """A small problem in which errors cost differently."""
+    rng = np.random.default_rng(3)
+    costs = rng.uniform(0.2, 3.0, (n_labels, n_labels))
+    np.fill_diagonal(costs, 0.0)
+    return replace(grid_problem(2, 4 if n_labels == 2 else 3, n_labels, weighted=True), costs=costs)
+
+
+def test_with_two_labels_costs_give_the_exact_optimum() -> None:
+    problem = costly(2)
+    exact, weights = reference.optimum(problem)
+    plain, _ = reference.optimum(replace(problem, costs=None))
+    assert abs(exact - plain) > 1e-2
+    found = max_margin_qp(problem, tolerance=1e-8)
+    assert found.objective == pytest.approx(exact, rel=1e-5)
+    assert found.lower_bound == pytest.approx(exact, rel=1e-5)
+    np.testing.assert_allclose(found.weights, weights, rtol=0, atol=2e-3)
+
+
+def test_with_three_labels_both_learners_agree_with_enumeration_on_costs() -> None:
+    problem = costly(3)
+    exact, _ = reference.optimum(problem)
+    cuts = cutting_plane(problem, reference.exact_oracle(problem), tolerance=1e-6, exact=True)
+    assert cuts.objective == pytest.approx(exact, rel=1e-4)
+    found = max_margin_qp(problem)
+    assert exact <= found.objective * (1 + 1e-6)
+    assert reference.objective(problem, found.weights) <= found.objective * (1 + 1e-9)
+
+
 def test_an_unknown_solver_is_refused() -> None:
-    with pytest.raises(InputError, match="one of clarabel, piqp, osqp, got 'gurobi'"):
+    with pytest.raises(InputError, match="one of osqp, clarabel, got 'gurobi'"):
         max_margin_qp(grid_problem(2, 2, 2), solver="gurobi")
 
 

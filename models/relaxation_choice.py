@@ -1,0 +1,107 @@
+"""How long relaxation goes on, and from what scores: chosen on held-out parts of training problems.
+
+Every iteration erodes what is narrow, and the more so the surer the scores are that say nothing new
+to each other; how many pay depends on the cells and on the classifier.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.inference.problem import evident_unary
+from pgm_places.models.labelled_examples import Example, held_out_parts
+
+if TYPE_CHECKING:
+    from pgm_places.models.relaxation import Relaxation
+
+ITERATIONS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50)
+"""Numbers of iterations that are compared."""
+
+SHARES = (0.0, 0.25, 0.5)
+"""Shares of the prior that are compared."""
+
+N_PARTS = 4
+"""Parts that are held out in turn."""
+
+
+def compared(method: "Relaxation", examples: Sequence[Example]) -> NDArray[np.float64] | None:
+    """(P, 4) iterations, shares of the prior, accuracy and balanced accuracy on held-out parts.
+
+    The first row is that of the scores alone. None where nothing can be held out: a problem has no
+    unary, or one that says nothing, or every part has all examples of a label.
+    """
+    for problem, _ in examples:
+        if problem.unary is None or (problem.unary == problem.unary[:, :1]).all():
+            return None
+    ends = np.cumsum([len(truth) for _, truth in examples])[:-1]
+    parts = np.split(held_out_parts(examples, N_PARTS), ends)
+    shares = SHARES if method.prior_share == "auto" else (method.prior_share,)
+    k = examples[0][0].n_labels
+    rows = [(0, 0.0), *product(ITERATIONS, shares)]
+    counts = {row: np.zeros((k, k)) for row in rows}
+    plain = replace(method, max_iterations=ITERATIONS[-1], prior_share=0.0, tolerance=0.0)
+    for part in range(N_PARTS):
+        rest = _among(examples, [where != part for where in parts])
+        asked = _among(examples, [where == part for where in parts])
+        if not asked or len({y for _, truth in rest for y in np.unique(truth).tolist()}) < k:
+            continue
+        if not any(plain.counts(*example).any() for example in rest):
+            continue
+        fitted = plain.fit([problem for problem, _ in rest], [truth for _, truth in rest])
+        for problem, truth in asked:
+            alone = evident_unary(problem, "relaxation", single=True).argmax(axis=1)
+            counts[0, 0.0] += confusion_matrix(truth, alone, k)
+            for share in shares:
+                run = replace(fitted, prior_share=share)
+                found = {n: counts[n, share] for n in ITERATIONS}
+                end = run.relaxed(problem.graph, run.start(problem), _adds(truth, found))
+                labels = end.beliefs.argmax(axis=1)  # nothing changes after its last iteration
+                for n in ITERATIONS:
+                    if n > end.iterations:
+                        counts[n, share] += confusion_matrix(truth, labels, k)
+    if not counts[0, 0.0].any():
+        return None
+    scores = [
+        (np.trace(table) / table.sum(), float(balanced_accuracy(table)))
+        for table in counts.values()
+    ]
+    return np.array([(*row, *score) for row, score in zip(rows, scores, strict=True)])
+
+
+def best_row(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of the rows no less accurate than the first, the best mean of both scores.
+
+    The fewest iterations among equals; the most accurate row where all are less accurate.
+    """
+    rows = table[1:]
+    good = rows[rows[:, 2] >= table[0, 2]]
+    if not len(good):
+        return rows[int(rows[:, 2].argmax())]
+    return good[int(good[:, 2:].mean(axis=1).argmax())]
+
+
+def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> list[Example]:
+    """The problems on the nodes of a mask, where there are any."""
+    return [
+        (problem.subproblem(nodes), truth[nodes])
+        for (problem, truth), nodes in zip(examples, masks, strict=True)
+        if nodes.any()
+    ]
+
+
+def _adds(
+    truth: NDArray[np.int64], counts: dict[int, NDArray[np.float64]]
+) -> Callable[[int, float, Callable[[], Any]], None]:
+    """What adds the labels after certain iterations to counts (K, K) of truth and label."""
+
+    def note(iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
+        if iteration in counts:
+            table = counts[iteration]
+            table += confusion_matrix(truth, beliefs().argmax(axis=1), len(table))
+
+    return note
