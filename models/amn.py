@@ -99,10 +99,10 @@ class AssociativeMarkovNetwork(LinearModel):
         Edge features are multiplied by this before learning: the larger, the less the size of
         edge weights counts against that of node weights.
     unlabelled : {"auto", "hidden", "dropped"}
-        What becomes of nodes without a label: their labels are completed by what has been learned,
-        in turn with learning; or they are left out with their edges. ``auto`` completes them where
-        most links of the labelled nodes lead to them: links learned without those would be far too
-        strong. ``completion_objectives`` then holds the objective of each round.
+        Nodes without a label: completed by what has been learned, in turn with learning, or left
+        out with their edges. ``auto`` completes them where most links of the labelled nodes lead to
+        them, without which links would be far too strong. ``completion_objectives`` then holds the
+        objective of each round.
     solver : {"osqp", "clarabel"}
         Of the compact QP; the other follows where it fails.
     max_cuts : int
@@ -111,8 +111,7 @@ class AssociativeMarkovNetwork(LinearModel):
         Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
         The cutting plane then also learns from what its graph cut missed.
     certified_tolerance : float
-        The relative gap, of that rigorous objective to the lower bound, that the cutting plane
-        tries to reach.
+        The relative gap of that objective to the lower bound that the cutting plane tries to reach.
 
     Examples
     --------

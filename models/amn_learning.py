@@ -30,9 +30,8 @@ Learner = Literal["auto", "cutting-plane", "qp"]
 # Learning is only this exact while C is being chosen: C changes by factors of several.
 SEARCH_TOLERANCE = 1e-2
 
-# Where each C goes on with the cuts of the smaller ones, it takes so many more, or this gap.
-PATH_STEPS = 10
-PATH_TOLERANCE = 5e-2
+# Where each C goes on with the cuts of the smaller ones, it takes so many more at most.
+PATH_STEPS = 50
 
 
 @dataclass(frozen=True)
@@ -139,9 +138,7 @@ def choose(
         The problem by its node features, the simpler ones first.
     """
     steps = min(options.max_steps, PATH_STEPS)
-    quick = replace(
-        options.quick, learner="cutting-plane", max_steps=steps, tolerance=PATH_TOLERANCE
-    )
+    quick = replace(options.quick, learner="cutting-plane", max_steps=steps)
     candidates = [Candidate(name, "cutting-plane", C) for name in tasks for C in penalties]
     truth: list[NDArray[np.int64]] = []
     answers: dict[Candidate, list[NDArray[np.int64]]] = {each: [] for each in candidates}

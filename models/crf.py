@@ -79,8 +79,8 @@ class ConditionalRandomField(LinearModel):
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij``. The tables
     ``w_t`` (one for each edge feature) may have any sign, so that labels can repel each other,
-    follow each other in one direction, or never meet; where neighbours only ever tend to agree,
-    :class:`~pgm_places.models.amn.AssociativeMarkovNetwork` says the same with fewer weights.
+    follow each other in one direction, or never meet; where they only ever tend to agree,
+    :class:`~pgm_places.models.amn.AssociativeMarkovNetwork` says so with fewer weights.
 
     Parameters
     ----------
@@ -96,21 +96,20 @@ class ConditionalRandomField(LinearModel):
         and the best labelling after ``max-margin`` (``max-product``); elsewhere ``trw-s``.
     C : float, "auto" or tuple of float
         The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
-        size of the weights. Several values, or ``auto`` for 1, 10, ..., 10000, are compared by the
-        mean of accuracy and balanced accuracy on held-out problems, or on held-out blocks of a
-        single problem. ``auto`` is 1000 where a single problem has nodes without a label.
+        size of the weights. Several, or ``auto`` for 1, 10, ..., 10000, are compared by the mean of
+        accuracy and balanced accuracy on held-out problems, or blocks of a single one. ``auto`` is
+        1000 where a single problem has nodes without a label.
     unlabelled : {"hidden", "dropped"}
         What becomes of nodes without a label: they are summed over (likelihoods) or completed by
         what has been learned (max margin), so that they inform learning, which then ends at a local
         optimum; or they are left out with their edges.
     tables_tell : {"auto", "order", "pair"}
         Whether a table tells the first node of an edge (the one of lower number) from the second,
-        or knows the pair of labels only, in either order. ``auto`` is ``order`` where all training
-        graphs are chains, else ``pair``.
+        or knows the pair only. ``auto`` is ``order`` where all training graphs are chains.
     node_features : str
         Parts joined by ``+``. ``auto`` is ``logz`` where the problem has a unary, else ``raw``:
-        behind a classifier its features say little more, and their weights fit noise. Where
-        several options are compared, ``raw`` is taken, too, if it labels better by a point.
+        behind a classifier its features say little more, and their weights fit noise. Where several
+        C are compared, ``raw`` is taken, too, if it labels better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
@@ -121,8 +120,7 @@ class ConditionalRandomField(LinearModel):
     max_steps : int
         Limit of the steps (or cuts) of learning.
     certified_tolerance : float, optional
-        The relative gap, of an objective bounded by TRW-S to the lower bound, that max-margin
-        learning tries to reach on graphs with cycles; None for no such certificate.
+        The relative gap, certified by TRW-S, that max margin tries to reach on graphs with cycles.
 
     Examples
     --------
@@ -242,10 +240,9 @@ class ConditionalRandomField(LinearModel):
         )
 
     def _edge_scale(self, examples: Sequence[Example], learner: str) -> float:
-        if self.edge_scale != "auto":
-            return self.edge_scale
         chains = all(p.graph.is_chain and p.cliques is None for p, _ in examples)
-        return CHAIN_SCALE if chains and learner != "max-margin" else 1.0
+        auto = CHAIN_SCALE if chains and learner != "max-margin" else 1.0
+        return auto if self.edge_scale == "auto" else self.edge_scale
 
     def _chosen(
         self, examples: Sequence[Example], counts: NDArray[np.float64] | None

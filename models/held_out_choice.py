@@ -101,3 +101,37 @@ def choice_record(
         taken = features and penalty == chosen.get("penalty")
         rows.append({**options, **known, "chosen": taken})
     return rows
+
+
+def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
+    """What a model chose, in words by option, from its summary with the ``held_out`` rows."""
+    words: dict[str, str] = {}
+    rows = [row for row in summary.get("held_out", []) if row["accuracy"] is not None]
+    if rows:
+        taken = [row for row in rows if row["chosen"]]
+        best = max(taken or rows, key=_mean)
+        others = [row for row in rows if _options(row) != _options(best)]
+        text = f"{_options(best)} ({held_out_words(best)}"
+        if others:
+            second = max(others, key=_mean)
+            text += f"; next {_options(second)}, {held_out_words(second)}"
+        words["C and node features"] = f"{text})"
+    if summary.get("reason") not in (None, "chosen by hand"):
+        words["learner"] = f"{summary['learner']}: {summary['reason']}"
+    return words
+
+
+def held_out_words(row: Mapping[str, Any]) -> str:
+    """Both scores of a row, in percent."""
+    accuracy, balanced = 100 * row["accuracy"], 100 * row["balanced_accuracy"]
+    return f"held-out accuracy {accuracy:.1f}, balanced {balanced:.1f}"
+
+
+def _options(row: Mapping[str, Any]) -> str:
+    learner = "" if row["learner"] in ("cutting-plane", "qp") else f", {row['learner']}"
+    features = "" if row["node_features"] == "auto" else f", {row['node_features']}"
+    return f"C = {row['penalty']:g}{features}{learner}"
+
+
+def _mean(row: Mapping[str, Any]) -> float:
+    return float(row["accuracy"] + row["balanced_accuracy"])

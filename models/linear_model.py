@@ -24,7 +24,7 @@ from pgm_places.models.cliques import (
 )
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
-from pgm_places.models.held_out_choice import NODE_CHOICES, choice_record, node_choice
+from pgm_places.models.held_out_choice import NODE_CHOICES, choice_record, choice_words, node_choice
 from pgm_places.models.labelled_examples import ClassWeight, node_losses
 from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
@@ -168,6 +168,11 @@ class LinearModel(LearnedNames):
         record = dict(LearningRecord.from_array(self.learning).summary())
         record["node_features"] = self._node_parts
         return {**record, "held_out": choice_record(self.penalty_search, record)}
+
+    @property
+    def choices(self) -> Mapping[str, str]:
+        """What was chosen on training data, in words by option; {} before learning."""
+        return {} if self.node_weights is None else choice_words(self.summary)
 
     @property
     def _node_parts(self) -> str:

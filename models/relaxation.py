@@ -18,7 +18,15 @@ from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
-from pgm_places.models.labelled_examples import Example, labelled_parts
+from pgm_places.models.labelled_examples import labelled_parts
+from pgm_places.models.relaxation_choice import (
+    ITERATIONS,
+    best_row,
+    choice_words,
+    compared,
+    label_shares,
+    rows_of,
+)
 from pgm_places.options import AtLeastZero, Probability, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
@@ -27,9 +35,6 @@ from pgm_places.solvers.compatibility import (
     yamamoto_coefficients,
 )
 from pgm_places.solvers.relaxation import OnIteration, Relaxed, check_tables, relax_graph
-
-# Iterations where "auto" has nothing to hold out.
-ITERATIONS = 50
 
 
 @travels
@@ -127,15 +132,19 @@ class Relaxation(LearnedNames):
         """What was chosen, and how what was compared labels held-out nodes; {} without a choice."""
         if self.held_out is None:
             return {}
-        names = ("max_iterations", "prior_share", "accuracy", "balanced_accuracy")
-        rows = [dict(zip(names, row, strict=True)) for row in self.held_out.tolist()]
+        rows = rows_of(self.held_out)
         return {"max_iterations": self._iterations, "prior_share": self._share, "held_out": rows}
+
+    @property
+    def choices(self) -> Mapping[str, str]:
+        """What was chosen on training data, in words by option; {} without a choice."""
+        return {} if self.held_out is None else choice_words(self.summary)
 
     @property
     def _iterations(self) -> int:
         if self.max_iterations != "auto":
             return self.max_iterations
-        return ITERATIONS if self.choice is None else int(self.choice[0])
+        return ITERATIONS[-1] if self.choice is None else int(self.choice[0])
 
     @property
     def _share(self) -> float:
@@ -177,14 +186,12 @@ class Relaxation(LearnedNames):
             self,
             pair_counts=total,
             compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
-            label_prior=_prior(pairs),
+            label_prior=label_shares(pairs),
             choice=None,
             held_out=None,
         ).with_names_of(pairs[0][0])
         if self.max_iterations != "auto":
             return fitted
-        from pgm_places.models.relaxation_choice import best_row, compared
-
         table = compared(self, labelled_parts(problems, labelings))
         if table is None:
             return fitted
@@ -346,16 +353,6 @@ def _kinds(graph: LabelGraph, n_tables: int) -> NDArray[np.int8]:
             f"{kinds.max()}"
         )
     return kinds
-
-
-def _prior(examples: Sequence[Example]) -> NDArray[np.float64]:
-    """(K,) the share of each label among labelled nodes, as if there were one more of each."""
-    n_labels = examples[0][0].n_labels
-    counts = np.ones(n_labels)
-    for _, truth in examples:
-        counts += np.bincount(truth[truth >= 0], minlength=n_labels)
-    shares: NDArray[np.float64] = counts / counts.sum()
-    return shares
 
 
 def grid_connectivity(graph: LabelGraph) -> int | None:

@@ -4,23 +4,21 @@ Every iteration erodes what is narrow, and the more so the surer the scores are 
 to each other; how many pay depends on the cells and on the classifier.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import evident_unary
+from pgm_places.models.held_out_choice import held_out_words
 from pgm_places.models.labelled_examples import Example, held_out_parts
 
-if TYPE_CHECKING:
-    from pgm_places.models.relaxation import Relaxation
-
 ITERATIONS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50)
-"""Numbers of iterations that are compared."""
+"""Numbers of iterations that are compared; the last where nothing can be held out."""
 
 SHARES = (0.0, 0.25, 0.5)
 """Shares of the prior that are compared."""
@@ -29,11 +27,12 @@ N_PARTS = 4
 """Parts that are held out in turn."""
 
 
-def compared(method: "Relaxation", examples: Sequence[Example]) -> NDArray[np.float64] | None:
+def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | None:
     """(P, 4) iterations, shares of the prior, accuracy and balanced accuracy on held-out parts.
 
-    The first row is that of the scores alone. None where nothing can be held out: a problem has no
-    unary, or one that says nothing, or every part has all examples of a label.
+    ``method`` is a :class:`~pgm_places.models.relaxation.Relaxation`. The first row is that of the
+    scores alone. None where nothing can be held out: a problem has no unary, or one that says
+    nothing, or every part has all examples of a label.
     """
     for problem, _ in examples:
         if problem.unary is None or (problem.unary == problem.unary[:, :1]).all():
@@ -83,6 +82,32 @@ def best_row(table: NDArray[np.float64]) -> NDArray[np.float64]:
     if not len(good):
         return rows[int(rows[:, 2].argmax())]
     return good[int(good[:, 2:].mean(axis=1).argmax())]
+
+
+def label_shares(examples: Sequence[Example]) -> NDArray[np.float64]:
+    """(K,) the share of each label among labelled nodes, as if there were one more of each."""
+    n_labels = examples[0][0].n_labels
+    counts = np.ones(n_labels)
+    for _, truth in examples:
+        counts += np.bincount(truth[truth >= 0], minlength=n_labels)
+    shares: NDArray[np.float64] = counts / counts.sum()
+    return shares
+
+
+def rows_of(table: NDArray[np.float64]) -> list[dict[str, float]]:
+    """The rows of :func:`compared` by name."""
+    names = ("max_iterations", "prior_share", "accuracy", "balanced_accuracy")
+    return [dict(zip(names, row, strict=True)) for row in table.tolist()]
+
+
+def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
+    """What was chosen, in words by option, from a summary with the ``held_out`` rows."""
+    taken = summary["max_iterations"], summary["prior_share"]
+    rows = summary["held_out"]
+    [best] = [row for row in rows if (row["max_iterations"], row["prior_share"]) == taken]
+    start = f"{taken[0]} from the scores without {taken[1]:g} of the prior"
+    alone = held_out_words(rows[0])
+    return {"max_iterations": f"{start} ({held_out_words(best)}; scores alone, {alone})"}
 
 
 def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> list[Example]:

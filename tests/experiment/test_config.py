@@ -102,7 +102,8 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         ),
         (
             changed(methods=[{"name": "relaxation", "max_iterations": "many"}]),
-            "method 'relaxation': max_iterations must be a whole number of at least 1, got 'many'",
+            "method 'relaxation': max_iterations must be a whole number of at least 1 or 'auto', "
+            "got 'many'",
         ),
         (changed(methods=[{"name": "independent"}] * 2), "give each its own id"),
         (changed(methods={"name": "independent"}), "write [[methods]] above each"),

@@ -168,7 +168,7 @@ def spoil_missing(manifest: dict, arrays: dict) -> None:  # type: ignore[type-ar
         (spoil_features, "another definition of the laser features"),
         (spoil_column, "node_columns must be feature indices below 321"),
         (spoil_backend, "no method 'os:system' is installed"),
-        (spoil_option, "max_iterations must be a whole number of at least 1, got 'many'"),
+        (spoil_option, "max_iterations must be a whole number of at least 1 or 'auto', got 'many'"),
         (spoil_missing, "label_names"),
     ],
 )

@@ -109,8 +109,8 @@ def test_a_graph_without_nodes_gets_no_labels() -> None:
 def test_learners_minimise_the_same_objective() -> None:
     problem, truth = sample(6, 8, n_labels=2, seed=4)
     options: dict[str, Any] = {"C": 5.0, "learning_tolerance": 1e-3}
-    base = AssociativeMarkovNetwork(learner="cutting-plane", **options)
-    base = base.fit([problem], [truth]).summary
+    cuts = AssociativeMarkovNetwork(learner="cutting-plane", **options)
+    base = cuts.fit([problem], [truth]).summary
     other = AssociativeMarkovNetwork(learner="qp", **options).fit([problem], [truth]).summary
     assert other["status"] in ("optimal", "within_tolerance")
     assert other["objective"] == pytest.approx(base["objective"], rel=3e-3)
