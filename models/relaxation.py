@@ -18,15 +18,8 @@ from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
+from pgm_places.models import relaxation_choice as on_held_out
 from pgm_places.models.labelled_examples import labelled_parts
-from pgm_places.models.relaxation_choice import (
-    ITERATIONS,
-    best_row,
-    choice_words,
-    compared,
-    label_shares,
-    rows_of,
-)
 from pgm_places.options import AtLeastZero, Probability, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
@@ -132,19 +125,19 @@ class Relaxation(LearnedNames):
         """What was chosen, and how what was compared labels held-out nodes; {} without a choice."""
         if self.held_out is None:
             return {}
-        rows = rows_of(self.held_out)
+        rows = on_held_out.rows_of(self.held_out)
         return {"max_iterations": self._iterations, "prior_share": self._share, "held_out": rows}
 
     @property
     def choices(self) -> Mapping[str, str]:
         """What was chosen on training data, in words by option; {} without a choice."""
-        return {} if self.held_out is None else choice_words(self.summary)
+        return {} if self.held_out is None else on_held_out.choice_words(self.summary)
 
     @property
     def _iterations(self) -> int:
         if self.max_iterations != "auto":
             return self.max_iterations
-        return ITERATIONS[-1] if self.choice is None else int(self.choice[0])
+        return on_held_out.ITERATIONS[-1] if self.choice is None else int(self.choice[0])
 
     @property
     def _share(self) -> float:
@@ -186,16 +179,16 @@ class Relaxation(LearnedNames):
             self,
             pair_counts=total,
             compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
-            label_prior=label_shares(pairs),
+            label_prior=on_held_out.label_shares(pairs),
             choice=None,
             held_out=None,
         ).with_names_of(pairs[0][0])
         if self.max_iterations != "auto":
             return fitted
-        table = compared(self, labelled_parts(problems, labelings))
+        table = on_held_out.compared(self, labelled_parts(problems, labelings))
         if table is None:
             return fitted
-        return replace(fitted, choice=best_row(table)[:2].copy(), held_out=table)
+        return replace(fitted, choice=on_held_out.best_row(table)[:2].copy(), held_out=table)
 
     def counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
         """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""

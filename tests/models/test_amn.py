@@ -186,7 +186,9 @@ def test_the_scale_of_edge_features_frees_the_edge_weights() -> None:
 
 def test_doubling_the_map_changes_no_weight() -> None:
     problem, truth = sample(seed=9)
-    network = AssociativeMarkovNetwork(learner="cutting-plane", C=100.0, learning_tolerance=1e-4)
+    network = AssociativeMarkovNetwork(
+        learner="cutting-plane", C=100.0, node_features="logz+raw", learning_tolerance=1e-4
+    )
     once = network.fit([problem], [truth])
     twice = network.fit([problem, problem], [truth, truth])
     assert once.node_weights is not None
@@ -227,7 +229,9 @@ def test_weighting_classes_keeps_the_rare_one() -> None:
     recalls = []
     weightings: list[tuple[Any, Any]] = [("hamming", "none"), ("class-weighted", "sqrt")]
     for loss, weight in weightings:
-        network = AssociativeMarkovNetwork(loss=loss, class_weight=weight, node_features="raw")
+        network = AssociativeMarkovNetwork(
+            loss=loss, class_weight=weight, node_features="raw", C=100.0
+        )
         labels = network.fit([problem], [truth]).infer(problem).labels
         recalls.append((labels[truth == 1] == 1).mean())
     assert recalls[1] > recalls[0] + 0.2
@@ -451,7 +455,7 @@ def test_a_label_without_examples_is_named() -> None:
 def test_other_features_than_in_training_are_refused() -> None:
     problem, truth = sample(seed=19)
     assert problem.node_features is not None
-    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    network = AssociativeMarkovNetwork(node_features="logz+raw").fit([problem], [truth])
     fewer = replace(problem, node_features=problem.node_features[:, :1])
     with pytest.raises(InputError, match="trained on 5 node features, this problem has 4"):
         network.infer(fewer)
