@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-data fuzz faults lint types imports docs wheel bench core current sanitize clean
+.PHONY: demo test test-data fuzz faults lint types imports docs wheel bench bench-quick core current sanitize clean
 
 # The README prints these lines for those without make. Only errors of pip are shown.
 $(VENV)/.package: pyproject.toml
@@ -78,6 +78,11 @@ wheel: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
+
+# Small sizes of the benchmarks that take seconds, to see that they run; nothing is written.
+QUICK := features boosting spaces relaxation distances forward problems tracking topology teaching live_updates
+bench-quick: $(VENV)/.installed current
+	$(BIN)/python -m benchmarks --quick $(QUICK)
 
 clean:
 	rm -rf $(VENV) build dist docs/_build pgm_places/_core* .pytest_cache .mypy_cache .ruff_cache *.egg-info
