@@ -215,7 +215,7 @@ def test_the_options_of_a_loaded_labeler_hold_nothing_learned(folder: str, optio
             "trajectory_labeler",
             "every_m",
             "far",
-            "every_m must be a number of at least 0 or 'auto', got",
+            "every_m must be a number of at least 0, got",
         ),
         ("trajectory_labeler", "every_m", 1e400, "must be plain JSON data"),
         ("trajectory_labeler", "options", {"n_folds": 1}, "n_folds must be a whole number from 2"),
