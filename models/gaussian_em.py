@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._arguments import public
 from pgm_places._checks import finite_array, frozen, integer_array, require_type
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError
@@ -91,6 +92,7 @@ class GaussianEM:
         return _chained(unary, self.transition, self.initial)
 
 
+@public
 def gaussian_em(
     graphs: Sequence[LabelGraph],
     features: Sequence[ArrayLike],
@@ -98,7 +100,7 @@ def gaussian_em(
     *,
     labelings: Sequence[ArrayLike] | None = None,
     weight: float = 1.0,
-    covariance: Literal["full", "diagonal"] = "full",
+    covariance: Literal["full", "diagonal", "diag"] = "full",
     max_rounds: int = 200,
     seed: int = 0,
 ) -> GaussianEM:
@@ -120,6 +122,7 @@ def gaussian_em(
     weight : float
         What neighbours earn by agreeing, on graphs that are not chains.
     covariance : {"full", "diagonal"}
+        hmmlearn's ``"diag"`` means ``"diagonal"``.
     max_rounds : int
     seed : int
         Of the clusters.
@@ -291,7 +294,7 @@ def _fitted(
     for k, count in enumerate(counts):
         apart = x - means[k]
         moments = (beliefs[:, k, np.newaxis] * apart).T @ apart
-        if covariance == "diagonal":
+        if covariance in ("diagonal", "diag"):
             moments = np.diag(np.diag(moments))
         covariances[k] = (moments + np.diag(spread)) / (count + 1.0)
     return means, covariances

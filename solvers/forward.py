@@ -190,8 +190,9 @@ class ForwardFilter:
             or there is no such table.
         """
         led = integer_array("action", [action], (1,), low=0, high=len(self._arrival))
-        rows = number_array("log_likelihood", log_likelihood)[None]
+        rows = np.ascontiguousarray(number_array("log_likelihood", log_likelihood)[None])
         before = self._start if belief is None else number_array("belief", belief)
+        before = np.ascontiguousarray(before)
         for name, values in (("log_likelihood", rows[0]), ("belief", before)):
             require_shape(name, values.shape, self._start.shape)
         if not rows.max() < np.inf:  # also true of NaN

@@ -33,6 +33,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._arguments import public
+from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.expected_features import (
@@ -64,6 +66,7 @@ HIDDEN_MOVED = 1e-3
 MEMORY = 20
 
 
+@public
 def negative_log_likelihood(
     field: TableField,
     labels: NDArray[np.int64],
@@ -102,6 +105,7 @@ def negative_log_likelihood(
     return _Loss(field, labels, kind, node_weight).at(weights, expected)
 
 
+@public
 def maximize_likelihood(
     field: TableField,
     labels: NDArray[np.int64],
@@ -191,6 +195,10 @@ class _Loss:
     told: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
+        shape, high = (self.field.n_nodes,), self.field.n_labels
+        for name in ("labels", "told"):
+            if (given := getattr(self, name)) is not None:
+                integer_array(name, given, shape, low=-1, high=high)
         if self.field.sets is not None:
             raise InputError(
                 "weights of cliques are learned by learner='max-margin' only: the sum over all "

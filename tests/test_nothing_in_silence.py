@@ -10,6 +10,11 @@ import pgm_places as p
 from pgm_places.errors import ConfigError, InfeasibleError, InputError, NotFittedError, OutputError
 from pgm_places.io.file_kind import kind_of
 from pgm_places.io.places.topology_files import save_topology
+from pgm_places.models.gaussian_em import gaussian_em
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.forward import ForwardFilter
+from pgm_places.solvers.likelihood import negative_log_likelihood
+from pgm_places.solvers.table_field import TableField
 from tests.labelers.test_contract import NAMES, known, walk
 
 
@@ -131,3 +136,36 @@ def test_max_product_settles_well_by_default_and_says_what_is_better() -> None:
             assert found.info["better_score"] > found.score
     with pytest.raises(ConfigError, match="damping must be a number of at least 0 and below 1"):
         p.decode(graph, potentials, "max-product", damping=1.0)
+
+
+def test_words_of_functions_are_those_of_options() -> None:
+    rng = np.random.default_rng(0)
+    chain, x = [p.LabelGraph.from_lattice((60,))], [rng.normal(size=(60, 2))]
+    assert gaussian_em(chain, x, 2, covariance="diag").covariances[0, 0, 1] == 0
+    with pytest.raises(ConfigError, match="covariance must be 'full', 'diagonal' or 'diag'"):
+        gaussian_em(chain, x, 2, covariance="spherical")  # type: ignore[arg-type]
+    edges = [(0, 1), (1, 2), (2, 3)]
+    field = TableField(rng.normal(size=(4, 2)), adjacency(4, edges), np.ones((3, 1)), 2)
+    weights = np.zeros(field.n_weights)
+    with pytest.raises(ConfigError, match="kind must be 'likelihood', 'pseudo-likelihood' or"):
+        negative_log_likelihood(field, np.zeros(4, int), weights, "exact")  # type: ignore[arg-type]
+    for labels in ([0, 1, 0, 10**6], [0, 1]):
+        with pytest.raises(InputError, match="labels must"):
+            negative_log_likelihood(field, np.array(labels), weights)
+
+
+def test_a_column_is_a_step() -> None:
+    forward = ForwardFilter(np.full(3, 1 / 3), np.full((1, 3, 3), 1 / 3))
+    columns = np.random.default_rng(0).normal(size=(3, 50))
+    found, _ = forward.step(columns[:, 0])
+    np.testing.assert_array_equal(found, forward.step(columns[:, 0].copy())[0])
+
+
+@pytest.mark.parametrize("n_dimensions", [2, 11])
+def test_nearest_points_are_those_of_all_distances(n_dimensions: int) -> None:
+    points = np.random.default_rng(0).normal(size=(2100, n_dimensions))
+    graph = p.LabelGraph.from_points(points, n_neighbours=3)
+    for i in range(0, 2100, 300):
+        nearest = np.argsort(((points - points[i]) ** 2).sum(axis=1))[1:4]
+        pairs = {(min(i, j), max(i, j)) for j in nearest.tolist()}
+        assert pairs <= set(map(tuple, graph.edges.tolist()))

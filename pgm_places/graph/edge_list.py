@@ -1,6 +1,6 @@
 """The edges of label graphs: checked pairs, values beside them, kinds, and links between graphs."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Self
@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, number_array, set_fields
+from pgm_places._checks import integer_array, number_array, row_blocks, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_order import EdgeOrder
@@ -48,15 +48,43 @@ def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> Ed
     )
 
 
+POINTS_AT_ONCE = 2048
+"""Points whose neighbours are searched together."""
+
+MOST_DIMENSIONS = 10
+"""Of points for which a tree is faster than all distances."""
+
+
+def _search(
+    points: NDArray[np.float64], count: int
+) -> Callable[[NDArray[np.float64]], NDArray[np.int64]]:
+    """What finds the nearest of the points, (n, count), of each of (n, D) others."""
+    if points.shape[1] <= MOST_DIMENSIONS:
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(points)
+        return lambda some: np.asarray(tree.query(some, k=count)[1], np.int64)
+    from sklearn.neighbors import NearestNeighbors
+    from threadpoolctl import threadpool_limits
+
+    nearest = NearestNeighbors(n_neighbors=count, algorithm="brute").fit(points)
+
+    def search(some: NDArray[np.float64]) -> NDArray[np.int64]:
+        with threadpool_limits(1):
+            return np.asarray(nearest.kneighbors(some, return_distance=False), np.int64)
+
+    return search
+
+
 def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.int64]:
     """(E, 2) pairs, each once, of points of which one is among the other's nearest."""
-    from scipy.spatial import cKDTree
-
     n = len(points)
     wanted = min(n_neighbours, n - 1)
     if wanted < 1:
         return np.zeros((0, 2), np.int64)
-    near = np.asarray(cKDTree(points).query(points, k=wanted + 1)[1])
+    search = _search(points, wanted + 1)
+    # Some at a time: Ctrl-C is heard in between.
+    near = np.concatenate([search(points[some]) for some in row_blocks(n, POINTS_AT_ONCE)])
     own = np.arange(n)[:, None]
     # Among coincident points a point need not find itself first, or at all.
     others = near != own
