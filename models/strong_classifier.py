@@ -177,7 +177,7 @@ class VoteTable(NamedTuple):
         Only the table's ``columns`` are read. The bits depend neither on the number of threads nor
         on which other classifiers are evaluated with one.
         """
-        if X.ndim != 2 or X.shape[1] <= self.columns[-1]:
+        if X.ndim != 2 or (self.plane.size and X.shape[1] <= self.columns[-1]):
             raise InputError(
                 f"X must have at least {self.columns[-1] + 1} columns, which the classifier looks "
                 f"at, got shape {X.shape}"

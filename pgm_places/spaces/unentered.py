@@ -50,8 +50,10 @@ BOX_UNKNOWN = 0.1
 SCRAP_M2, SCRAP_UNKNOWN = 1.0, 0.7
 
 # Where at least so much of the edge of the map is free, the free space along it lies outside the
-# building, as far as a disc gets that is wider than doors, and unless nearly all would be outside.
-EDGE_FREE, OUTSIDE_RADIUS_M, LEAST_INSIDE = 0.4, 0.6, 0.1
+# building, as far as a disc gets that is wider than doors. At least half of the free space must be
+# left, as a map may be cropped through its rooms; less where all of the edge is free.
+EDGE_FREE, OUTSIDE_RADIUS_M, LEAST_INSIDE = 0.4, 0.6, 0.5
+ALL_FREE, LEAST_SURROUNDED = 0.95, 0.1
 
 # Where less was never entered in all, it is not worth a word.
 LEAST_M2 = 0.1
@@ -166,12 +168,13 @@ def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
     """(H, W) the free cells outside a building whose surroundings are free on the map, or None.
 
     They are what a disc of 0.6 m can reach from the edge of the map without passing a door. Maps
-    with less than 40 % of their edge free have no outside, nor have those that it would leave
-    hardly anything of.
+    with less than 40 % of their edge free have no outside, nor have those that it would leave less
+    than half of, or less than a tenth where at least 95 % of the edge is free.
     """
     free = grid.free
     edge = np.concatenate([free[0], free[-1], free[1:-1, 0], free[1:-1, -1]])
-    if edge.mean() < EDGE_FREE:
+    edge_free = float(edge.mean())
+    if edge_free < EDGE_FREE:
         return None
     radius = OUTSIDE_RADIUS_M / grid.resolution_m
     margin = 2 * ceil(radius) + 2  # free space around the map, in which the disc begins
@@ -182,7 +185,8 @@ def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
     covered = squared_clearance(around) < _standing(radius)
     outside = covered[margin:-margin, margin:-margin] & free
     n_inside = np.count_nonzero(free & ~outside)
-    return outside if n_inside >= LEAST_INSIDE * np.count_nonzero(free) else None
+    least = LEAST_SURROUNDED if edge_free >= ALL_FREE else LEAST_INSIDE
+    return outside if n_inside >= least * np.count_nonzero(free) else None
 
 
 class _Sums(NamedTuple):

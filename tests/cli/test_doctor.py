@@ -161,7 +161,7 @@ def test_maps_that_cannot_be_labelled_are_rows_too(tmp_path: Path, run: Run) -> 
     assert rows["huge/map"][2:] == ["-", "-", "1"]
     assert rows["good/map"][2:] == ["1,196", "2", "s", "-"]
     assert f"gone/map: {tmp_path / 'gone' / 'map.yaml'}: its image 'map.png' is missing" in text
-    assert "huge/map: the map has cells of 50 m, the model was trained at 0.05 m: its 2,400" in text
+    assert "huge/map: the map has cells of 50 m, which show neither walls nor doorways" in text
     assert rows["kept/map"][2:] == ["1,196", "2", "s", "2"]
     assert f"kept/map: {kept}.orig exists and would be lost; move it away first" in text
     assert "2 of 5 maps can be labelled: 2,392 cells in about 3 s" in text

@@ -42,9 +42,11 @@ def test_all_that_draws_gets_the_seed_and_nothing_else_changes(
     assert after == before
 
 
-def test_a_seed_alone_leaves_the_list_of_steps_to_the_method() -> None:
+def test_a_seed_alone_leaves_the_prior_of_the_list_of_steps_to_the_method() -> None:
     config = parse_config({**MAPS, **DRIVES, "nodes": "steps"})
-    assert step_labeler(seeded_config(config, 3)).classifier is None
+    classifier = step_labeler(seeded_config(config, 3)).classifier
+    assert classifier is not None
+    assert (classifier.seed, classifier.prior_weight) == (3, 0.0)
 
 
 def test_trees_with_few_features_each_depend_on_the_seed(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def truth_of(known: KnownMap) -> NDArray[np.float64]:
 
 def test_every_map_has_a_kind_a_weight_and_a_building() -> None:
     found = catalogue.declared()
-    assert len(found) == 36
+    assert len(found) == 76
     assert found["hospital_aws"] == ("hospitals", 1.0, "hospital")
     assert found["lab_ecn"] == ("labs and offices", 0.25, "lab_ecn")
     same = [name for name, (_, _, building) in found.items() if building == "uom"]
@@ -48,7 +48,7 @@ def test_every_map_has_a_kind_a_weight_and_a_building() -> None:
 @pytest.mark.real_data
 def test_all_maps_are_read_with_the_models_cells() -> None:
     found = list(catalogue.robot_maps(real_data_folder("robots").parent))
-    assert len(found) == 36
+    assert len(found) == 76
     assert {weight for _, weight in found} == {1.0, 0.5, 0.25}
     assert max(known.item.grid.resolution_m for known, _ in found) <= 0.0501
     assert {known.group for known, _ in found} == {

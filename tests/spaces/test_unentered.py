@@ -240,6 +240,10 @@ def test_the_corners_of_a_turned_picture_are_outside() -> None:
     assert found.cells[corners].all() and not found.cells[~corners].any()
 
 
+def test_a_map_cropped_through_its_rooms_has_no_outside() -> None:
+    assert not found_in(two_rooms(18)[30:90, 20:160]).cells.any()  # walls cross the edge twice
+
+
 def test_a_hall_without_walls_has_no_outside() -> None:
     cells = np.full((100, 150), FREE, np.int8)
     cells[40:60, 70:80] = OCCUPIED

@@ -134,9 +134,13 @@ def test_questions_that_make_no_sense_are_refused(client: Client, path: str) -> 
 def test_a_number_of_400_digits_is_refused(client: Client) -> None:
     request = {"kind": "fill", "label": 0, "point": [10**400, 1]}
     found = client.post("edit", json=request)
-    came = f"[1{'0' * 57}...{'0' * 59}, 1]"
+    assert (found.status_code, found.json()) == (
+        400,
+        {"problem": "a request must be a JSON object"},
+    )
+    found = client.post("edit", json={**request, "point": [10**17, 1]})
     wanted = "point must be a list of two: a number from -1000000000 to 1000000000"
-    assert (found.status_code, found.json()) == (400, {"problem": f"{wanted}, got {came}"})
+    assert (found.status_code, found.json()) == (400, {"problem": f"{wanted}, got [{10**17}, 1]"})
 
 
 @pytest.mark.parametrize("body", ["[]", "{", "null", '"x"', "[" * 100_000])
