@@ -1,0 +1,81 @@
+"""What paint teaches a list: gates of both kinds alike, and corridors that look like halls."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places import trained_labeler
+from pgm_places.datasets import generate_building
+from pgm_places.models.further_boosting import Examples
+from pgm_places.teaching import learning
+from pgm_places.teaching.lesson import Lesson
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.teacher import Teacher
+
+NAMES = ("corridor", "room", "doorway")
+CORRIDOR, ROOM, HALL, SHOWN = 0, 1, 3, 4
+
+
+@dataclass(frozen=True)
+class StubList:
+    """A list that takes each row for a hall by its first column, for a corridor by its second."""
+
+    def log_histogram(self, rows: NDArray[np.float32]) -> NDArray[np.float64]:
+        log_z = np.full((len(rows), 5), -10.0)
+        log_z[:, HALL], log_z[:, CORRIDOR] = rows[:, 0], rows[:, 1]
+        return log_z
+
+
+def labels_with_halls(labels: list[int]) -> list[int]:
+    """What cells are taught as, the list taking every second one for a hall."""
+    nodes = np.arange(10, 10 + len(labels))
+    lesson = Lesson(nodes, np.array(labels), np.array([0, 1]))
+    looks = np.zeros((len(nodes) + 2, 2), np.float32)
+    looks[2::2, 0] = 1.0
+    looks[3::2, 1] = 1.0
+    rows = learning._Rows(lesson, looks)
+    fitted: Any = StubList()
+    return rows.with_halls(fitted, HALL, SHOWN, CORRIDOR).lesson.labels.tolist()
+
+
+def test_painted_corridors_that_look_like_halls_are_taught_as_halls() -> None:
+    assert labels_with_halls([CORRIDOR, CORRIDOR, ROOM, CORRIDOR]) == [
+        HALL,
+        CORRIDOR,
+        ROOM,
+        CORRIDOR,
+    ]
+
+
+def test_corridors_stay_corridors_where_halls_are_painted_themselves() -> None:
+    assert labels_with_halls([CORRIDOR, CORRIDOR, SHOWN]) == [CORRIDOR, CORRIDOR, HALL]
+
+
+def test_new_classes_come_after_halls() -> None:
+    assert labels_with_halls([ROOM, HALL]) == [ROOM, HALL + 1]
+
+
+def test_gates_of_both_kinds_weigh_the_same_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    building = generate_building(4, size="small", resolution_m=0.1)
+    teacher = Teacher(building.grid, trained_labeler("generated"))
+    taught: list[Examples] = []
+    learned_further = learning.learned_further
+
+    def watched(fitted: Any, examples: Examples, *more: Any) -> Any:
+        taught.append(examples)
+        return learned_further(fitted, examples, *more)
+
+    monkeypatch.setattr(learning, "learned_further", watched)
+    paint = Paint.blank(building.grid.shape, NAMES)
+    for label, name in enumerate(NAMES):
+        paint = paint.with_cells(np.argwhere(building.labels == label), name)
+    teacher.teach(paint)
+    gates = taught[0]
+    counts = np.bincount(gates.labels, minlength=2)
+    assert counts.min() > 0 and counts[0] != counts[1]
+    for label in (0, 1):
+        of_label = gates.weights[gates.labels == label]
+        assert of_label.sum() == pytest.approx(1.0) and np.ptp(of_label) == 0
