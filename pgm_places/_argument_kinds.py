@@ -307,7 +307,7 @@ def _array(kind: Any, value: Any) -> Any:
     """An array of the kind of numbers that is wanted, made of what is given."""
     if hasattr(value, "tocsr"):
         return value
-    if isinstance(value, np.ma.MaskedArray):
+    if hasattr(value, "mask") and isinstance(value, np.ma.MaskedArray):
         if np.ma.is_masked(value):
             return NO
         value = value.data

@@ -106,7 +106,7 @@ def described(value: Any) -> str:
         return shown(value)
     if isinstance(value, type):
         return f"the class {value.__name__} itself"
-    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+    if hasattr(value, "mask") and np.ma.is_masked(value):
         n_masked = int(np.ma.getmaskarray(value).sum())
         return f"a masked array, {n_masked} of its values masked; fill them"
     if isinstance(value, np.ndarray):

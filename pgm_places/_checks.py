@@ -96,7 +96,7 @@ def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArr
         raise InputError(
             f"{name} must be an array of numbers, got a sparse one; give its toarray()"
         )
-    if np.ma.is_masked(values):
+    if hasattr(values, "mask") and np.ma.is_masked(values):  # importing numpy.ma takes time
         raise InputError(f"{name} has masked values; fill them, or leave their rows out")
     try:
         array = np.asarray(values)

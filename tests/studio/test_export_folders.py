@@ -88,17 +88,18 @@ def test_only_what_was_seen_is_replaced(desk: Desk, tmp_path: Path, folders: Exp
     client = Client(shelf, f"{HOST}/{TOKEN}/", {"origin": HOST})
     request = {"what": "corrections", "folder": "../told"}
     theirs = tmp_path / "told" / "corrections.geojson"
-    theirs.write_text("theirs")
+    before = '{"type": "FeatureCollection", "features": []}'
+    theirs.write_text(before)
     refused = client.post("export", json=request)
     assert refused.status_code == 400
     assert "corrections.geojson has come there meanwhile" in refused.json()["problem"]
-    assert theirs.read_text() == "theirs"
+    assert theirs.read_text() == before
     assert not (tmp_path / "told" / "corrections.png").exists()
     items = {item["name"]: item for item in exports_record(desk, folders, "../told")["items"]}
     assert items["corrections"]["there"] == ["corrections.geojson"]
     answer = client.post("export", json={**request, "replaced": ["corrections.geojson"]})
     assert answer.status_code == 200, answer.text
-    assert theirs.read_text() != "theirs"
+    assert theirs.read_text() != before
     assert not (desk.folder / "corrections.png").exists()
     for folder in ("../secret", "/etc", ".git"):
         assert client.post("export", json={**request, "folder": folder}).status_code == 400
