@@ -132,16 +132,25 @@ def _transfer_rows(
         yield (of, words, f"{accuracy:.1f}", f"{balanced:.1f}", worst, f"{rates.shape[1]}")
 
 
+_PARTS = {"curve": curve, "transfers": transfers}
+TABLES = tuple(f"unary-{part}" for part in _PARTS)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    prog = "python -m experiments.unary_choice"
+    found = argparse.ArgumentParser(prog=prog, description=__doc__)
+    found.add_argument("table", choices=_PARTS)
+    found.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    return found
+
+
 def main() -> None:
     """Renew one of the tables."""
-    tables = {"curve": curve, "transfers": transfers}
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("table", choices=tables)
-    parser.add_argument("--kept", type=Path)
-    arguments = parser.parse_args()
+    given = parser().parse_args()
     data = Path(os.environ.get("PGM_PLACES_DATA") or "../shared/data")
-    table = tables[arguments.table](data, KeptArrays(arguments.kept))
-    print(write_table(f"unary-{arguments.table}", text_of([table])))
+    table = _PARTS[given.table](data, KeptArrays(given.kept))
+    print(write_table(f"unary-{given.table}", text_of([table])))
 
 
 if __name__ == "__main__":
