@@ -64,7 +64,7 @@ from pgm_places.solvers.max_oracle import certify_weights
 AUTO_PENALTIES = (10.0, 100.0, 1000.0)
 PENALTY = 100.0
 
-_REMEDIES = "take a smaller C, learner='qp', or method 'crf' where neighbours do not only agree"
+_REMEDIES = "take a smaller C{}, or method 'crf' where neighbours do not only agree"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class AssociativeMarkovNetwork(LinearModel):
     >>> network.infer(problem).labels.tolist()
     [0, 0, 0, 1, 1, 1]
     >>> network.summary["status"]
-    'optimal'
+    'within_tolerance'
     """
 
     learner: Learner = "auto"
@@ -205,7 +205,8 @@ class AssociativeMarkovNetwork(LinearModel):
             solution = learn(task, options, start=begin, on_iteration=on_iteration)
         record = self._record(task, solution, len(examples), time.perf_counter() - start)
         record = replace(record, learner=options.learner, reason=reason)
-        warn_of_gap(record, self.scale, _REMEDIES)
+        other = "" if options.learner == "qp" else ", learner='qp'"
+        warn_of_gap(record, self.scale, _REMEDIES.format(other))
         weights_now = solution.weights / of_weights
         node_weights, edge_weights = task.split(weights_now)
         return replace(

@@ -122,20 +122,19 @@ class LearningRecord:
 def warn_of_gap(record: LearningRecord, scale: str, remedies: str) -> None:
     """Say that learning ended too early, or that better weights may well exist; and what to do."""
     gap = record.certified_gap
+    rescale = "take scale='auto', after which the units of features do not matter"
     if record.status != "stalled":
         if gap is not None and gap > LARGE_GAP and record.status not in _NO_GAP:
             warnings.warn(
                 f"better weights may exist: the certified gap of learning is {100 * gap:.0f} % of "
-                f"the objective ({record.status}, C = {record.penalty:g}); {remedies}",
+                f"the objective ({record.status}, C = {record.penalty:g}); "
+                f"{rescale if scale == 'none' else remedies}",
                 LearningWarning,
                 stacklevel=3,
             )
         return
     reached = record.certified_objective or record.objective
-    if scale == "none":
-        remedy = "take scale='auto', after which the units of features do not matter"
-    else:
-        remedy = f"take a smaller C than {record.penalty:g}"
+    remedy = rescale if scale == "none" else f"take a smaller C than {record.penalty:g}"
     warnings.warn(
         f"learning stalled {100 * relative_gap(reached, record.lower_bound):.2g} % above its lower "
         f"bound: it finds no better weights, and those it has may label badly; {remedy}",

@@ -317,6 +317,7 @@ class _State:
         weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
         upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
         lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
+        lower = max(lower, 0.0)  # the true labels as marginals
         weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
         status = reached(upper, lower, max(self.tolerance, PROVED))
         if status == "oracle_limit":  # there is none here

@@ -80,6 +80,7 @@ def test_sizes_of_columns_have_the_unit_of_the_column() -> None:
 # ---------------------------------------------------------------- units of edges and cliques
 
 
+@pytest.mark.filterwarnings("ignore:better weights may exist")
 @pytest.mark.parametrize(
     ("method", "options"),
     [("amn", {}), ("crf", {"learner": "piecewise"}), ("crf", {"learner": "max-margin"})],
@@ -98,6 +99,7 @@ def test_the_unit_of_edge_features_does_not_matter(method: str, options: dict[st
     assert second["objective"] == pytest.approx(first["objective"], rel=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:better weights may exist")
 @pytest.mark.parametrize("method", ["amn", "crf"])
 def test_the_unit_of_clique_features_does_not_matter(method: str) -> None:
     halves = Cliques.of_segments(np.arange(144) // 72)
@@ -135,10 +137,20 @@ def test_problems_with_other_numbers_of_edge_features_are_refused() -> None:
 def test_learning_that_stalls_says_what_to_do() -> None:
     examples = [spot(seed, unit=1e6) for seed in range(2)]
     with pytest.warns(LearningWarning, match=r"learning stalled .* take scale='auto'"):
-        found = fitted("amn", examples, scale="none")
+        found = fitted("amn", examples, learner="cutting-plane", scale="none")
     assert found.summary["status"] == "stalled"
     with pytest.warns(LearningWarning, match=r"learning stalled .* take a smaller C than 1e\+10"):
-        fitted("amn", examples, C=1e10)
+        fitted("amn", examples, learner="cutting-plane", C=1e10)
+
+
+def test_a_gap_is_at_most_all_of_the_objective_and_says_what_to_do() -> None:
+    """The program's own bound may be far below 0, which no weights are."""
+    examples = [spot(seed, unit=1e6) for seed in range(2)]
+    with pytest.warns(LearningWarning, match=r"gap of learning is 100 % .* take scale='auto'"):
+        found = fitted("amn", examples, learner="qp", scale="none")
+    assert found.summary["lower_bound"] == 0
+    with pytest.warns(LearningWarning, match=r"take a smaller C, or method 'crf'"):
+        fitted("amn", examples, learner="qp", C=1e10)
 
 
 @pytest.mark.parametrize("scale", ["auto", "none"])
