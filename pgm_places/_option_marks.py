@@ -7,7 +7,7 @@ takes a twentieth of the time of a short command, so it is left until pydantic i
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Annotated, Any, Literal, Union
 
 
@@ -175,7 +175,7 @@ def _words(hint: Any, *, plural: bool) -> str:
             return _choices(tuple(mark.names()))
     if origin in (list, tuple):
         return _list_words(inner, marks)
-    if origin is dict or hint is dict:
+    if origin in (dict, Mapping) or hint is dict:
         return "a table"
     if dataclasses.is_dataclass(hint):
         return f"a table of options ({getattr(hint, '__name__', hint)})"

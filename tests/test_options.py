@@ -10,7 +10,7 @@ import sys
 import tomllib
 import types
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -83,7 +83,8 @@ def bad_values(hint: Any) -> list[Any]:
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         arms = typing.get_args(hint)
         outside = [value for arm in arms for mark in _marks(arm) for value in _outside(mark)]
-        return [{"a": 1}, True, *outside, *([] if str in arms else ["no such choice"])]
+        table = {"a": "much"} if Mapping[str, Positive] in arms else {"a": 1}
+        return [table, True, *outside, *([] if str in arms else ["no such choice"])]
     base = typing.get_args(hint)[0] if _marks(hint) else hint
     if typing.get_origin(hint) is Literal or base not in WRONG_KIND:
         return [{"a": 1}, "no such choice", 17]
@@ -300,6 +301,7 @@ def test_the_table_of_methods_lists_every_option(name: str) -> None:
         ),
         (SensorNoise | None, "a table of options (SensorNoise) or None"),
         (dict[str, Any], "a table"),
+        (Mapping[str, Positive], "a table"),
     ],
 )
 def test_what_is_wanted_in_words(hint: Any, text: str) -> None:
