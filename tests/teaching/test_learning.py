@@ -11,7 +11,7 @@ from pgm_places import trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.models.further_boosting import Examples
 from pgm_places.teaching import learning
-from pgm_places.teaching.lesson import Lesson
+from pgm_places.teaching.lesson import Lesson, learned_further
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.teacher import Teacher
 
@@ -62,7 +62,6 @@ def test_gates_of_both_kinds_weigh_the_same_together(monkeypatch: pytest.MonkeyP
     building = generate_building(4, size="small", resolution_m=0.1)
     teacher = Teacher(building.grid, trained_labeler("generated"))
     taught: list[Examples] = []
-    learned_further = learning.learned_further
 
     def watched(fitted: Any, examples: Examples, *more: Any) -> Any:
         taught.append(examples)
