@@ -94,7 +94,8 @@ def test_keys_take_the_same_in_all_methods(name: str) -> None:
     hints = option_hints(METHODS.find(name))
     for key in set(SHARED) & set(hints):
         assert hints[key] in (SHARED[key], Literal["auto"] | SHARED[key])
-    assert hints.get("max_iterations", Whole) in (Whole, Whole | None)
+    limits = (Whole, Whole | None, Whole | Literal["auto"])
+    assert hints.get("max_iterations", Whole) in limits
 
 
 def test_independent_takes_the_best_label() -> None:
@@ -118,7 +119,7 @@ def test_a_method_that_is_gone_names_the_one_to_use() -> None:
 
 def test_a_stored_model_of_a_learner_that_is_gone_labels_on() -> None:
     assert METHODS.restored("amn", {"learner": "frank-wolfe"}).learner == "cutting-plane"
-    with pytest.raises(ConfigError, match="learner must be 'cutting-plane' or 'qp'"):
+    with pytest.raises(ConfigError, match="learner must be 'auto', 'cutting-plane' or 'qp'"):
         build("amn", {"learner": "frank-wolfe"})
 
 
