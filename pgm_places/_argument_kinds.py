@@ -326,7 +326,7 @@ def _array(kind: Any, value: Any) -> Any:
     if issubclass(kind, np.bool_):  # node numbers are no mask, nor is NaN
         fits = number == "b" or (number in "iu" and value.ndim > 1)
     elif issubclass(kind, np.integer):
-        fits = number in "iu"
+        fits = number in "iu" or (number == "f" and bool((np.floor(value) == value).all()))
     elif issubclass(kind, np.floating):
         fits = number in "biuf"
     else:

@@ -72,7 +72,7 @@ class Learned:
         """A labeler whose method learned on the held-out scores."""
         paths = [item.trajectory for item in self.table.drives]
         labeler = TrajectoryLabeler(NAMES, every_m=EVERY_M)
-        fitted = learn_method(labeler, method, [], paths, self.examples, self.scores)
+        fitted, _ = learn_method(labeler, method, [], paths, self.examples, self.scores)
         return TrajectoryLabeler.of_parts(NAMES, fitted, self.model, every_m=EVERY_M, beams=BEAMS)
 
 

@@ -65,6 +65,7 @@ def test_options_of_maps_reach_the_labeler() -> None:
         "whole_spaces": True,
         "doorway_depth_m": None,
         "floor": None,
+        "unary": "auto",
     }
     assert (classifier.n_rounds, classifier.order) == (7, [2, 1, 3, 0])
     assert (methods["field"].unary, methods["field"].backend.weight) == ("context", 0.25)

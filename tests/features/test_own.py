@@ -164,6 +164,7 @@ def test_the_list_with_context_sees_them_too(known: LabelledMap) -> None:
         n_folds=2,
         features=[Shortest()],
         space=None,
+        unary="context",
     ).fit([known])
     assert labeler.unary_model_.context_classifier is not None
     assert labeler.unary_model_.context_classifier.n_features == 321 + 1 + 2

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from pgm_places.kernels.threads import resolve_threads
-from pgm_places.labelers import method, place_labeler, trajectory_labeler
+from pgm_places.labelers import method, place_labeler
 from pgm_places.labelers.method import infer
 from tests.cli.conftest import Run, building, run
 from tests.cli.test_track_joint import joint
@@ -27,8 +27,7 @@ def limits(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         return infer(*arguments)
 
     monkeypatch.setattr(place_labeler, "infer", spied)
-    monkeypatch.setattr(trajectory_labeler, "infer", spied)
-    monkeypatch.setattr(method, "infer", spied)  # as the joint labeler calls it
+    monkeypatch.setattr(method, "infer", spied)  # as labelers of drives call it
     return found
 
 

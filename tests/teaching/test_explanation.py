@@ -136,7 +136,8 @@ def test_regions_have_shapes_and_gates() -> None:
 def test_a_labeler_of_scans_only() -> None:
     classifier = DecisionListClassifier(n_rounds=15, order="rarest-first")
     names = MADE.label_names
-    labeler = PlaceLabeler(names, ["independent"], classifier=classifier, space=None)
+    methods = ["independent"]
+    labeler = PlaceLabeler(names, methods, classifier=classifier, space=None, unary="laser")
     labeler.fit([LabelledMap(MADE.grid, MADE.labels)])
     teacher = Teacher(MADE.grid, labeler)
     found = teacher.label(teacher.blank())
