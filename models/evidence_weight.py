@@ -140,19 +140,13 @@ def best_weights(
             found.append(FittedWeights(weight, balance, right, balanced))
         return found
 
-    def best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights:
-        enough = [item for item in tried if item.accuracy >= least - 1e-9]
-        if not enough:
-            return max(tried, key=lambda item: round(item.accuracy, 9))
-        return max(enough, key=lambda item: round(item.accuracy + item.balanced_accuracy, 9))
-
     plain, *further = sorted(balances)
     tried = tried_with(plain)
-    best = best_of(tried, least_accuracy)
+    best = _best_of(tried, least_accuracy)
     if not further:
         return best
     by_weight = zip(tried, *map(tried_with, further), strict=True)
-    return best_of([item for row in by_weight for item in row], best.accuracy)
+    return _best_of([item for row in by_weight for item in row], best.accuracy)
 
 
 def fitted_by_mode(
@@ -195,7 +189,8 @@ def fitted_by_mode(
             )
             for kind in kinds
         ]
-        chosen.append(_best_kind(by_kind, alone[0]))
+        best_kind = _best_of(by_kind, alone[0])
+        chosen.append((by_kind.index(best_kind), best_kind))
     best = np.array([fitted[:2] for _, fitted in chosen]).T
     numbers = np.array([OBSERVATIONS.index(kinds[k]) for k, _ in chosen], np.int64)
     return {
@@ -206,16 +201,12 @@ def fitted_by_mode(
     }
 
 
-def _best_kind(by_kind: Sequence[FittedWeights], least: float) -> tuple[int, FittedWeights]:
-    """The number of the best observation model, as accurate as each step alone, and its figures."""
-    enough = [k for k, item in enumerate(by_kind) if item.accuracy >= least - 1e-9]
-    if enough:
-        best = max(
-            enough, key=lambda k: round(by_kind[k].accuracy + by_kind[k].balanced_accuracy, 9)
-        )
-    else:
-        best = max(range(len(by_kind)), key=lambda k: round(by_kind[k].accuracy, 9))
-    return best, by_kind[best]
+def _best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights:
+    """The best of those with a least accuracy, else the most accurate one; of equals the first."""
+    enough = [item for item in tried if item.accuracy >= least - 1e-9]
+    if not enough:
+        return max(tried, key=lambda item: round(item.accuracy, 9))
+    return max(enough, key=lambda item: round(item.accuracy + item.balanced_accuracy, 9))
 
 
 def _alone(
