@@ -1,6 +1,7 @@
 """Packages that only some tasks need: imported when such a task begins, or asked for by name."""
 
 import importlib
+from pathlib import Path
 from typing import Any
 
 from pgm_places.errors import InputError
@@ -38,11 +39,14 @@ def needed(module: str, *, extra: str, purpose: str) -> Any:
 
 
 def install_command(extra: str) -> str:
-    """What installs an extra: the project is on no package index, only in its own folder.
+    """The command that installs an extra: of a checkout in place, else of the installed package.
 
     Examples
     --------
-    >>> install_command("studio")
-    'pip install --editable ".[studio]" (in the folder of pgm-places)'
+    >>> install_command("studio").startswith(("pip install --editable", "pip install pgm-places"))
+    True
     """
-    return f'pip install --editable ".[{extra}]" (in the folder of pgm-places)'
+    root = Path(__file__).resolve().parents[1]
+    if (root / "pyproject.toml").is_file():
+        return f"pip install --editable '{root}[{extra}]'"
+    return f'pip install "pgm-places[{extra}]"'

@@ -1,3 +1,6 @@
-"""The version, kept apart so that packaging reads it without importing the package."""
+"""The version, in a module of its own: packaging reads it without importing the package.
 
-__version__ = "0.4.0"
+Between releases it is the next one with ``.dev0`` (docs/releasing.md).
+"""
+
+__version__ = "0.5.0.dev0"

@@ -16,13 +16,23 @@ def page(name: str) -> str:
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
 
 
-def test_the_citation_file_names_this_version() -> None:
+def last_release() -> str:
+    """The newest version with a heading in the changelog that is not in preparation."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    return next(
+        version
+        for version in re.findall(r"^## (\d+\.\d+\.\d+)", text, re.MULTILINE)
+        if f"{version}.dev0" != __version__
+    )
+
+
+def test_the_citation_names_the_last_release() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["cff-version"] == "1.2.0"
-    assert str(cited["version"]) == __version__
+    assert str(cited["version"]) == last_release()
     assert cited["license"] == "MIT"
     assert {"title", "authors", "message"} <= set(cited)
-    assert f"version = {{{__version__}}}" in page("citing.md")
+    assert f"version = {{{last_release()}}}" in page("citing.md")
 
 
 def test_every_paper_that_is_named_has_an_entry_and_every_entry_is_named() -> None:

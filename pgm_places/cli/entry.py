@@ -73,7 +73,7 @@ def main() -> None:
             raise
         _end(
             "the compiled kernels are missing, or older than the sources that need them; compile "
-            'them with "make core" or "pip install --editable ." (in the folder of pgm-places)',
+            'them with "make core" or "pip install --editable ." in the checkout',
             EXIT_BAD_INPUT,
         )
     except OSError as error:

@@ -21,7 +21,7 @@ extras, older ones at what setuptools has given up."""
 
 setup(
     name=NAME,
-    version="0.4.0",
+    version="0.5.0",
     packages=[NAME],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
