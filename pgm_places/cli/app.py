@@ -3,25 +3,33 @@
 import importlib
 from collections.abc import Sequence
 
-from pgm_places.cli.command import HELP, Command
+from pgm_places.cli.command import HELP, HELP_SWITCHES, Command
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError, nearest_name
 
-_LISTED = (
-    ("experiments", "demo", "compare", "train"),
-    ("label", "label", "index"),
-    ("studio", "studio"),
-    ("places", "topology", "export", "where", "rename", "merge", "split"),
-    ("explain", "explain"),
-    ("simulate", "simulate", "simulate-map"),
-    ("track", "track"),
-    ("live", "live"),
-    ("experiments", "reproduce"),
-    ("doctor", "doctor"),
-)
-"""Modules with their commands, in the order of the help."""
+_GROUPS = {
+    "Label maps": (
+        ("experiments", "demo"),
+        ("label", "label", "index"),
+        ("studio", "studio"),
+        ("explain", "explain"),
+        ("doctor", "doctor"),
+    ),
+    "Places of a labelled map": (
+        ("places", "topology", "where", "rename", "merge", "split", "export"),
+    ),
+    "Drives and robots": (
+        ("track", "track"),
+        ("live", "live"),
+        ("simulate", "simulate", "simulate-map"),
+    ),
+    "Train and evaluate": (("experiments", "train", "compare", "reproduce"),),
+}
+"""Modules with their commands, in the order of the help and by its headings."""
 
-COMMANDS = {name: module for module, *names in _LISTED for name in names}
+COMMANDS = {
+    name: module for group in _GROUPS.values() for module, *names in group for name in names
+}
 """The module of each command."""
 
 _SUMMARY = "Label the places of a robot's map: corridor, room, doorway, or your own."
@@ -49,10 +57,14 @@ def run(words: Sequence[str]) -> None:
     first, *others = words or [HELP]
     if first in COMMANDS:
         _run(command(first), others)
-    elif first == HELP:
+    elif first in HELP_SWITCHES:
         from pgm_places.cli.help import help_of_all
 
-        say(help_of_all(_SUMMARY, _OPTIONS, map(command, COMMANDS)))
+        groups = {
+            title: [command(name) for _, *names in group for name in names]
+            for title, group in _GROUPS.items()
+        }
+        say(help_of_all(_SUMMARY, _OPTIONS, groups))
     elif first == "--version":
         from pgm_places._version import __version__
 
@@ -68,7 +80,8 @@ def run(words: Sequence[str]) -> None:
 
 
 def _run(chosen: Command, words: Sequence[str]) -> None:
-    if HELP in words:
+    options = words[: words.index("--")] if "--" in words else words
+    if any(word in HELP_SWITCHES for word in options):
         from pgm_places.cli.help import help_of
 
         say(help_of(chosen))

@@ -14,6 +14,7 @@ from pgm_places.cli.declarations import Parameter, parameters_of
 from pgm_places.errors import InputError, nearest_name
 
 HELP = "--help"
+HELP_SWITCHES = (HELP, "-h")
 _FLAG = re.compile(r"-[^\d.]")
 """How a flag begins. A minus sign before a digit belongs to a number; - alone is standard input."""
 

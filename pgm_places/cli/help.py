@@ -1,9 +1,9 @@
 """The help of the commands as text, 80 columns wide."""
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
-from pgm_places.cli.command import HELP, Command
+from pgm_places.cli.command import HELP, HELP_SWITCHES, Command
 from pgm_places.cli.declarations import Option, Parameter
 
 _SCRIPT = """\
@@ -34,7 +34,7 @@ def _flags(command: Command) -> list[str]:
 
 _WIDTH, _WIDEST_NAME = 80, 28
 
-_SHOW_HELP = (HELP, "Show this message and exit.")
+_SHOW_HELP = (", ".join(reversed(HELP_SWITCHES)), "Show this message and exit.")
 
 
 def help_of(command: Command) -> str:
@@ -51,14 +51,19 @@ def help_of(command: Command) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def help_of_all(summary: str, options: Mapping[str, str], commands: Iterable[Command]) -> str:
-    """What the program does, its own options, and its commands."""
-    listed = ((item.name, item.summary) for item in commands)
+def help_of_all(
+    summary: str, options: Mapping[str, str], groups: Mapping[str, Sequence[Command]]
+) -> str:
+    """What the program does, its own options, and its commands by heading."""
+    widest = max(len(item.name) for commands in groups.values() for item in commands)
     parts = [
         "Usage: pgm-places [OPTIONS] COMMAND ...",
         _filled(summary),
         _table("Options", [*options.items(), _SHOW_HELP]),
-        _table("Commands", listed),
+        *(
+            _table(title, ((item.name, item.summary) for item in commands), widest)
+            for title, commands in groups.items()
+        ),
     ]
     return "\n\n".join(parts)
 
@@ -87,10 +92,10 @@ def _filled(text: str, *, indent: str = "  ") -> str:
     return textwrap.fill(text, _WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
-def _table(title: str, rows: Iterable[tuple[str, str]]) -> str:
+def _table(title: str, rows: Iterable[tuple[str, str]], widest: int = 0) -> str:
     """Names and what is said of them beside each other, below a title; nothing without rows."""
     listed = list(rows)
-    width = min(max((len(name) for name, _ in listed), default=0), _WIDEST_NAME) + 4
+    width = min(max([widest, *(len(name) for name, _ in listed)]), _WIDEST_NAME) + 4
     lines = [f"{title}:"] if listed else []
     for name, text in listed:
         filled = _filled(text, indent=" " * width)

@@ -13,12 +13,14 @@ from tests.cli.conftest import Run
 
 def test_the_help_lists_every_command_with_its_first_sentence(run: Run) -> None:
     code, out, _ = run("--help")
-    assert (code, out) == run()[:2]
+    assert (code, out) == run()[:2] == run("-h")[:2]
     lines = out.splitlines()
     assert code == 0 and max(map(len, lines)) <= 80
-    listed = lines[lines.index("Commands:") + 1 :]
-    assert [line.split()[0] for line in listed] == list(COMMANDS)
-    assert all(re.fullmatch(r"  \S+ +[A-Z].+\.", line) for line in listed)
+    listed = lines[lines.index("Label maps:") :]
+    rows = [line for line in listed if line.startswith("  ")]
+    assert [row.split()[0] for row in rows] == list(COMMANDS)
+    assert all(re.fullmatch(r"  \S+ +[A-Z].+\.", row) for row in rows)
+    assert len({re.search(r" {2,}[A-Z]", row).end() for row in rows}) == 1  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -30,6 +32,12 @@ def test_the_help_of_a_command_says_what_each_parameter_means(name: str, run: Ru
         assert text.endswith("."), item.name
         assert "".join(text.split()) in "".join(out.split())
         assert all(flag in out for flag in item.switches)
+
+
+def test_help_is_an_option_only_before_the_end_of_options(run: Run) -> None:
+    assert run("where", "-h")[0] == 0
+    code, _, error = run("where", "--", "-h", "0", "0")
+    assert (code, error.count("\n")) == (2, 1)
 
 
 def test_a_switch_shows_both_its_flags_and_which_holds(run: Run) -> None:
