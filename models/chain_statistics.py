@@ -118,6 +118,7 @@ def learned_tables(
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
     moved: Callable[[LabelGraph], NDArray[np.bool_]],
+    method: str,
     *,
     smoothing: float,
     weights: Sequence[NDArray[np.float64]],
@@ -130,6 +131,8 @@ def learned_tables(
         Chains with unaries, and the true label (T,) of each step, -1 where it is unknown.
     moved : function of a chain
         (T - 1,) whether the robot moved between each step and the next.
+    method : str
+        Its name, for errors.
     smoothing : float
         Added to every count.
     weights : sequence of (T,) float
@@ -148,9 +151,9 @@ def learned_tables(
     first = np.full(n_labels, smoothing)
     share = first.copy()
     for (problem, truth), weight in zip(pairs, weights, strict=True):
-        require_chain(problem.graph)
+        require_chain(problem.graph, method)
         if problem.unary is None:
-            raise InputError("'hmm' needs unary log-probabilities; the problem has none")
+            raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
         known = np.flatnonzero(truth >= 0)
         told = known if problem.unseen is None else known[~problem.unseen[known]]
         pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)
@@ -242,11 +245,12 @@ def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:
     return far
 
 
-def require_chain(graph: LabelGraph) -> None:
+def require_chain(graph: LabelGraph, method: str) -> None:
     """Refuse a graph that is no chain."""
     if not graph.is_chain:
         raise InputError(
-            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is not one"
+            f"{method!r} labels chains such as LabelGraph.from_trajectory makes; {graph!r} is not "
+            "one. 'potts', 'amn' and 'crf' label any graph"
         )
 
 

@@ -100,7 +100,7 @@ def gaussian_em(
     *,
     labelings: Sequence[ArrayLike] | None = None,
     weight: float = 1.0,
-    covariance: Literal["full", "diagonal", "diag"] = "full",
+    covariance: Literal["full", "diagonal", "diag", "spherical", "tied"] = "full",
     max_rounds: int = 200,
     seed: int = 0,
 ) -> GaussianEM:
@@ -121,8 +121,9 @@ def gaussian_em(
         The labels that are known, -1 elsewhere: certain evidence, also for their neighbours.
     weight : float
         What neighbours earn by agreeing, on graphs that are not chains.
-    covariance : {"full", "diagonal"}
-        hmmlearn's ``"diag"`` means ``"diagonal"``.
+    covariance : {"full", "diagonal", "spherical", "tied"}
+        As in hmmlearn and scikit-learn: any; without correlations (also ``"diag"``); one variance
+        for all features, which then need one unit; or one covariance for all labels.
     max_rounds : int
     seed : int
         Of the clusters.
@@ -137,8 +138,8 @@ def gaussian_em(
     -----
     L. Baum et al., Annals of Mathematical Statistics 41 (1970); Y. Zhang, M. Brady, S. Smith,
     "Segmentation of brain MR images through a hidden Markov random field model" (IEEE Trans.
-    Medical Imaging 2001). Every transition is counted once more than it is expected, and a
-    covariance has one more node's worth of a tenth of the variance of all nodes.
+    Medical Imaging 2001). Every transition is counted once more than it is expected, and the
+    covariance of each label has one more node's worth of a tenth of the variance of all nodes.
 
     Examples
     --------
@@ -290,13 +291,19 @@ def _fitted(
     means = before.copy()
     seen = counts > 0
     means[seen] = (beliefs.T @ x)[seen] / counts[seen, np.newaxis]
-    covariances = np.empty((len(counts), x.shape[1], x.shape[1]))
-    for k, count in enumerate(counts):
-        apart = x - means[k]
-        moments = (beliefs[:, k, np.newaxis] * apart).T @ apart
-        if covariance in ("diagonal", "diag"):
-            moments = np.diag(np.diag(moments))
-        covariances[k] = (moments + np.diag(spread)) / (count + 1.0)
+    moments = np.empty((len(counts), x.shape[1], x.shape[1]))
+    for k, mean in enumerate(means):
+        apart = x - mean
+        moments[k] = (beliefs[:, k, np.newaxis] * apart).T @ apart + np.diag(spread)
+    totals = counts + 1.0
+    if covariance == "tied":
+        moments[:], totals[:] = moments.sum(axis=0), totals.sum()
+    covariances = moments / totals[:, np.newaxis, np.newaxis]
+    if covariance in ("diagonal", "diag", "spherical"):
+        variances = np.einsum("kdd->kd", covariances)
+        if covariance == "spherical":
+            variances = variances.mean(axis=1, keepdims=True)
+        covariances = variances[:, np.newaxis] * np.eye(x.shape[1])
     return means, covariances
 
 

@@ -112,6 +112,7 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         uses_node_features=False, chains_only=True, labelling_options=("mode",)
     )
 
+    name: ClassVar[str] = "hmm"
     mode: Mode = "filter"
     observation: Observation | Literal["auto"] = "auto"
     start: Literal["uniform", "learned"] = "uniform"
@@ -162,9 +163,9 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         InputError
             No chain, no unary, other labels than in the first problem, or no labelled step at all.
         """
-        weights = weights_of(sample_weight, problems)
+        weights, smoothing = weights_of(sample_weight, problems), float(self.smoothing)
         tables = learned_tables(
-            problems, labelings, self._moved, smoothing=float(self.smoothing), weights=weights
+            problems, labelings, self._moved, self.name, smoothing=smoothing, weights=weights
         )
         learned_now = replace(self, **tables, learning_curve=None).with_names_of(problems[0])
         if self.unlabelled == "hidden":
@@ -290,14 +291,13 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
             Not a chain, no unary, or other labels than learned.
         """
         begin = time.perf_counter()
-        unary = evident_unary(problem, "hmm", observed=True)
-        require_chain(problem.graph)
+        unary = evident_unary(problem, self.name, observed=True)
+        require_chain(problem.graph, self.name)
         observed = self._log_likelihood(unary)
         if further is not None:
             observed += finite_array("further", further, observed.shape)
         chain = self._explained(problem.graph, observed)
-        impossible = chain.impossible
-        contradicts = problem.evidence[impossible]
+        impossible, contradicts = chain.impossible, problem.evidence[chain.impossible]
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
             chain = self._all_possible._explained(problem.graph, observed)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -206,6 +206,7 @@ class SemiMarkovModel(HiddenMarkovModel):
     [0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0]
     """
 
+    name: ClassVar[str] = "semi_markov"
     edges_m: NDArray[np.float64] | None = learned()
     """(B,) age in metres from which on each rate holds."""
     rates: NDArray[np.float64] | None = learned()

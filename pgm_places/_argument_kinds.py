@@ -326,7 +326,8 @@ def _array(kind: Any, value: Any) -> Any:
     if issubclass(kind, np.bool_):  # node numbers are no mask, nor is NaN
         fits = number == "b" or (number in "iu" and value.ndim > 1)
     elif issubclass(kind, np.integer):
-        fits = number in "iu" or (number == "f" and bool((np.floor(value) == value).all()))
+        whole = number == "f" and np.isfinite(value).all() and (np.floor(value) == value).all()
+        fits = number in "iu" or bool(whole)
     elif issubclass(kind, np.floating):
         fits = number in "biuf"
     else:

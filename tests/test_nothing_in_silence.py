@@ -1,6 +1,8 @@
 """What was once taken without a word: writers, words, masks, swapped arguments, labels."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from pgm_places.models.gaussian_em import gaussian_em
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forward import ForwardFilter
 from pgm_places.solvers.likelihood import negative_log_likelihood
+from pgm_places.solvers.local_search import allowed_labels
+from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import TableField
 from tests.labelers.test_contract import NAMES, known, walk
 
@@ -142,16 +146,32 @@ def test_words_of_functions_are_those_of_options() -> None:
     rng = np.random.default_rng(0)
     chain, x = [p.LabelGraph.from_lattice((60,))], [rng.normal(size=(60, 2))]
     assert gaussian_em(chain, x, 2, covariance="diag").covariances[0, 0, 1] == 0
-    with pytest.raises(ConfigError, match="covariance must be 'full', 'diagonal' or 'diag'"):
-        gaussian_em(chain, x, 2, covariance="spherical")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"covariance must be 'full', .* or 'tied', got 'sphere'"):
+        gaussian_em(chain, x, 2, covariance="sphere")  # type: ignore[arg-type]
     edges = [(0, 1), (1, 2), (2, 3)]
     field = TableField(rng.normal(size=(4, 2)), adjacency(4, edges), np.ones((3, 1)), 2)
     weights = np.zeros(field.n_weights)
     with pytest.raises(ConfigError, match="kind must be 'likelihood', 'pseudo-likelihood' or"):
         negative_log_likelihood(field, np.zeros(4, int), weights, "exact")  # type: ignore[arg-type]
-    for labels in ([0, 1, 0, 10**6], [0, 1]):
+    for labels in ([0, 1, 0, 10**6], [0, 1], [0.0, np.inf, 1.0, 0.0], [0.0, np.nan, 1.0, 0.0]):
         with pytest.raises(InputError, match="labels must"):
             negative_log_likelihood(field, np.array(labels), weights)
+
+
+@pytest.mark.parametrize("asks", [total_score, allowed_labels])
+@pytest.mark.parametrize("labels", [[0, 1, 2, 10**6], [], [0, 1, 2, -1], [0, 1]])
+def test_labels_that_do_not_fit_are_refused(asks: Callable[..., Any], labels: list[int]) -> None:
+    model = pairwise_model(np.zeros((4, 3)), [(0, 1), (1, 2), (2, 3)], pairwise=np.eye(3))
+    with pytest.raises(InputError, match="labels must"):
+        asks(model, np.array(labels, np.int64))
+
+
+def test_infinities_are_no_integers() -> None:
+    graph = p.LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    for wrong in (np.inf, -np.inf, np.nan):
+        with pytest.raises(InputError, match=r"^known must be .*integers"):
+            p.LabelingProblem(graph, ["a", "b"], known=np.array([0.0, wrong, 1.0]))
+    assert p.LabelingProblem(graph, ["a", "b"], known=np.array([0.0, -1.0, 1.0])).known is not None
 
 
 def test_a_column_is_a_step() -> None:

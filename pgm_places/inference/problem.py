@@ -337,9 +337,13 @@ def evident_unary(
     _checks.require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
     if not with_cliques:
         require_no_cliques(problem)
-    if problem.unary is None:
-        raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
-    unary = problem.with_evidence(problem.unary)
+    if problem.unary is None and problem.known is None:
+        raise InputError(
+            f"{method!r} needs unary log-probabilities; the problem has none. Give its unary, or "
+            "put a classifier in front: StructuredLabeler(method, classifier)"
+        )
+    even = np.zeros((problem.graph.n_nodes, problem.n_labels))
+    unary = problem.with_evidence(even if problem.unary is None else problem.unary)
     if observed and problem.unseen is not None:
         unary = np.where(problem.unseen[:, None] & (unary > -np.inf), np.nan, unary)
     return unary if single else unary.astype(np.float64, copy=False)

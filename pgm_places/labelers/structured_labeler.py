@@ -287,9 +287,9 @@ class StructuredLabeler(Labeler):
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
         """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
-        labelings = [item.labels for item in self.label_all(X)]
+        labelings = (item.labels for item in self.label_all(X))
         names = np.array(self.label_names_)
-        return [names[labels] for labels in labelings] if self.named_ else labelings
+        return PerProblem(names[labels] if self.named_ else labels for labels in labelings)
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
         """For each problem the (N, K) probabilities of its nodes' labels.
@@ -299,10 +299,11 @@ class StructuredLabeler(Labeler):
         InputError
             The backend tells labels only, as a graph cut does.
         """
-        return [_beliefs(item) for item in self.label_all(X)]
+        return PerProblem(_beliefs(item) for item in self.label_all(X))
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
+        self.check_options()
         problems, truths = zip(*labelled_problems(X, numbered(X, y)[0]), strict=True)
         labelings = [item.labels for item in self.label_all(problems)]
         result = evaluate(
@@ -348,6 +349,16 @@ class StructuredLabeler(Labeler):
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "
                 "wrap it in sklearn.calibration.CalibratedClassifierCV"
             )
+
+
+class PerProblem(list[NDArray[Any]]):
+    """An array per problem; NumPy makes an array of objects of it, for ``cross_val_predict``."""
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        found = np.empty(len(self), object)
+        for number, part in enumerate(self):
+            found[number] = part
+        return found if dtype in (None, object) else np.array(list(self), dtype)
 
 
 def _beliefs(found: Labeling) -> NDArray[np.float64]:

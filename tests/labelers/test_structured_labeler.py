@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone, is_classifier
 from sklearn.linear_model import LogisticRegression, Perceptron
 from sklearn.metrics import balanced_accuracy_score
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict, cross_val_score
 from sklearn.tree import DecisionTreeClassifier
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, load, save
@@ -199,6 +199,30 @@ def test_the_score_is_the_metric_that_was_chosen(
     whole = evaluate(np.concatenate(truths), found, NAMES)
     assert labeler.score(chains, truths) == getattr(whole, metric)
     assert whole.accuracy != whole.macro_f1
+
+
+def test_an_unknown_metric_set_later_is_refused(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    labeler = StructuredLabeler("independent", LogisticRegression()).fit(chains, truths)
+    labeler.set_params(metric="f1")
+    with pytest.raises(ConfigError, match=r"metric must be 'accuracy', .* got 'f1'"):
+        labeler.score(chains, truths)
+
+
+@pytest.mark.parametrize("ends", [(60, 60, 60, 60), (60, 57, 54, 51), (60, 60, 51, 51)])
+def test_cross_val_predict_answers_per_problem_of_any_size(
+    chains: list[LabelingProblem], ends: tuple[int, ...]
+) -> None:
+    kept = [np.arange(len(TRUTH)) < end for end in ends]
+    problems = [chain.subproblem(part) for chain, part in zip(chains, kept, strict=True)]
+    truths = [TRUTH[part] for part in kept]
+    labeler = StructuredLabeler("independent", LogisticRegression())
+    answers = cross_val_predict(labeler, problems, truths, cv=2)
+    held_out = labeler.fit(problems[2:], truths[2:]).predict(problems[:2])
+    assert [len(labels) for labels in answers] == list(ends)
+    for labels, expected in zip(answers[:2], held_out, strict=True):
+        np.testing.assert_array_equal(labels, expected)
 
 
 def test_scorers_of_scikit_learn_work_over_nodes(

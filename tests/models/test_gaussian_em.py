@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
+from sklearn.mixture import GaussianMixture
 
 from pgm_places import LabelGraph, decode
 from pgm_places.errors import InputError
@@ -70,7 +71,7 @@ def test_the_objective_and_the_beliefs_are_those_of_all_labellings(
     np.testing.assert_allclose(found.beliefs[0], shares, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("covariance", ["full", "diagonal"])
+@pytest.mark.parametrize("covariance", ["full", "diagonal", "diag", "spherical", "tied"])
 @pytest.mark.parametrize("graph", [CHAIN, RING])
 @pytest.mark.parametrize("seed", range(4))
 def test_no_round_lowers_the_objective(graph: LabelGraph, covariance: str, seed: int) -> None:
@@ -78,8 +79,25 @@ def test_no_round_lowers_the_objective(graph: LabelGraph, covariance: str, seed:
     x = [rng.normal(size=(6, 2)) * 10.0**seed for _ in range(3)]
     found = gaussian_em([graph] * 3, x, 3, covariance=covariance)  # type: ignore[arg-type]
     assert (np.diff(found.objectives) >= -1e-9 * np.abs(found.objectives[0])).all()
-    if covariance == "diagonal":
+    if covariance in ("diagonal", "diag", "spherical"):
         assert not found.covariances[:, ~np.eye(2, dtype=bool)].any()
+
+
+@pytest.mark.parametrize("covariance", ["full", "diag", "spherical", "tied"])
+def test_covariances_are_those_of_scikit_learn_and_their_prior(covariance: str) -> None:
+    rng = np.random.default_rng(0)
+    truth = np.repeat([0, 1, 2], 20)
+    x = 50.0 * truth[:, None] + rng.normal(size=(60, 2)) @ [[2.0, 1.0], [0.0, 0.5]]
+    lone = LabelGraph.from_edges(60, [])
+    found = gaussian_em([lone], [x], 3, covariance=covariance)  # type: ignore[arg-type]
+    mixture = GaussianMixture(3, covariance_type=covariance, reg_covar=0.0, random_state=0).fit(x)
+    theirs = mixture.covariances_[... if covariance == "tied" else np.argsort(mixture.means_[:, 0])]
+    if covariance in ("diag", "spherical"):
+        theirs = np.array([np.diag(np.broadcast_to(variances, 2)) for variances in theirs])
+    prior = PRIOR_SHARE * x.var(axis=0)
+    prior = np.diag([prior.mean()] * 2 if covariance == "spherical" else prior)
+    expected = np.broadcast_to((20 * theirs + prior) / 21, (3, 2, 2))
+    np.testing.assert_allclose(found.covariances, expected, rtol=1e-9)
 
 
 def series(seed: int, n: int = 400) -> tuple[Array, Array]:

@@ -1,4 +1,5 @@
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,6 +139,22 @@ def test_problems_without_unaries_are_refused() -> None:
     problem = LabelingProblem(graph, ["a", "b"], node_features=np.zeros((1, 2)))
     with pytest.raises(InputError, match="'potts' needs unary log-probabilities"):
         PottsField().infer(problem)
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("potts", {}), ("independent", {}), ("relaxation", {"compatibility": np.eye(2)})],
+)
+def test_known_labels_are_evidence_enough_beside_features(
+    method: str, options: dict[str, Any]
+) -> None:
+    chain = LabelGraph.from_lattice((6,))
+    known = np.array([0, -1, -1, -1, -1, 1])
+    alone = LabelingProblem(chain, ["a", "b"], known=known)
+    beside = LabelingProblem(chain, ["a", "b"], node_features=np.ones((6, 2)), known=known)
+    found = [build(method, options).infer(problem).labels for problem in (alone, beside)]
+    np.testing.assert_array_equal(*found)
+    assert (found[1][[0, 5]] == [0, 1]).all()
 
 
 def test_negative_weights_are_for_other_decoders() -> None:

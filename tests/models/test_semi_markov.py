@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.errors import NotFittedError
+from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -148,3 +148,18 @@ def test_maps_alone_give_constant_rates_and_nothing_gives_none() -> None:
     assert beliefs is not None and np.isfinite(beliefs).all()
     with pytest.raises(NotFittedError, match="call fit first"):
         SemiMarkovModel().infer(a_problem(np.zeros(5, np.int64), 0, 0.8))
+
+
+def test_errors_name_the_method() -> None:
+    grid = LabelingProblem(LabelGraph.from_lattice((2, 2)), ["a", "b"], unary=np.zeros((4, 2)))
+    for method in (SemiMarkovModel(), HiddenMarkovModel()):
+        name = method.name
+        with pytest.raises(InputError, match=f"'{name}' labels chains such as"):
+            method.infer(grid)
+        with pytest.raises(InputError, match=f"'{name}' labels chains such as"):
+            method.fit([grid], [np.array([0, 0, 1, 1])])
+        bare = LabelingProblem(
+            LabelGraph.from_lattice((4,)), ["a", "b"], node_features=np.zeros((4, 1))
+        )
+        with pytest.raises(InputError, match=f"'{name}' needs unary log-probabilities"):
+            method.fit([bare], [np.array([0, 0, 1, 1])])

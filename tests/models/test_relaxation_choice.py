@@ -1,0 +1,74 @@
+"""Iterations and the share of the prior that relaxation chooses on held-out parts."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.relaxation import Relaxation
+from tests.models.test_relaxation import NAMES, beliefs
+
+
+def narrow() -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A wide map with doors one cell wide, of which a sure classifier is a little less sure."""
+    rng = np.random.default_rng(2)
+    graph = LabelGraph.from_grid(np.ones((9, 80), np.bool_))
+    column = np.mgrid[:9, :80][1]
+    truth = np.where(column % 10 == 9, 2, (column // 10) % 2).ravel().astype(np.int64)
+    clear = np.where(truth == 2, 1.0, 3.0)[:, None] * np.eye(3)[truth]
+    logits = clear + 0.5 * rng.normal(size=(len(truth), 3))
+    return LabelingProblem(graph, NAMES, unary=np.log(softmax(logits, axis=1))), truth
+
+
+def test_iterations_end_before_they_cost_what_is_narrow() -> None:
+    problem, truth = narrow()
+    fitted = Relaxation().fit([problem], [truth])
+    found = fitted.summary
+    assert found["max_iterations"] < 50
+    rows = {(row["max_iterations"], row["prior_share"]): row for row in found["held_out"]}
+    alone, taken = rows[0, 0.0], rows[found["max_iterations"], found["prior_share"]]
+    assert taken["accuracy"] >= alone["accuracy"]
+    assert taken["balanced_accuracy"] > alone["balanced_accuracy"]
+    assert taken["balanced_accuracy"] > rows[50, 0.0]["balanced_accuracy"]
+    assert fitted.infer(problem).info["iterations"] <= found["max_iterations"]
+
+
+def test_held_out_counts_are_those_of_relaxing_each_part_by_itself() -> None:
+    problem, truth = narrow()
+    table = Relaxation().fit([problem], [truth]).held_out
+    assert table is not None
+    parts = contiguous_parts(problem.graph, 4, truth)
+    right = {7: 0, 50: 0}
+    for part in range(4):
+        rest, asked = parts != part, parts == part
+        for n in right:
+            method = Relaxation(max_iterations=n, prior_share=0.5, tolerance=0.0)
+            method = method.fit([problem.subproblem(rest)], [truth[rest]])
+            labels = method.infer(problem.subproblem(asked)).labels
+            right[n] += int((labels == truth[asked]).sum())
+    for n, count in right.items():
+        [row] = table[(table[:, 0] == n) & (table[:, 1] == 0.5)]
+        assert row[2] == count / len(truth)
+
+
+def test_iterations_that_are_given_start_from_the_scores_as_they_are() -> None:
+    problem, truth = narrow()
+    ten = Relaxation(max_iterations=10).fit([problem], [truth])
+    assert ten.summary == {}
+    same = Relaxation(max_iterations=10, prior_share=0.0).fit([problem], [truth])
+    np.testing.assert_array_equal(beliefs(ten.infer(problem)), beliefs(same.infer(problem)))
+    half = Relaxation(max_iterations=10, prior_share=0.5).fit([problem], [truth]).infer(problem)
+    assert half.beliefs is not None
+    assert (half.labels == 2).sum() > (ten.infer(problem).labels == 2).sum()
+
+
+def test_without_scores_to_compare_there_are_fifty_iterations() -> None:
+    problem, truth = narrow()
+    blind = replace(problem, unary=np.zeros((len(truth), 3)))
+    fitted = Relaxation().fit([blind], [truth])
+    assert fitted.summary == {}
+    assert fitted.infer(problem).info["iterations"] <= 50
