@@ -169,7 +169,7 @@ def test_labels_that_do_not_fit_are_refused(asks: Callable[..., Any], labels: li
 def test_infinities_are_no_integers() -> None:
     graph = p.LabelGraph.from_edges(3, [(0, 1), (1, 2)])
     for wrong in (np.inf, -np.inf, np.nan):
-        with pytest.raises(InputError, match=r"^known must be .*integers"):
+        with pytest.raises(InputError, match=r"^known must be .* whole numbers"):
             p.LabelingProblem(graph, ["a", "b"], known=np.array([0.0, wrong, 1.0]))
     assert p.LabelingProblem(graph, ["a", "b"], known=np.array([0.0, -1.0, 1.0])).known is not None
 
