@@ -48,5 +48,5 @@ def install_command(extra: str) -> str:
     """
     root = Path(__file__).resolve().parents[1]
     if (root / "pyproject.toml").is_file():
-        return f"pip install --editable '{root}[{extra}]'"
+        return f'pip install --editable "{root}[{extra}]"'
     return f'pip install "pgm-places[{extra}]"'

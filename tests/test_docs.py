@@ -31,6 +31,13 @@ SETUP = {
         "from pgm_places.datasets import generate_building\n"
         "save_map(generate_building(size='small', resolution_m=0.05).grid, 'map')"
     ),
+    "docs/notebooks.md": (
+        "from matplotlib import pyplot\n"
+        "pyplot.switch_backend('agg')\n"
+        "from pgm_places import save_map\n"
+        "from pgm_places.datasets import generate_building\n"
+        "save_map(generate_building(size='small', resolution_m=0.05).grid, 'map')"
+    ),
     "docs/features.md": "import numpy as np\nranges = np.full((2, 360), 3.0)",
     "docs/topology.md": (
         "from pgm_places.datasets import generate_building\n"

@@ -26,13 +26,13 @@ from pgm_places import LabelledMap, PlaceLabeler, label_map, topological_map
 from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract_one
 from pgm_places.features.laser import laser_feature_names
+from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.live.live_map import LiveMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import GROUND_SWATCHES, WALL, label_swatches, levels
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing
-from pgm_places.pictures.map_pictures import entropy
 from pgm_places.pictures.sheet import Panel, sheet
 from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.report.explanation_picture import explanation_picture
@@ -58,7 +58,7 @@ def own_map() -> None:
     plain(axes[0], "map.yaml: free, occupied, unknown")
     draw_labels(axes[1], found.grid, found.labels, "labels.png: the label of every free cell")
     draw_ground(axes[2], found.grid)
-    doubt = found.on_map(entropy(found.labeling.beliefs), np.nan)
+    doubt = found.on_map(normalized_entropy(found.labeling.beliefs), np.nan)
     shown = np.ma.masked_invalid(doubt)
     drawn = axes[2].imshow(shown, cmap=DOUBT, vmin=0, vmax=1, **at(found.grid))
     crop(axes[2], found.grid)

@@ -1,20 +1,26 @@
 """The result of every method: labels, beliefs, score, bound, and status."""
 
 import dataclasses
-from collections.abc import Mapping
+import html
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import finite_array, integer_array, row_blocks, set_fields
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.plotting import charts
+from pgm_places.plotting.axes import axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Status(StrEnum):
@@ -108,6 +114,94 @@ class Labeling:
             parts.append("with beliefs")
         return f"Labeling({', '.join(parts)})"
 
+    def _repr_html_(self) -> str:
+        """A table of what is known of the labelling."""
+        rows = {
+            "nodes": f"{len(self.labels):,}",
+            "status": f"{self.status}: {self.status.meaning}",
+            "score": "" if self.score is None else f"{self.score:.6g}",
+            "bound": "" if self.bound is None else f"{self.bound:.6g}",
+            "gap": "" if self.gap is None else f"{self.gap:.2g}",
+            "decoder": str(self.info.get("decoder", "")),
+        }
+        cells = "".join(
+            f"<tr><th style='text-align:left'>{name}</th>"
+            f"<td style='text-align:left'>{html.escape(value, quote=False)}</td></tr>"
+            for name, value in rows.items()
+            if value
+        )
+        return f"<table>{cells}</table>"
+
+    def plot_beliefs(
+        self,
+        label_names: Sequence[str],
+        ax: "Axes | None" = None,
+        *,
+        along: ArrayLike | None = None,
+        xlabel: str = "step",
+    ) -> "Axes":
+        """Draw the beliefs of a chain's nodes, stacked, in the colours of the labels.
+
+        Parameters
+        ----------
+        label_names : sequence of str
+            K names.
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+        along : (N,) float, optional
+            Where the nodes lie on the horizontal axis, such as times in s; their numbers if not
+            given.
+        xlabel : str
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InputError
+            There are no beliefs, or names or positions do not fit them.
+        """
+        if self.beliefs is None:
+            raise InputError("the method has no beliefs to draw")
+        n_nodes, n_labels = self.beliefs.shape
+        if len(label_names) != n_labels:
+            raise InputError(f"label_names must be {n_labels}, got {len(label_names)}")
+        where = np.arange(n_nodes) if along is None else along
+        ax = axes_or_new(ax)
+        charts.draw_beliefs(
+            ax, finite_array("along", where, (n_nodes,)), self.beliefs, label_names, xlabel
+        )
+        return ax
+
+    def plot_convergence(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the figure that the method reported in each iteration, with score and bound.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InputError
+            The method reports nothing by iteration.
+        """
+        history = np.asarray(self.info.get("history", ()), np.float64)
+        if not len(history):
+            raise InputError("the method reports no figure by iteration")
+        curves = {"history": history}
+        if "score_history" in self.info:  # the history is that of the bound
+            scores = np.asarray(self.info["score_history"], np.float64)
+            curves = {"bound": history, "score": scores}
+        ax = axes_or_new(ax)
+        charts.draw_curves(ax, curves, "iteration", " and ".join(curves))
+        return ax
+
     def part(self, nodes: NDArray[np.int64] | slice) -> "Labeling":
         """The labels and beliefs of some nodes, by number or slice; score and bound stay."""
         try:
@@ -123,6 +217,21 @@ class Labeling:
         if self.bound is None or self.score is None:
             return None
         return max(self.bound - self.score, 0.0)
+
+
+_NODES_AT_ONCE = 262_144
+
+
+def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """(N,) entropy of each row of beliefs (N, K) as a share of the largest, ``log K``."""
+    n_labels = beliefs.shape[1]
+    if n_labels < 2:
+        return np.zeros(len(beliefs))
+    share = np.empty(len(beliefs))
+    for part in row_blocks(len(beliefs), _NODES_AT_ONCE):
+        positive = np.clip(beliefs[part].astype(np.float64), np.finfo(np.float64).tiny, 1.0)
+        share[part] = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
+    return np.clip(share, 0.0, 1.0, out=share)
 
 
 def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:

@@ -2,25 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
-from pgm_places.errors import MapError
+from pgm_places.errors import InputError, MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
-from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.labeling import Labeling, normalized_entropy
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.whole_map import whole_doorways, whole_layout, whole_unentered
 from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
 from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.plotting import rasters
+from pgm_places.plotting.axes import Plotted, axes_or_new
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SAME_RESOLUTION = 0.02
 """Resolutions that differ by less than this share are taken as equal."""
@@ -121,7 +126,7 @@ class LabelledCells:
 
 @public
 @dataclass(frozen=True, eq=False)
-class LabelledPlaces:
+class LabelledPlaces(Plotted):
     """A labelled map, on its own raster.
 
     Parameters
@@ -180,6 +185,47 @@ class LabelledPlaces:
         if self.layout.source is not self.grid and self.unentered is not None:
             raster[self.unentered.cells] = fill
         return raster
+
+    def plot(
+        self,
+        ax: "Axes | None" = None,
+        *,
+        show: Literal["labels", "probability", "uncertainty"] = "labels",
+    ) -> "Axes":
+        """Draw the map with its labels, their probability, or how uncertain they are.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+        show : {"labels", "probability", "uncertainty"}
+            ``probability`` is that of the label shown; ``uncertainty`` the entropy of the beliefs
+            as a share of ``log K``.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        InputError
+            The method has no beliefs to show.
+        """
+        beliefs = self.labeling.beliefs
+        if show != "labels" and beliefs is None:
+            raise InputError(f"{self.method} has no beliefs, so its {show} is unknown")
+        ax = self.grid.plot(axes_or_new(ax))
+        if show == "labels" or beliefs is None:
+            rasters.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
+            return ax
+        if show == "probability":
+            values = np.take_along_axis(beliefs, self.labeling.labels[:, None], axis=1)[:, 0]
+        else:
+            values = normalized_entropy(beliefs)
+        gradient = "entropy" if show == "uncertainty" else show
+        on_map = self.on_map(values.astype(np.float32), np.nan)
+        rasters.draw_values(ax, on_map, self.grid.frame, gradient=gradient, title=show)
+        return ax
 
     def shares(self) -> dict[str, float]:
         """Square metres per label."""

@@ -1,7 +1,9 @@
 """A map with its ground truth, for training and testing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +13,18 @@ from pgm_places._checks import require_names, set_fields
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.plotting import rasters
+from pgm_places.plotting.axes import Plotted, axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["LabelledMap"]
 
 
 @public
 @dataclass(frozen=True, eq=False)
-class LabelledMap:
+class LabelledMap(Plotted):
     """An occupancy grid, the true label of its cells, and the part of it to use.
 
     Parameters
@@ -73,6 +80,32 @@ class LabelledMap:
     def labelled_cells(self) -> NDArray[np.bool_]:
         """(H, W) mask of the free cells inside the window whose label is known."""
         return self.cells & (self.labels >= 0)
+
+    def plot(self, ax: "Axes | None" = None, *, label_names: Sequence[str] = ()) -> "Axes":
+        """Draw the map with its ground truth.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+        label_names : sequence of str
+            Names of the labels, which choose their colours; their numbers where there are none.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        LabelError
+            A label has no name.
+        """
+        numbers = range(int(self.labels.max(initial=-1)) + 1)
+        names = tuple(label_names) or tuple(f"label {number}" for number in numbers)
+        require_names(self.name, self.labels, names)
+        ax = self.grid.plot(axes_or_new(ax))
+        rasters.draw_labels(ax, self.labels, names, self.grid.frame)
+        return ax
 
     def graph(self, *, connectivity: int = 8, labelled_only: bool = False) -> LabelGraph:
         """The graph of the window's free cells, or of those with a known label."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._arguments import public_raising
 from pgm_places._checks import number_array, sealed, set_fields
 from pgm_places.errors import InputError, MapError
+from pgm_places.plotting import rasters
+from pgm_places.plotting.axes import Plotted, axes_or_new
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _RESOLUTIONS_M = (1e-6, 1e3)
 _FARTHEST = 1e9
@@ -36,7 +41,7 @@ def check_resolution(resolution_m: float) -> None:
 
 @public_raising(MapError)
 @dataclass(frozen=True, eq=False)
-class OccupancyGrid:
+class OccupancyGrid(Plotted):
     """A 2-D map of cells.
 
     Parameters
@@ -140,6 +145,27 @@ class OccupancyGrid:
     def _rotation(self) -> NDArray[np.float64]:
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         return np.array([[cos, -sin], [sin, cos]])
+
+    @property
+    def frame(self) -> rasters.Frame:
+        """Where the raster lies in the map frame."""
+        return rasters.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw walls, unknown and free cells, in metres of the map frame.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        ax = axes_or_new(ax)
+        rasters.draw_ground(ax, self.cells, self.frame)
+        return ax
 
     def with_cells(self, cells: ArrayLike) -> Self:
         """The same frame with other cells (H, W)."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +11,7 @@ from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import (
     GROUND_SWATCHES,
@@ -25,7 +25,6 @@ from pgm_places.pictures.canvas import label_canvas, value_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
 from pgm_places.pictures.sheet import ColourBar, Panel, sheet
 
-_NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
 _THUMBNAIL_PIXELS = 40_000
 
@@ -79,18 +78,6 @@ def thumbnail(
     return label_canvas(grid, labels, label_names, view).png()
 
 
-def entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(N,) entropy of each row of beliefs (N, K) as a share of the largest, ``log K``."""
-    n_labels = beliefs.shape[1]
-    if n_labels < 2:
-        return np.zeros(len(beliefs))
-    share = np.empty(len(beliefs))
-    for part in _checks.row_blocks(len(beliefs), _NODES_AT_ONCE):
-        positive = np.clip(beliefs[part].astype(np.float64), np.finfo(np.float64).tiny, 1.0)
-        share[part] = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
-    return np.clip(share, 0.0, 1.0, out=share)
-
-
 def overview(
     grid: OccupancyGrid,
     label_raster: ArrayLike,
@@ -127,7 +114,9 @@ def overview(
             raise InputError("beliefs need the layout of their nodes; pass layout as well")
         shape = (layout.n_nodes, len(label_names))
         array = _checks.finite_array("beliefs", beliefs, shape, dtype=None)
-        canvas = value_canvas(grid, lambda some: entropy(array[some]), layout, "entropy", view)
+        canvas = value_canvas(
+            grid, lambda some: normalized_entropy(array[some]), layout, "entropy", view
+        )
         panels.append(Panel(canvas, "entropy"))
         bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape

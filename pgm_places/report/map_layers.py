@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.labelled_items import TestDrive, TestGraph, TestItem
+from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.labelers.tracking import Track
 from pgm_places.pictures.canvas import (
     Canvas,
@@ -17,7 +18,6 @@ from pgm_places.pictures.canvas import (
     value_canvas,
     view_of,
 )
-from pgm_places.pictures.map_pictures import entropy
 from pgm_places.pictures.sheet import round_length
 from pgm_places.report.page import data_uri
 from pgm_places.report.track_page import belief_plot
@@ -215,7 +215,7 @@ def _beliefs(
         (name, f"probability of {name}", beliefs[:, k], "probability")
         for k, name in enumerate(names)
     ]
-    shown.append(("entropy", "entropy", entropy(beliefs), "entropy"))
+    shown.append(("entropy", "entropy", normalized_entropy(beliefs), "entropy"))
     return [
         Layer(
             index,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.kernels.threads import threads
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -15,7 +16,6 @@ from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.pictures.map_pictures import entropy
 from pgm_places.progress import Progress
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
@@ -173,7 +173,7 @@ def probability_raster(found: LabelledPlaces, label: int | None) -> NDArray[np.u
     beliefs = found.labeling.beliefs
     if beliefs is None:
         return np.zeros(found.grid.shape, np.uint8)
-    values = entropy(beliefs) if label is None else beliefs[:, label]
+    values = normalized_entropy(beliefs) if label is None else beliefs[:, label]
     raster = found.layout.to_raster(np.round(1 + 254 * values).astype(np.uint8), fill=0)
     painted: NDArray[np.uint8] = Coarsening.behind(found.layout, found.grid).paint(raster, 0)
     return painted

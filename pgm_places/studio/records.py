@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.io.places.region_features import gate_record, region_features
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.studio.desk import Desk
@@ -15,6 +14,7 @@ from pgm_places.teaching.explanation import explain_cell
 from pgm_places.teaching.reasons import FeatureVote
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.checks import PlaceCheck
+from pgm_places.topology.geojson import gate_record
 from pgm_places.topology.topological_map import TopologicalMap
 
 MOST_CHECKS = 200
@@ -92,7 +92,7 @@ def _notices(desk: Desk) -> list[str]:
 def places_record(taught: Taught) -> dict[str, Any]:
     """Regions with outlines, gates, connections, and the places to check first."""
     topology = taught.topology
-    features = {item["id"]: item for item in region_features(topology)["features"]}
+    features = {item["id"]: item for item in topology.to_geojson()["features"]}
     regions = []
     for region in topology.regions:
         item = features[region.id]

@@ -15,9 +15,9 @@ from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.regions import load_regions, read_regions
-from pgm_places.io.places.region_features import LOCAL_METRES
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.geojson import LOCAL_METRES
 from pgm_places.topology.outlines import outlines
 
 LINE_WIDTH_M = 0.2

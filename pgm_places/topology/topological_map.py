@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,16 @@ from pgm_places._travelling import travels
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
+from pgm_places.plotting import charts, rasters
+from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
 from pgm_places.topology.corrections import Correction
+from pgm_places.topology.geojson import LOCAL_METRES, region_feature
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.regions import Region
 
 if TYPE_CHECKING:
     import networkx as nx
+    from matplotlib.axes import Axes
 
 
 _ROWS_AT_ONCE = 256
@@ -50,7 +54,7 @@ class Connection:
 
 @travels
 @dataclass(frozen=True, eq=False)
-class TopologicalMap:
+class TopologicalMap(Plotted):
     """Places of a map and how they are connected (paper section 6.2, Fig. 9).
 
     Parameters
@@ -264,6 +268,79 @@ class TopologicalMap:
             for a, b in combinations(sorted(width), 2):
                 graph.add_edge(a, b, doorway=door, x_m=x, y_m=y, width_m=min(width[a], width[b]))
         return graph
+
+    def plot(self, ax: "Axes | None" = None, *, names: bool = True) -> "Axes":
+        """Draw the labels, with the graph of the places over them.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+        names : bool
+            Write the names of places beside their nodes; doorways have none.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        ax = self.grid.plot(axes_or_new(ax))
+        rasters.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
+        anchors = {region.id: region.anchor_m for region in self.regions}
+        lines = [
+            np.array([anchors[item.first], item.point_m, anchors[item.second]])
+            for item in self.connections
+        ]
+        places = [region for region in self.regions if region.label != self.doorway_label]
+        nodes = np.array([region.anchor_m for region in places]).reshape(-1, 2)
+        charts.draw_graph(ax, nodes, lines, [place.name if names else "" for place in places])
+        return ax
+
+    def to_networkx(self) -> "nx.Graph[int]":
+        """A copy of :attr:`graph`, which may be changed."""
+        return self.graph.copy()
+
+    def to_geojson(self) -> dict[str, Any]:
+        """The regions as a FeatureCollection of GeoJSON, in metres of the map frame.
+
+        Returns
+        -------
+        dict
+            A Polygon or MultiPolygon for each region, with the properties of
+            :func:`~pgm_places.topology.geojson.region_feature`.
+
+        Examples
+        --------
+        >>> from pgm_places import topological_map
+        >>> grid = OccupancyGrid(np.zeros((4, 4)), 0.5)
+        >>> places = topological_map(grid, np.zeros((4, 4), int), ["room", "doorway"])
+        >>> places.to_geojson()["features"][0]["properties"]["name"]
+        'room 1'
+        """
+        features = [region_feature(item, self._neighbour_ids[item.id]) for item in self.regions]
+        return {"type": "FeatureCollection", "crs": LOCAL_METRES, "features": features}
+
+    def to_dataframe(self) -> Any:
+        """The regions as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index ``id``; columns ``name``, ``label``, ``area_m2``, ``perimeter_m``, ``x_m``,
+            ``y_m`` (the anchor), ``clearance_m``, ``confidence`` (NaN where unknown) and
+            ``neighbours``, a tuple of ids.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        same = ("id", "name", "label", "area_m2", "perimeter_m", "clearance_m")
+        columns: dict[str, Any] = {name: [getattr(r, name) for r in self.regions] for name in same}
+        columns["x_m"] = [region.anchor_m[0] for region in self.regions]
+        columns["y_m"] = [region.anchor_m[1] for region in self.regions]
+        columns["confidence"] = np.array([r.confidence for r in self.regions], np.float64)
+        columns["neighbours"] = [tuple(self._neighbour_ids[region.id]) for region in self.regions]
+        return data_frame(columns, "id")
 
     @property
     def known_places(self) -> KnownPlaces:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +22,13 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import at_cells
+from pgm_places.plotting import charts
+from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.similarity import Similarity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MOST_STEPS = 100_000_000
 """Of a path that is resampled."""
@@ -31,7 +36,7 @@ MOST_STEPS = 100_000_000
 
 @public
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Plotted):
     """T steps of a robot, in the order in which they were recorded.
 
     Parameters
@@ -336,6 +341,44 @@ class Trajectory:
             )
         geometry = replace(self.geometry, range_max_m=range_max_m)
         return self.with_scans(np.minimum(self.ranges_m, np.float32(range_max_m)), geometry)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the path in metres of its frame, its steps in the colours of their labels.
+
+        Over a map, ``trajectory.plot(grid.plot())``.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        ax = axes_or_new(ax)
+        charts.draw_path(ax, self.poses[:, :2], self.labels, self.label_names or ())
+        return ax
+
+    def to_dataframe(self) -> Any:
+        """The steps as a table of pandas: time, pose, and label where there are labels.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index ``step``; columns ``time_s``, ``x_m``, ``y_m``, ``heading_rad``, ``label``.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        x, y, heading = self.poses.T
+        columns = {"step": np.arange(len(self)), "time_s": self.times_s}
+        columns |= {"x_m": x, "y_m": y, "heading_rad": heading}
+        if self.labels is not None and self.label_names is not None:
+            columns["label"] = np.array([*self.label_names, None], object)[self.labels]
+        return data_frame(columns, "step")
 
     @property
     def step_lengths_m(self) -> NDArray[np.float64]:

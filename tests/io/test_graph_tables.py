@@ -61,7 +61,7 @@ def test_parquet_that_cannot_be_read_is_refused_in_one_line(tmp_path: Path) -> N
 
 def test_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
-    with pytest.raises(InputError, match=r'pip install --editable "\.\[tables\]"'):
+    with pytest.raises(InputError, match=r'pip install .*\[tables\]"'):
         read_table(tmp_path / "nodes.parquet")
 
 

@@ -10,9 +10,10 @@ from PIL import Image
 from experiments.paper.confusion_picture import confusion_picture
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
+from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.pictures.map_pictures import entropy, label_map, overview
+from pgm_places.pictures.map_pictures import label_map, overview
 from pgm_places.pictures.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
@@ -115,8 +116,8 @@ def test_scale_bars_have_round_lengths(metres: float, expected: float) -> None:
 def test_entropy_is_a_share_of_the_largest() -> None:
     beliefs = np.array([[1.0, 0.0, 0.0], [1 / 3, 1 / 3, 1 / 3], [0.5, 0.5, 0.0]])
     expected = [0.0, 1.0, np.log(2) / np.log(3)]
-    assert entropy(beliefs) == pytest.approx(expected, rel=1e-12, abs=1e-12)
-    assert entropy(np.ones((2, 1))).tolist() == [0.0, 0.0]
+    assert normalized_entropy(beliefs) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert normalized_entropy(np.ones((2, 1))).tolist() == [0.0, 0.0]
 
 
 def test_pictures_of_maps_are_drawn_without_matplotlib() -> None:

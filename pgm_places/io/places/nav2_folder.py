@@ -10,8 +10,8 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json, write_text
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
-from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph
 from pgm_places.topology.topological_map import TopologicalMap
 

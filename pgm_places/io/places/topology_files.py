@@ -20,12 +20,13 @@ from pgm_places.io.csv_table import csv_text
 from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.maps.regions import read_regions
-from pgm_places.io.places.region_features import gate_record, read_gate, write_region_features
+from pgm_places.io.places.region_features import read_gate, write_region_features
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
+from pgm_places.topology.geojson import gate_record
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region

@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.errors import InputError, LabelError, OutputError
 from pgm_places.io.maps.regions import load_regions, read_regions
-from pgm_places.io.places.region_features import region_features, write_region_features
+from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gated_floor_map
@@ -49,7 +49,7 @@ def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
     [gate] = [region["gate"] for region in record["regions"] if "gate" in region]
     assert list(gate) == ["centre_m", "heading_rad", "width_m", "depth_m", "corners_m"]
     assert gate["heading_rad"] == pytest.approx(0.4, abs=1e-6)
-    features = region_features(before)["features"]
+    features = before.to_geojson()["features"]
     assert [item["properties"]["gate"] for item in features if "gate" in item["properties"]] == [
         gate
     ]
@@ -78,7 +78,7 @@ def test_the_outlines_are_ground_truth_for_our_own_reader(tmp_path: Path) -> Non
 
 
 def test_features_carry_what_a_map_viewer_shows(tmp_path: Path) -> None:
-    features = region_features(floor_map())
+    features = floor_map().to_geojson()
     assert features["crs"]["properties"]["name"].endswith("EPSG::3857")
     first = features["features"][0]
     assert first["geometry"]["type"] == "Polygon"

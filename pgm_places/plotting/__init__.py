@@ -1,0 +1,1 @@
+"""What maps, drives and results draw on matplotlib axes in notebooks."""
