@@ -131,7 +131,10 @@ def test_the_paths_on_the_architecture_pages_exist() -> None:
 
 
 def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
-    """No package index has the project: what is told to be installed from one cannot be."""
+    """No package index has the project: pages install from a checkout.
+
+    Only the hint of a missing extra names the package, where it is installed already.
+    """
     folders = ("docs", "pgm_places", "models", "solvers", "ros", "examples")
     files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
     for folder in folders:
@@ -139,7 +142,11 @@ def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
             p for p in (ROOT / folder).rglob("*") if p.suffix in (".md", ".py", ".js", ".xml")
         ]
     texts = {path.name: path.read_text(encoding="utf-8") for path in files}
-    assert not [name for name, text in texts.items() if 'install "pgm-places' in text]
+    assert not [
+        name
+        for name, text in texts.items()
+        if 'install "pgm-places' in text and name != "_extras.py"
+    ]
     named = {e for text in texts.values() for e in re.findall(r'"\.\[([a-z,-]+)\]"', text)}
     with (ROOT / "pyproject.toml").open("rb") as file:
         extras = tomllib.load(file)["project"]["optional-dependencies"]

@@ -152,7 +152,7 @@ def test_ground_truth_without_names_shows_numbers() -> None:
     legend: Any = known.plot().get_legend()
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["label 0", "label 1"]
-    with pytest.raises(LabelError):
+    with pytest.raises(LabelError, match="label"):
         known.plot(label_names=["corridor"])
 
 
