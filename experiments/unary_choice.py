@@ -27,7 +27,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 CELLS_M, MAX_EXAMPLES = 0.2, 1000
 METHODS = ("laser", "context", "laser+space", "space", "auto")
 TRAINED = (1, 2, 3, 5, 10, 20)
-REPEATS, N_TESTS = 1, 6
+REPEATS, N_TESTS = 3, 6
 JUDGED = ("building 79", "building 52", "cold_saarbrucken_seq2")
 """The maps of robots among the transfers; the others are every twelfth drawn floor."""
 

@@ -15,13 +15,13 @@ from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
-from pgm_places.options import check_option
+from pgm_places.options import Positive, check_option
 from pgm_places.persistence import unary as parts
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
 from pgm_places.unary.choice import UnaryChoice
-from pgm_places.unary.map_model import UnaryModel
+from pgm_places.unary.map_model import EVEN, UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 
@@ -65,6 +65,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         manifest["halls"] = labeler.halls
     if unary.space is not None:
         manifest["space"] = _dump_space(arrays, unary.space)
+        manifest["exponents"] = list(unary.exponents)
     if labeler.unary_choice_ is not None:
         manifest["unary_choice"] = dataclasses.asdict(labeler.unary_choice_)
     if unary.floor is not None:
@@ -152,6 +153,8 @@ def _unary_model(manifest: Mapping[str, Any], arrays: Arrays) -> UnaryModel:
         features,
         _load_space(manifest.get("space"), arrays, n_own, n_labels),
         parts.load_floor(manifest.get("floor"), arrays, n_labels),
+        # Absent from models saved by earlier versions.
+        check_option("exponents", tuple[Positive, Positive], manifest.get("exponents", EVEN)),
     )
 
 

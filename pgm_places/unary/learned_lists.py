@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.floor.view import FloorScores
+from pgm_places.inference.temperature import likeliest_temperature
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.unary import list_learning
 from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.floor_model import FloorModel, with_floor
-from pgm_places.unary.map_model import MIXED, log_mean
+from pgm_places.unary.map_model import LASER_SHARE, MIXED, log_mean
 from pgm_places.unary.space_learning import LearnedSpaces
 from pgm_places.unary.space_model import SpaceModel
 from pgm_places.unary.training_cells import TrainingCells
@@ -94,7 +95,7 @@ class Stages:
         """(n, K) what a unary says of the cells of each map."""
         if name == MIXED:
             both = (self.scores(part, held_out=held_out) for part in ("laser", "space"))
-            return [log_mean(*parts) for parts in zip(*both, strict=True)]
+            return [log_mean(*parts, self.exponents) for parts in zip(*both, strict=True)]
         if name != "floor":
             stage = getattr(self, name)
             return self.cells.by_map(stage.scores(held_out=held_out))
@@ -103,6 +104,18 @@ class Stages:
             with_floor(log_z, self._seen[m], self.floor, self.cells.layout(m))
             for m, log_z in enumerate(self.scores("space", held_out=held_out))
         ]
+
+    @cached_property
+    def exponents(self) -> tuple[float, float]:
+        """Of laser and space in their mean, by how likely each makes cells that it has not seen."""
+        truths = self.cells.by_map(self.cells.truth)
+        hot = [
+            likeliest_temperature(
+                [np.exp(part) for part in self.scores(name, held_out=True)], truths
+            )
+            for name in ("laser", "space")
+        ]
+        return LASER_SHARE / hot[0], (1.0 - LASER_SHARE) / hot[1]
 
     @cached_property
     def _seen(self) -> list[FloorScores]:

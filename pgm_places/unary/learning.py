@@ -17,7 +17,15 @@ from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.learned_lists import Extra, Lists, SpaceLists, Stages, beside_extra
-from pgm_places.unary.map_model import UNARIES, CellScores, UnaryModel, made_from, sees_spaces
+from pgm_places.unary.map_model import (
+    EVEN,
+    MIXED,
+    UNARIES,
+    CellScores,
+    UnaryModel,
+    made_from,
+    sees_spaces,
+)
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
 from pgm_places.unary.training_cells import TrainingCells
@@ -136,7 +144,7 @@ class UnaryLearner:
             n_folds=self.n_folds,
             limit=self.max_examples_per_map,
             seed=self.classifier.seed,
-            wants_all=self.with_scores or bool(self.context_m or self.candidates),
+            wants_all=self.with_scores or bool(self.context_m or self.candidates) or self._mixes,
             feature_cache=self.feature_cache,
         )
         classifier = list_learning.with_explicit_order(self.classifier, cells.truth)
@@ -157,6 +165,7 @@ class UnaryLearner:
             self.features,
             None if spaces is None or not sees_spaces(kept) else spaces.model,
             self.floor if "floor" in kept else None,
+            stages.exponents if self._mixes else EVEN,
         )
         ends = np.searchsorted(cells.examples, np.cumsum(cells.sizes))[:-1]
         return LearnedUnary(
@@ -196,14 +205,19 @@ class UnaryLearner:
         return self.learn_on == "out-of-fold"
 
     @property
+    def _mixes(self) -> bool:
+        """Whether the mean of two lists may be wanted, for which both are calibrated."""
+        return self.space is not None and MIXED in {*self.wanted, *self.candidates}
+
+    @property
     def _holds_out(self) -> bool:
         """Whether lists on scans are held out: their scores are also what context is made of."""
-        return self._from_held_out or bool(self.context_m or self.candidates)
+        return self._from_held_out or bool(self.context_m or self.candidates) or self._mixes
 
     @property
     def _holds_out_others(self) -> bool:
         """Whether the lists that see more than scans are held out."""
-        return (self.with_scores and self._from_held_out) or bool(self.candidates)
+        return (self.with_scores and self._from_held_out) or bool(self.candidates) or self._mixes
 
     def _in_context(self, laser: Lists, classifier: "DecisionListClassifier") -> Lists:
         """The stage of the list that also sees the scores in windows around each cell."""
@@ -289,7 +303,7 @@ class UnaryLearner:
         of_maps: list[dict[str, Any]] = [
             {name: table[m] for name, table in tables.items()} for m in range(len(cells.maps))
         ]
-        return [CellScores(**item) for item in of_maps]
+        return [CellScores(**item, exponents=model.exponents) for item in of_maps]
 
 
 def _columns(cells: TrainingCells, columns: NDArray[np.int64]) -> NDArray[np.float32]:

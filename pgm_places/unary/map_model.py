@@ -44,13 +44,23 @@ def sees_spaces(unaries: Collection[str]) -> bool:
     return not {"space", "floor"}.isdisjoint(made_from(unaries))
 
 
-def log_mean(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, K) the logarithm of the geometric mean of two distributions, normalised again.
+EVEN = (0.5, 0.5)
+"""Exponents of ``laser`` and ``space`` in their mean, where neither was calibrated."""
+
+LASER_SHARE = 0.55
+"""The share of ``laser`` in the mean of calibrated lists, chosen on buildings left out
+(docs/notes/tried.md)."""
+
+
+def log_mean(
+    one: NDArray[np.float64], other: NDArray[np.float64], exponents: tuple[float, float] = EVEN
+) -> NDArray[np.float64]:
+    """(N, K) the logarithm of the weighted geometric mean of two distributions, normalised again.
 
     Where the two disagree, the surer one decides: the logarithmic opinion pool of Genest and
     Zidek (Combining probability distributions, Statistical Science 1, 1986).
     """
-    mean = (one + other) / 2
+    mean = exponents[0] * one + exponents[1] * other
     return np.asarray(mean - np.logaddexp.reduce(mean, axis=1, keepdims=True))
 
 
@@ -78,6 +88,8 @@ class CellScores:
         The accepted gates, where ``spaces`` were not kept.
     segments : NodeSegments or None
         The segments of the finest scale that the nodes lie in, beside ``space``.
+    exponents : (float, float)
+        Of ``laser`` and ``space`` in ``laser+space``.
     """
 
     laser: NDArray[np.float64] | None = None
@@ -89,12 +101,13 @@ class CellScores:
     doorways: Doorways | None = None
     segments: NodeSegments | None = None
     floor: NDArray[np.float64] | None = None
+    exponents: tuple[float, float] = EVEN
 
     def of(self, unary: str) -> NDArray[np.float64]:
         """(N, K) the scores of that name.
 
         One of ``laser``, ``context``, ``space`` and ``floor``, or ``laser+space``, which is the
-        normalised geometric mean of the two.
+        weighted geometric mean of the two, normalised.
 
         Raises
         ------
@@ -102,7 +115,7 @@ class CellScores:
             They were not asked for.
         """
         if unary == MIXED:
-            return log_mean(self.of("laser"), self.of("space"))
+            return log_mean(self.of("laser"), self.of("space"), self.exponents)
         values: NDArray[np.float64] | None = getattr(self, unary)
         if values is None:
             raise InputError(
@@ -150,6 +163,9 @@ class UnaryModel:
         The list that also sees segments, gates and places.
     floor : FloorModel or None
         Networks that see the whole floor.
+    exponents : (float, float)
+        Of the scores ``laser`` and ``space`` in ``laser+space``: their shares over the temperatures
+        that make held-out cells likeliest.
     """
 
     sensor: Sensor
@@ -161,6 +177,7 @@ class UnaryModel:
     features: tuple[Any, ...] = ()
     space: SpaceModel | None = field(default=None, repr=False)
     floor: FloorModel | None = field(default=None, repr=False)
+    exponents: tuple[float, float] = EVEN
 
     @property
     def knows_halls(self) -> bool:
@@ -288,6 +305,7 @@ class UnaryModel:
             doorways,
             None if around is None else around.features.segments,
             floor,
+            self.exponents,
         )
 
     def gate_judge(self, seen: FloorScores) -> FloorJudge:

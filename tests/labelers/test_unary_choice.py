@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pgm_places import LabelledMap, PlaceLabeler
 from pgm_places.datasets import generate_building
 from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.inference.temperature import likeliest_temperature
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.labelers.place_learning import unary_candidates
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
@@ -158,11 +159,35 @@ def test_lists_are_trained_once_for_the_choice_and_for_methods(
 def test_the_mixture_is_the_normalised_geometric_mean(maps: list[LabelledMap]) -> None:
     one, other = np.log([[0.8, 0.2], [0.5, 0.5]]), np.log([[0.2, 0.8], [0.9, 0.1]])
     np.testing.assert_allclose(np.exp(log_mean(one, other)), [[0.5, 0.5], [0.75, 0.25]])
+    powers = np.array([[0.8**0.2 * 0.2**0.6, 0.2**0.2 * 0.8**0.6]])
+    found = np.exp(log_mean(one[:1], other[:1], (0.2, 0.6)))
+    np.testing.assert_allclose(found, powers / powers.sum())
     labeler = quick({"a": PlaceMethod("independent", "laser+space")}).fit(maps[:1])
     _, scores = labeler.scores(maps[0].grid)
     found = labeler.problem(maps[0].grid, method="a").unary
     assert found is not None
     np.testing.assert_allclose(np.exp(scores.of("laser+space")).sum(axis=1), 1.0)
+
+
+def test_both_lists_count_by_how_likely_they_make_what_they_have_not_seen(
+    maps: list[LabelledMap], tmp_path: Path
+) -> None:
+    methods = {"a": PlaceMethod("independent", "laser+space")}
+    labeler = quick({**methods, "b": PlaceMethod("amn", "laser+space")})
+    unary = labeler.learn(maps[:2], with_scores=True)
+    assert unary.scores is not None
+    truths = [item.truth(item.graph(labelled_only=True)) for item in maps[:2]]
+    expected = []
+    for name, share in (("laser", 0.55), ("space", 0.45)):
+        beliefs = [np.exp(part.of(name)) for part in unary.scores]
+        expected.append(share / likeliest_temperature(beliefs, truths))
+    assert unary.model.exponents == pytest.approx(tuple(expected))
+    assert unary.scores[0].exponents == unary.model.exponents
+    save(labeler, tmp_path / "model")
+    assert load(tmp_path / "model").unary_model_.exponents == unary.model.exponents
+    # Without scores to learn from, lists are held out for this alone.
+    alone = quick(methods).fit(maps[:2])
+    assert alone.unary_model_.exponents == pytest.approx(unary.model.exponents)
 
 
 def test_a_unary_for_all_methods_is_an_option_of_the_labeler(maps: list[LabelledMap]) -> None:
