@@ -94,8 +94,9 @@ class Stages:
     def scores(self, name: str, *, held_out: bool) -> list[NDArray[np.float64]]:
         """(n, K) what a unary says of the cells of each map."""
         if name == MIXED:
-            both = (self.scores(part, held_out=held_out) for part in ("laser", "space"))
-            return [log_mean(*parts, self.exponents) for parts in zip(*both, strict=True)]
+            laser, space = (self.scores(part, held_out=held_out) for part in ("laser", "space"))
+            pairs = zip(laser, space, strict=True)
+            return [log_mean(one, other, self.exponents) for one, other in pairs]
         if name != "floor":
             stage = getattr(self, name)
             return self.cells.by_map(stage.scores(held_out=held_out))

@@ -160,8 +160,8 @@ def test_the_mixture_is_the_normalised_geometric_mean(maps: list[LabelledMap]) -
     one, other = np.log([[0.8, 0.2], [0.5, 0.5]]), np.log([[0.2, 0.8], [0.9, 0.1]])
     np.testing.assert_allclose(np.exp(log_mean(one, other)), [[0.5, 0.5], [0.75, 0.25]])
     powers = np.array([[0.8**0.2 * 0.2**0.6, 0.2**0.2 * 0.8**0.6]])
-    found = np.exp(log_mean(one[:1], other[:1], (0.2, 0.6)))
-    np.testing.assert_allclose(found, powers / powers.sum())
+    weighted = np.exp(log_mean(one[:1], other[:1], (0.2, 0.6)))
+    np.testing.assert_allclose(weighted, powers / powers.sum())
     labeler = quick({"a": PlaceMethod("independent", "laser+space")}).fit(maps[:1])
     _, scores = labeler.scores(maps[0].grid)
     found = labeler.problem(maps[0].grid, method="a").unary
