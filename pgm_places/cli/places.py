@@ -151,32 +151,33 @@ def export(
     Parameters
     ----------
     to
-        nav2 (all that it takes), nav2-route, regions, zones, keepout, speed-percent, speed-m-s,
-        binary, graphml, node-link, dot, geotiff or mcap.
+        nav2 (everything Nav2 needs), nav2-route, coverage, lif, map, regions, zones, keepout,
+        speed-percent, speed-m-s, binary, graphml, node-link, dot, geotiff or mcap.
     out
         Folder for the files; DIR by default.
     values
         Mask value of a class or a place: room=100, or with speed-m-s and nav2 corridor=0.8 (m/s).
         Repeatable.
     robot_radius_m
-        For nav2-route: the robot's radius (m), 0.2 by default. What it does not fit through is left
-        out, and the places that it cannot reach are listed. For keepout: areas grow by it (0 by
-        default).
+        The robot's radius (m), 0.2 by default. For nav2, nav2-route and lif: passages too narrow
+        for it are omitted; unreachable places are listed. For coverage: polygons keep it from
+        obstacles. For keepout: areas grow by it (0 by default).
     keep_out
         For nav2 and nav2-route: a class or a place to keep out of. Repeatable.
     map_yaml : MAP.yaml
-        For nav2: the map, which is copied; by default the one that was labelled.
+        For nav2 and map: the map; by default the one that was labelled.
     """
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.exports import export as write_export
+    from pgm_places.io.places.exports import write_cleaned_map
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
         if keep_out and to not in ("nav2", "nav2-route"):
             raise InputError(f"the export {to!r} takes no --keep-out; nav2 and nav2-route do")
-        if map_yaml and to != "nav2":
-            raise InputError(f"the export {to!r} takes no --map; nav2 does")
+        if map_yaml and to not in ("nav2", "map"):
+            raise InputError(f"the export {to!r} takes no --map; nav2 and map do")
         if to == "nav2":
             topology.ids_of(keep_out or ())  # a slip is said before anything is read
             for_nav2 = {
@@ -185,6 +186,11 @@ def export(
                 "lies_in": out or folder,
             }
             _write_routes(files.stage, topology, robot_radius_m, keep_out or (), for_nav2)
+        elif to == "map":
+            grid = _map_for_nav2(folder, map_yaml)
+            if grid is None:
+                raise InputError(f"{folder}: the map is not where it was labelled; pass --map")
+            write_cleaned_map(files.stage, topology, grid)
         elif to == "nav2-route" and not values:
             _write_routes(files.stage, topology, robot_radius_m, keep_out or ())
         else:
@@ -194,6 +200,7 @@ def export(
                 files.stage,
                 values=_values(values or ()) or None,
                 robot_radius_m=robot_radius_m,
+                name=folder.resolve().name,
                 lies_in=out or folder,
             )
     say_written(files)

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, nearest_name, printable
 from pgm_places.io.atomic import write_bytes, write_json, write_text
+from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.maps.raster_image import encoded
+from pgm_places.io.places.coverage import write_coverage
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
-from pgm_places.io.places.nav2_folder import write_nav2_route
+from pgm_places.io.places.lif import write_lif
+from pgm_places.io.places.nav2_folder import check_frame, write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
@@ -77,6 +80,25 @@ def write_geotiff(
     return write_bytes(path, encoded(image, "TIFF", tiffinfo=tags))
 
 
+def write_cleaned_map(folder: Path, topology: TopologicalMap, grid: OccupancyGrid) -> list[Path]:
+    """Write the map with free space that belongs to no place made unknown; the paths.
+
+    That is rays through windows, the outside, and whatever a robot cannot reach: a planner sends
+    nothing there.
+
+    Raises
+    ------
+    InputError
+        The map has another frame than the places.
+    OutputError
+        Where a file cannot be written.
+    """
+    check_frame(grid, topology)
+    stray = grid.free & (topology.region == 0)
+    path = save_map(grid.with_cells(np.where(stray, np.int8(UNKNOWN), grid.cells)), folder / "map")
+    return [path, path.with_suffix(".png")]
+
+
 def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
     """Write ``topology.graph`` as GraphML, for yEd, Gephi and networkx; the path."""
     import networkx as nx
@@ -126,6 +148,9 @@ def _quoted(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
 
 
+OF_RADIUS = ("nav2-route", "lif", "coverage")
+"""Formats for robots that fit through some passages and not through others."""
+
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
 ROUTE_FILE = "nav2_route.geojson"
@@ -133,7 +158,7 @@ ROUTE_FILE = "nav2_route.geojson"
 EXPORTS: dict[str, Writer] = {
     "regions": lambda folder, t: [write_region_features(folder / "regions.geojson", t)],
     "graphml": lambda folder, t: [write_graphml(folder / "places.graphml", t)],
-    "node-link": lambda folder, t: [write_node_link(folder / "places.json", t)],
+    "node-link": lambda folder, t: [write_node_link(folder / "place_graph.json", t)],
     "dot": lambda folder, t: [write_dot(folder / "places.dot", t)],
     "geotiff": lambda folder, t: [
         write_geotiff(folder / "regions.tif", t, what="regions"),
@@ -151,6 +176,7 @@ def export(
     *,
     values: Mapping[str, float] | None = None,
     robot_radius_m: float | None = None,
+    name: str = "places",
     lies_in: Path | None = None,
 ) -> list[Path]:
     """Write a topological map in the format ``to``; the paths.
@@ -163,8 +189,10 @@ def export(
     values : mapping of str to float, optional
         Those of a filter mask, by class or name of place.
     robot_radius_m : float, optional
-        For ``nav2-route``: ways have room for a disc of this radius. For ``keepout``: areas grow by
-        as much.
+        For ``nav2-route`` and ``lif``: ways have room for a disc of this radius. For ``coverage``:
+        polygons keep it from obstacles. For ``keepout``: areas grow by as much.
+    name : str
+        For ``lif``: the name of the project.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved.
 
@@ -175,18 +203,24 @@ def export(
     OutputError
         Where a file cannot be written.
     """
-    known = ["nav2-route", *EXPORTS, *TYPES]
+    known = [*OF_RADIUS, *EXPORTS, *TYPES]
     if to not in known:
         raise InputError(f"there is no export called {to!r}. {nearest_name(to, known)}")
     if values and to not in TYPES:
         raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(TYPES)}")
-    if robot_radius_m is not None and to not in ("nav2-route", "keepout"):
-        raise InputError(f"the export {to!r} takes no robot radius; nav2-route and keepout do")
+    if robot_radius_m is not None and to not in (*OF_RADIUS, "keepout"):
+        raise InputError(
+            f"the export {to!r} takes no robot radius; {', '.join(OF_RADIUS)} and keepout do"
+        )
     if to in EXPORTS:
         return EXPORTS[to](folder, topology)
-    if to == "nav2-route":
+    if to in OF_RADIUS:
         radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
+        if to == "coverage":
+            return write_coverage(folder, topology, radius)
         routes = route_graph(topology, robot_radius_m=radius)
+        if to == "lif":
+            return [write_lif(folder, topology, routes, name=name)]
         return [write_nav2_route(folder / ROUTE_FILE, topology, routes)]
     return write_filter_mask(
         folder / to.replace("-", "_"),

@@ -223,7 +223,7 @@ def write_nav2(
     routing = _route_server(home / ROUTE, speeds)
     merged: dict[str, Any] = {"route_server": {"ros__parameters": routing}}
     if grid is not None:
-        _check_frame(grid, topology)
+        check_frame(grid, topology)
         path = save_map(grid, folder / MAP)
         written += [path, path.with_suffix(".png")]
         merged["map_server"] = {"ros__parameters": {"yaml_filename": str(home / path.name)}}
@@ -255,7 +255,7 @@ def write_nav2(
     return [*written, write_text(folder / POSES, poses)]
 
 
-def _check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
+def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
     places = topology.grid
     mine, theirs = (
         (*item.shape, item.resolution_m, *item.origin_xy_m, item.yaw_rad) for item in (grid, places)

@@ -213,7 +213,8 @@ def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no two places are connected by a passage wide enough"):
         export(topology, "nav2-route", tmp_path, robot_radius_m=0.76)
     with pytest.raises(
-        InputError, match="the export 'dot' takes no robot radius; nav2-route and keepout do"
+        InputError,
+        match="the export 'dot' takes no robot radius; nav2-route, lif, coverage and keepout do",
     ):
         export(topology, "dot", tmp_path, robot_radius_m=0.3)
 
@@ -251,7 +252,7 @@ def test_graph_files_are_read_back(tmp_path: Path) -> None:
         export(topology, to, tmp_path)
     graphml = nx.read_graphml(tmp_path / "places.graphml", node_type=int)
     node_link = nx.node_link_graph(
-        json.loads((tmp_path / "places.json").read_text()), edges="edges"
+        json.loads((tmp_path / "place_graph.json").read_text()), edges="edges"
     )
     for graph in (graphml, node_link):
         assert {frozenset(e) for e in graph.edges} == {frozenset(e) for e in topology.graph.edges}
