@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, set_fields
-from pgm_places.errors import InputError, ModelFileError
+from pgm_places.errors import InputError, ModelFileError, shown
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
 
@@ -256,11 +256,13 @@ class BoostedList:
         if kind != _KIND or version not in (_VERSION, _TREES_VERSION):
             raise ModelFileError(
                 f"a {_KIND!r} of version {_VERSION} or {_TREES_VERSION} was expected, got "
-                f"{kind!r} of version {version!r}"
+                f"{shown(kind)} of version {shown(version)}"
             )
         n_features = meta["n_features"]
         if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
-            raise ModelFileError(f"n_features must be 1 to {_MAX_FEATURES}, got {n_features!r}")
+            raise ModelFileError(
+                f"n_features must be 1 to {_MAX_FEATURES}, got {shown(n_features)}"
+            )
         classes = _stored_classes(meta["classes"])
         feature = arrays["feature"]
         total, least = len(feature), 0 if version == _VERSION else -1
@@ -286,7 +288,7 @@ class BoostedList:
 def check_decision(decision: str, clip: float, n_classes: int) -> None:
     """Refuse an unknown decision rule, or a clip that leaves no room for ``n_classes`` bins."""
     if decision not in _DECISIONS:
-        raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {decision!r}")
+        raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {shown(decision)}")
     is_number = isinstance(clip, int | float | np.number) and not isinstance(clip, bool)
     if not is_number or not 0 <= clip < 1 / n_classes:
         raise InputError(f"clip must be at least 0 and below 1/{n_classes}, got {clip!r}")

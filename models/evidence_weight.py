@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import learned_number
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
@@ -229,7 +230,9 @@ def chosen_observation(model: Any, mode: int) -> Observation:
         option: Observation = model.observation
         return option
     chosen = model.fitted_observations
-    return "soft" if chosen is None else OBSERVATIONS[int(chosen[mode])]
+    if chosen is None:
+        return "soft"
+    return OBSERVATIONS[learned_number("fitted_observations", chosen, mode, len(OBSERVATIONS))]
 
 
 def words_of_choices(model: Any, mode: int) -> dict[str, str]:

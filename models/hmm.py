@@ -367,7 +367,8 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         return otherwise if by_mode is None else float(by_mode[MODES.index(self.mode)])
 
     def _start(self) -> NDArray[np.float64]:
-        assert self.initial is not None  # the likelihood has checked
+        if self.initial is None:
+            raise NotFittedError("the hidden Markov model has no probabilities of the first label")
         k = len(self.initial)
         return self.initial if self.start == "learned" else np.full(k, 1.0 / k)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import learned_number
 from pgm_places.errors import LearningWarning
 from pgm_places.models.held_out_choice import LEARNERS
 from pgm_places.solvers.margin_solution import LearningStep, reached, relative_gap
@@ -94,7 +95,8 @@ class LearningRecord:
         """
         named: dict[str, Any] = dict(zip(_FIELDS, values.tolist(), strict=len(values) == N_RECORD))
         for name, words in _WORDS.items():
-            place = int(named.pop(name, -1))
+            stored = np.array([named.pop(name, -1)])
+            place = learned_number(f"the record's {name}", stored, 0, len(words), low=-1)
             named[name] = None if place < 0 else words[place]
         certified = named.pop("certified_objective")
         rigorous = None if certified < 0 else certified

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_type, set_fields
+from pgm_places._checks import finite_array, integer_array, learned_number, require_type, set_fields
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
@@ -177,7 +177,9 @@ class LinearModel(LearnedNames):
     @property
     def _node_parts(self) -> str:
         """The node features that were chosen, or those that were asked for."""
-        chosen = 0 if self.node_choice is None else int(self.node_choice[0])
+        if self.node_choice is None:
+            return self.node_features
+        chosen = learned_number("node_choice", self.node_choice, 0, len(NODE_CHOICES))
         return NODE_CHOICES[chosen] if chosen else self.node_features
 
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:

@@ -137,7 +137,7 @@ class Relaxation(LearnedNames):
     def _iterations(self) -> int:
         if self.max_iterations != "auto":
             return self.max_iterations
-        return on_held_out.ITERATIONS[-1] if self.choice is None else int(self.choice[0])
+        return on_held_out.iterations_of(self.choice)
 
     @property
     def _share(self) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import learned_number
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import evident_unary
 from pgm_places.models.held_out_choice import held_out_words
@@ -25,6 +26,12 @@ SHARES = (0.0, 0.25, 0.5)
 
 N_PARTS = 4
 """Parts that are held out in turn."""
+
+
+def iterations_of(choice: NDArray[np.float64] | None) -> int:
+    """The number of iterations that was chosen; the largest without a choice."""
+    most = ITERATIONS[-1]
+    return most if choice is None else learned_number("choice", choice, 0, most + 1)
 
 
 def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | None:

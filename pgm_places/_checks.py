@@ -236,6 +236,14 @@ def integer_array(
     return array.astype(np.int64, copy=False)
 
 
+def learned_number(name: str, values: NDArray[Any], at: int, most: int, *, low: int = 0) -> int:
+    """A whole number from ``low`` to below ``most`` in a learned array, which a file may spoil."""
+    value = values[at] if at < len(values) else -1
+    if not low <= value < most:
+        raise InputError(f"{name} must hold {low} to {most - 1} at index {at}, got {shown(value)}")
+    return int(value)
+
+
 def node_mask(nodes: ArrayLike, n_nodes: int) -> NDArray[np.bool_]:
     """A mask (N,) of nodes; their numbers are refused, which would be another choice as a mask."""
     mask = np.asarray(nodes)

@@ -143,6 +143,12 @@ def log_probabilities(
 ) -> NDArray[np.float64]:
     """(N, K) what a classifier says; ``least`` for a label that it has not met, or denies."""
     table = np.zeros((features.shape[0], n_labels))
+    wanted = getattr(classifier, "n_features_in_", features.shape[1])
+    if features.shape[1] != wanted:
+        raise InputError(
+            f"the classifier has learned from {wanted} features of each node, this problem has "
+            f"{features.shape[1]}"
+        )
     if len(table):
         table[:, np.asarray(classifier.classes_, np.int64)] = classifier.predict_proba(features)
     table = np.maximum(table, least)

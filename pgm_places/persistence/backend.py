@@ -8,6 +8,7 @@ import numpy as np
 
 from pgm_places.errors import ModelFileError
 from pgm_places.inference.backends import METHODS, Backend
+from pgm_places.inference.learned_names import LearnedNames
 from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays
 
@@ -54,4 +55,7 @@ def load_backend(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
         if field_name not in known:
             raise ModelFileError(f"{prefix}: {name} learns no {field_name!r}")
         values[field_name] = arrays[f"{prefix}/{field_name}"]
-    return dataclasses.replace(backend, **values)
+    restored = dataclasses.replace(backend, **values)
+    if isinstance(restored, LearnedNames):
+        _ = restored.learned_names  # bytes of a damaged file may be no text
+    return restored

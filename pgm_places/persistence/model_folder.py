@@ -132,7 +132,7 @@ def readable(folder: Path | str) -> Iterator[None]:
 
 def _shortened(message: str) -> str:
     """A message without its middle where it quotes a thousand numbers of a foreign file."""
-    return message if len(message) <= 1000 else f"{message[:700]} ... {message[-200:]}"
+    return message if len(message) <= 600 else f"{message[:400]} ... {message[-150:]}"
 
 
 def is_model(path: Path | str) -> bool:

@@ -3,11 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import ModelFileError
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 
+MOST_FEATURES = 1_000_000
 OPTIONS = ("learn_on", "n_folds", "min_probability", "metric")
 
 
@@ -42,6 +47,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> StructuredLabeler:
 
         before = unfitted_estimator(record)
         fitted = load_estimator(arrays, "classifier", record)
+        _try_out(fitted, len(manifest["label_names"]))
     options = {name: manifest["options"][name] for name in OPTIONS}
     labeler = StructuredLabeler(unfitted(backend), before, **options)
     labeler.check_options()
@@ -52,3 +58,13 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> StructuredLabeler:
         label_names_=names,
         named_=bool(manifest.get("named", False)),
     )
+
+
+def _try_out(classifier: Any, n_labels: int) -> None:
+    """Ask a restored classifier for one node, so that damaged numbers are noticed here."""
+    classes, n_features = np.asarray(classifier.classes_), classifier.n_features_in_
+    classes = integer_array("classes_", classes, ("C",), low=0, high=n_labels)
+    if type(n_features) is not int or not 1 <= n_features <= MOST_FEATURES:
+        raise ModelFileError(f"n_features_in_ must be 1 to {MOST_FEATURES}, got {n_features!r}")
+    said = classifier.predict_proba(np.zeros((1, n_features)))
+    finite_array("probabilities", said, (1, len(classes)))

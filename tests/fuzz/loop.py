@@ -15,7 +15,9 @@ from pgm_places.errors import PgmPlacesError
 from tests.fuzz.readers import Reader
 
 MOST_SECONDS = 1.0
+MOST_SECONDS_OF_USE = 20.0
 MOST_BYTES = 256 << 20
+MOST_BYTES_OF_USE = 1 << 30
 MOST_CHARACTERS = 700
 MOST_WAITING_S = 600
 """On the clock, for what waits and takes no processor time: a machine may stand still a while."""
@@ -41,9 +43,11 @@ def run(reader: Reader, folder: Path, seed: int, count: int) -> Findings:
     target = folder / reader.file
     original = target.read_bytes()
     others = {path: path.read_bytes() for path in target.parent.iterdir() if path.is_file()}
-    reader.read(folder)  # imports are not counted
     with _limited(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        item = reader.read(folder)  # imports are not counted
+        if reader.use is not None:
+            reader.use(item, folder)
         for number in range(count):
             data = reader.spoil(original, random.Random(f"{seed} {number}"))
             if problem := problem_of(reader, folder, data, found):
@@ -60,9 +64,10 @@ def problem_of(reader: Reader, folder: Path, data: bytes, found: Findings) -> st
     peak, start = peak_bytes(), time.process_time()
     problem = _outcome(reader, folder, found)
     seconds, grown = time.process_time() - start, peak_bytes() - peak
-    if seconds > MOST_SECONDS:
+    plain = reader.use is None
+    if seconds > (MOST_SECONDS if plain else MOST_SECONDS_OF_USE):
         problem = problem or f"took {seconds:.1f} s"
-    if grown > MOST_BYTES + len(data):
+    if grown > (MOST_BYTES if plain else MOST_BYTES_OF_USE) + len(data):
         problem = problem or f"took {grown >> 20} MB"
     return problem
 
@@ -70,7 +75,9 @@ def problem_of(reader: Reader, folder: Path, data: bytes, found: Findings) -> st
 def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
     try:
         signal.alarm(MOST_WAITING_S)
-        reader.read(folder)
+        item = reader.read(folder)
+        if reader.use is not None:
+            reader.use(item, folder)
         found.n_read += 1
     except PgmPlacesError as error:
         found.n_refused += 1

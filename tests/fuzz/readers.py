@@ -5,8 +5,9 @@ import hashlib
 import json
 import random
 import shutil
+import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,34 +23,32 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.networks.dimacs import read_dimacs
+from pgm_places.io.networks.uai import read_evidence, read_uai, read_uai_result
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.labelling.label import label_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.live.session_file import read_session
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import read
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.teaching.paint import Paint
-from pgm_places.topology.from_labels import topological_map
+from tests.fuzz import uses
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
 from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES
-from tests.quick_labeler import places
 from tests.studio.conftest import HOST, TOKEN, Client
 
 JSON_TYPE = "application/json"
-MOST_STEPS = 20
-"""Of a drive that is tracked."""
-
 MAX_PIXELS = 4_000_000
 """The limit of a map in pixels, lowered so that its memory does not hide what leaks."""
+
+FLOATS = (0.0, -1.0, 1e-9, 1e9, 3e38, -3e38, float("inf"), float("-inf"), float("nan"))
+"""Numbers that replace one of a message."""
 
 Mutation = Callable[[bytes, random.Random], bytes]
 
@@ -68,12 +67,15 @@ class Reader:
         One is chosen for each input.
     after : callable
         What to put in order after a file was spoiled, such as a checksum of it.
+    use : callable, optional
+        What to do with what was read, in the folder.
     """
 
-    read: Callable[[Path], object]
+    read: Callable[[Path], Any]
     file: str
     mutations: tuple[Mutation, ...] = (mutated_bytes, mutated_text)
     after: Callable[[Path], None] = field(default=lambda _: None)
+    use: "Use | None" = None
 
     def spoil(self, data: bytes, rng: random.Random) -> bytes:
         """Another file."""
@@ -98,44 +100,9 @@ def map_of(name: str) -> Callable[[Path], object]:
     return read_it
 
 
-@lru_cache(1)
-def grid_of(folder: Path) -> OccupancyGrid:
-    """Of a map that is not the file to spoil."""
-    return load_map(folder / "map.yaml").grid
-
-
-@lru_cache(1)
-def tracker() -> TrajectoryLabeler:
-    return TrajectoryLabeler.from_places(places())
-
-
-def tracked(name: str) -> Callable[[Path], object]:
-    """A drive that is read, and whose first scans are labelled as they come."""
-
-    def track(folder: Path) -> object:
-        drive = read_trajectory(folder / name).trajectory
-        if drive.ranges_m is None or drive.geometry is None:
-            return drive.graph()
-        online = tracker().online(drive.geometry)
-        return [online.step(drive.scan(step)) for step in range(min(len(drive), MOST_STEPS))]
-
-    return track
-
-
-def labelled(name: str) -> Callable[[Path], object]:
-    """A map that is read, labelled and divided into places."""
-
-    def label(folder: Path) -> object:
-        grid: OccupancyGrid = map_of(name)(folder).grid  # type: ignore[attr-defined]
-        found = label_map(places(), grid, max_cells=MAX_PIXELS, n_threads=1)
-        return topological_map(grid, found.labels, found.label_names, doorways=found.doorways)
-
-    return label
-
-
 def labels_of(folder: Path) -> object:
     image = folder / "labels.png"
-    return load_labels(image, listed_names(image), grid=grid_of(folder))
+    return load_labels(image, listed_names(image), grid=uses.grid_of(folder))
 
 
 def resealed(folder: Path) -> None:
@@ -161,7 +128,7 @@ def painted(folder: Path) -> object:
     shutil.copyfile(folder / "journal.jsonl", copy)
     journal = Journal(copy, JOURNAL_OF)
     try:
-        return Painting(grid_of(folder), Classes.named(NAMES), journal)
+        return Painting(uses.grid_of(folder), Classes.named(NAMES), journal)
     finally:
         journal.close()
 
@@ -198,6 +165,28 @@ def edited(folder: Path) -> object:
     return answers
 
 
+def messages_of(folder: Path) -> list[tuple[str, bytes]]:
+    """Messages of a robot as they come; damaged ones are refused by whoever takes them."""
+    read = json.loads((folder / "messages.json").read_bytes())
+    return [(what, bytes.fromhex(raw)) for what, raw in read]
+
+
+def of_message(data: bytes, rng: random.Random) -> bytes:
+    """One message spoiled: its bytes, or a number of it."""
+    messages = json.loads(data)
+    at = rng.randrange(len(messages))
+    raw = bytearray.fromhex(messages[at][1])
+    if rng.random() < 0.5:
+        raw = bytearray(mutated_bytes(bytes(raw), rng))
+    else:
+        kind = rng.choice("fd")
+        number = struct.pack(f"<{kind}", rng.choice(FLOATS))
+        start = 4 + len(number) * rng.randrange(max((len(raw) - 4) // len(number), 1))
+        raw[start : start + len(number)] = number
+    messages[at][1] = raw.hex()
+    return json_bytes(messages)
+
+
 def of_lines(data: bytes, rng: random.Random) -> bytes:
     """One line of JSON spoiled."""
     lines = data.split(b"\n")
@@ -222,7 +211,7 @@ READERS: dict[str, Reader] = {
     "labels.png": Reader(labels_of, "labels.png", BYTES),
     "labels.yaml": Reader(labels_of, "labels.yaml"),
     "regions.geojson": Reader(
-        lambda folder: load_regions(folder / "truth.geojson", NAMES, grid_of(folder)),
+        lambda folder: load_regions(folder / "truth.geojson", NAMES, uses.grid_of(folder)),
         "truth.geojson",
         JSON,
     ),
@@ -245,9 +234,6 @@ READERS: dict[str, Reader] = {
     "detections.mcap": Reader(
         _of_folder(read_detection_bag, "detections"), "detections/detections.mcap", BYTES
     ),
-    "drive.log, tracked": Reader(tracked("drive.log"), "drive.log"),
-    "drive.mcap, tracked": Reader(tracked("drive.mcap"), "drive.mcap", BYTES),
-    "map.png, labelled": Reader(labelled("map.png"), "map.png", BYTES),
     "topology.json": Reader(_of_folder(load_topology), "topology.json", JSON),
     "regions.png": Reader(_of_folder(load_topology), "regions.png", BYTES),
     "places.json": Reader(_of_folder(load_settings), "places.json", JSON),
@@ -262,15 +248,23 @@ READERS |= {
     ),
     "manifest of a batch": Reader(figures_of, f"batch/{MANIFEST_FILE}", JSON),
     "corrections.png": Reader(
-        lambda folder: Paint.read(folder / "labels.png", grid_of(folder), NAMES),
+        lambda folder: Paint.read(folder / "labels.png", uses.grid_of(folder), NAMES),
         "labels.png",
         BYTES,
     ),
     "corrections.geojson": Reader(
-        lambda folder: Paint.read(folder / "truth.geojson", grid_of(folder), NAMES),
+        lambda folder: Paint.read(folder / "truth.geojson", uses.grid_of(folder), NAMES),
         "truth.geojson",
         JSON,
     ),
+}
+READERS |= {
+    "network.uai": Reader(_of_folder(read_uai, "network.uai"), "network.uai"),
+    "network.evid": Reader(_of_folder(read_evidence, "network.evid", n_nodes=5), "network.evid"),
+    "network.MAP": Reader(_of_folder(read_uai_result, "network.MAP"), "network.MAP"),
+    "network.MAR": Reader(_of_folder(read_uai_result, "network.MAR"), "network.MAR"),
+    "cut.max": Reader(_of_folder(read_dimacs, "cut.max"), "cut.max"),
+    "messages of a robot": Reader(messages_of, "messages.json", (of_message,)),
 }
 READERS |= {
     "floors.toml": Reader(_of_folder(load_config, "floors.toml"), "floors.toml"),
@@ -302,3 +296,30 @@ for _model in MODELS:
         BYTES,
         lambda folder, model=_model: resealed(folder / model),  # type: ignore[misc]
     )
+
+MAPS = [name for name in READERS if name.startswith("map.")]
+DRIVES = ("drive.", "packed.", "poses.", "metadata.")
+TABLES = ("nodes.", "edges.", "graph.", "graphs.")
+OF_MODELS = [f"{name}/{file}" for name in MODELS for file in ("manifest.json", "arrays")]
+Use = Callable[[Any, Path], object]
+USES: dict[str, tuple[Use, str]] = {
+    **dict.fromkeys(MAPS, (uses.label, "labelled")),
+    **dict.fromkeys([name for name in READERS if name.startswith(DRIVES)], (uses.track, "tracked")),
+    **dict.fromkeys([name for name in READERS if name.startswith(TABLES)], (uses.solve, "solved")),
+    **dict.fromkeys(OF_MODELS, (uses.label_by, "labels")),
+    **dict.fromkeys(["labels.png", "labels.yaml", "regions.geojson"], (uses.divide, "divided")),
+    **dict.fromkeys(["corrections.png", "corrections.geojson"], (uses.label_around, "kept")),
+    **dict.fromkeys(["counts.csv", "counts.json", "detections.mcap"], (uses.count, "counted")),
+    **dict.fromkeys(["topology.json", "regions.png"], (uses.write_places, "exported")),
+    "maps of a bag": (uses.label_messages, "labelled"),
+    "probabilities": (uses.prefer, "believed"),
+    "session of a robot": (uses.go_on, "gone on with"),
+    "network.uai": (uses.decode, "decoded"),
+    "network.evid": (uses.decode_known, "kept"),
+    "cut.max": (uses.cut, "cut"),
+    "messages of a robot": (uses.drive, "taken"),
+}
+"""What is done with a reader's result, and how it is called."""
+READERS |= {
+    f"{name}, {word}": replace(READERS[name], use=use) for name, (use, word) in USES.items()
+}

@@ -14,12 +14,13 @@ from PIL import Image
 
 from pgm_places.batch.map_task import MANIFEST_FILE, LabelledRow, manifest_text
 from pgm_places.datasets import generate_building
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.io.networks.dimacs import CutProblem, write_dimacs
+from pgm_places.io.networks.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import save_topology
@@ -28,6 +29,7 @@ from pgm_places.labelling.options import Outputs
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.factor_decoding import decode_factors
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
 from pgm_places.studio.journal import Journal
@@ -36,13 +38,15 @@ from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
+from tests import drives
 from tests.fuzz.mutation import json_bytes
 from tests.io.logs.bag_files import BagFile
 from tests.io.logs.detection_files import detection_bag
 from tests.io.logs.log_files import HEADER, drive, flaser, packed_chunks, packed_files, robotlaser
+from tests.live.robot import driven, raw_map
+from tests.persistence.test_stored import STORED, chain
 from tests.topology.floors import gated_floor_map, gates_of
 
-STORED = Path(__file__).parents[1] / "data" / "stored"
 MODELS = (
     *sorted(path.name for path in STORED.iterdir() if path.is_dir()),
     "backend_crf",
@@ -211,6 +215,32 @@ def seeds(folder: Path) -> None:
     (folder / "batch").mkdir()
     (folder / "batch" / MANIFEST_FILE).write_text(manifest_text(inputs, row, Outputs()))
     _write_models(folder)
+    _write_networks(folder)
+    messages = [("map", raw_map(grid)), *driven(drives.drive(1)[:3])]
+    (folder / "messages.json").write_bytes(
+        json_bytes([(what, raw.hex()) for what, raw in messages])
+    )
+
+
+def _write_networks(folder: Path) -> None:
+    """A network of a factor of three nodes and a loop, results for it, and a cut."""
+    rng = np.random.default_rng(0)
+    scopes = ((0,), (0, 1), (1, 2), (2, 3), (3, 0), (1, 3, 4))
+    sizes = (2, 3, 2, 2, 2)
+    tables = tuple(rng.normal(size=[sizes[node] for node in scope]) for scope in scopes)
+    network = FactorGraph.of(sizes, scopes, tables)
+    write_uai(folder / "network.uai", network)
+    network = read_uai(folder / "network.uai")
+    write_evidence(folder / "network.evid", np.array([-1, 2, -1, 0, -1]))
+    write_uai_result(folder / "network.MAP", decode_factors(network, "exact"), "MAP", graph=network)
+    beliefs = decode_factors(network, "sum-product")
+    write_uai_result(folder / "network.MAR", beliefs, "MAR", graph=network)
+    edges = np.array([(0, 1), (1, 2), (0, 3), (2, 3)])
+    capacities = [rng.random(4) for _ in range(4)]
+    write_dimacs(
+        folder / "cut.max",
+        CutProblem(capacities[0], capacities[1], edges, capacities[2], capacities[3]),
+    )
 
 
 def _write_journal(folder: Path, grid: OccupancyGrid) -> None:
@@ -251,13 +281,12 @@ def _write_graphs(folder: Path) -> None:
 
 def _write_learned(folder: Path) -> None:
     """A field and a semi-Markov model that have learned from a short chain."""
-    truth = np.repeat([0, 1, 2, 1], 6)
-    graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
-    unary = np.log(0.1 + 0.7 * np.eye(3)[truth])
-    problem = LabelingProblem(graph, NAMES, unary=unary)
+    problem = chain()
+    assert problem.unary is not None
+    truth = problem.unary.argmax(axis=1)
     for method in ("crf", "semi_markov"):
         backend = build(method).fit([problem], [truth])
-        save(backend, folder / f"backend_{method}", label_names=NAMES)
+        save(backend, folder / f"backend_{method}", label_names=problem.label_names)
 
 
 def _write_models(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Some spoiled files for every reader; ``make fuzz`` tries more of them."""
+"""Some spoiled files for every reader, read and used; ``make fuzz`` tries more of them."""
 
 from pathlib import Path
 
