@@ -66,7 +66,10 @@ def tidy_after_the_dead(out: Path) -> None:
     claims = out / _CLAIMS
     if claims.is_symlink():
         raise OutputError(f"cannot write {claims}: a symbolic link stands in its place; remove it")
-    for path in list(claims.iterdir()) if claims.is_dir() else ():
+    held: list[Path] = []
+    with suppress(FileNotFoundError):  # nobody holds claims
+        held += claims.iterdir()
+    for path in held:
         if not _CLAIM.fullmatch(path.name) or path.is_symlink() or not path.is_file():
             continue
         with claimed(path) as is_free:

@@ -35,7 +35,7 @@ class DaskWorkers:
     address : str
         Such as ``tcp://192.168.0.7:8786``.
     memory_bytes : int, optional
-        What each worker may take; while the batch lasts, Dask pauses and restarts workers by it.
+        What each task may take; it is done in a process beside the worker, which has this limit.
     patience_s : float
         How long to wait for the scheduler and for a first worker.
     """
@@ -52,8 +52,8 @@ class DaskWorkers:
         limit_s: float | None = None,
     ) -> Iterator[tuple[Any, Any]]:
         """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
-        if limit_s is not None:
-            memory = self.memory_bytes
+        memory = self.memory_bytes
+        if limit_s is not None or memory is not None:
             function = partial(done_beside, function, limit_s=limit_s, memory_bytes=memory)
         with self._client() as (distributed, client):
             under_way = _UnderWay(client, function, iter(tasks))
@@ -82,14 +82,7 @@ class DaskWorkers:
                     f"the Dask scheduler at {self.address} has no workers; start some: dask worker "
                     f"{self.address}"
                 ) from None
-            plugins = _memory_plugins(distributed, self.memory_bytes)
-            for plugin in plugins:
-                client.register_plugin(plugin)
-            try:
-                yield distributed, client
-            finally:
-                for plugin in plugins:
-                    _unregister(client, plugin)
+            yield distributed, client
 
 
 class _UnderWay:
@@ -138,31 +131,3 @@ def _result(distributed: Any, future: Any, address: str) -> Any:
             f"the Dask scheduler at {address} is gone; what is done is kept, so start it and run "
             "the same command again"
         ) from None
-
-
-def _memory_plugins(distributed: Any, n_bytes: int | None) -> list[Any]:
-    """What tells workers and their nannies of the limit; each puts its own back afterwards."""
-    if n_bytes is None:
-        return []
-
-    class Limit:
-        def setup(self, worker: Any = None, nanny: Any = None) -> None:
-            self.manager = (nanny if worker is None else worker).memory_manager
-            self.before, self.manager.memory_limit = self.manager.memory_limit, n_bytes
-
-        def teardown(self, worker: Any = None, nanny: Any = None) -> None:  # noqa: ARG002  as above
-            self.manager.memory_limit = self.before
-
-    class OfWorker(Limit, distributed.WorkerPlugin):  # type: ignore[misc]  # imported when needed
-        name, nanny = "pgm-places-memory", False
-
-    class OfNanny(Limit, distributed.NannyPlugin):  # type: ignore[misc]
-        name, nanny = "pgm-places-memory-of-nanny", True
-
-    return [OfWorker(), OfNanny()]
-
-
-def _unregister(client: Any, plugin: Any) -> None:
-    # One that was starting a worker anew when the others were told does not know of the plugin.
-    with suppress(KeyError):
-        client.unregister_worker_plugin(plugin.name, nanny=plugin.nanny)

@@ -12,7 +12,8 @@ from contextlib import contextmanager
 
 from pgm_places.errors import InputError
 
-_LEAST = 256 * 1000**2
+LEAST_MEMORY = 256 * 1000**2
+"""Bytes for a worker's libraries and a small map; each further thread may take as many."""
 
 
 def memory_bytes(text: str) -> int:
@@ -33,7 +34,7 @@ def memory_bytes(text: str) -> int:
         raise InputError(f"--memory expects a size such as 4GB or 500MiB, got {text!r}")
     number, unit, binary = found.groups()
     n_bytes = int(float(number) * (1024 if binary else 1000) ** ["", *"kmgt"].index(unit))
-    if n_bytes < _LEAST:
+    if n_bytes < LEAST_MEMORY:
         raise InputError(
             f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"
         )

@@ -159,19 +159,23 @@ _OF_THREAD = threading.local()
 
 
 def done_beside(
-    function: Callable[[Task], Any], task: Task, *, limit_s: float, memory_bytes: int | None = None
+    function: Callable[[Task], Any],
+    task: Task,
+    *,
+    limit_s: float | None = None,
+    memory_bytes: int | None = None,
 ) -> Any:
     """What a function makes of a task in a process beside this one, which stays for the next.
 
-    For workers of others, which are not ours to kill: ``OVERDUE`` where it took too long, None
-    where its process died each time.
+    For workers of others, which are not ours to kill or to limit: ``OVERDUE`` where it took too
+    long, None where its process died each time. Each limit of memory has a process of its own.
     """
-    process = getattr(_OF_THREAD, "process", None)
-    if process is None:
+    processes = _OF_THREAD.__dict__.setdefault("processes", {})
+    if memory_bytes not in processes:
         start_trackers()
-        process = _OF_THREAD.process = OwnProcess(memory_bytes=memory_bytes, idle_s=_IDLE_S)
+        processes[memory_bytes] = OwnProcess(memory_bytes=memory_bytes, idle_s=_IDLE_S)
     with _may_have_children():
-        return process.result(function, task, limit_s)
+        return processes[memory_bytes].result(function, task, limit_s)
 
 
 @contextmanager

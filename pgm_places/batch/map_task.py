@@ -298,7 +298,10 @@ def label_one(task: MapTask) -> Outcome:
     InputError
         This process runs another version, or finds another model.
     """
-    model = _same_model(task)
+    try:
+        model = _same_model(task)
+    except MemoryError as error:
+        return task.failure(error)
     try:
         with claimed(task.claim, task.name) as is_ours:
             if not is_ours:

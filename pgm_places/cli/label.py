@@ -60,7 +60,7 @@ def make_workers(
         The flags contradict each other, or name no size.
     """
     from pgm_places.batch.dask_workers import DaskWorkers
-    from pgm_places.batch.limits import memory_bytes
+    from pgm_places.batch.limits import LEAST_MEMORY, memory_bytes
     from pgm_places.batch.local_workers import LocalWorkers
     from pgm_places.kernels.threads import resolve_threads
 
@@ -71,7 +71,8 @@ def make_workers(
         return DaskWorkers(options.scheduler, memory), n_threads or 1
     cores = resolve_threads()
     jobs = min(options.jobs or cores, max(n_tasks, 1))
-    threads = n_threads or max(1, cores // jobs)
+    spare = cores // jobs if memory is None else min(cores // jobs, memory // LEAST_MEMORY)
+    threads = n_threads or max(1, spare)
     return LocalWorkers(jobs, threads, memory), threads
 
 

@@ -153,7 +153,8 @@ def tidy(path: Path | str) -> None:
     """
     target = Path(path)
     with staging.as_output_errors(target):
-        if not target.is_dir() and (target.exists() or target.is_symlink()):
+        # In this order: another process may make the folder between the two questions.
+        if (target.exists() or target.is_symlink()) and not target.is_dir():
             raise OutputError(
                 f"cannot write the folder {target}: a file of that name is in the way; choose "
                 "another path or remove it"

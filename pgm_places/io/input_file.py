@@ -4,6 +4,7 @@ import errno
 import hashlib
 import json
 import math
+import os
 import re
 import stat
 import tomllib
@@ -131,10 +132,16 @@ def as_unreadable(path: Path | str, error: type[InputError]) -> Iterator[None]:
         raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
+_PIECE = 1 << 16
+
+
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
     """The content of a file; parameters and errors are those of :func:`read_text`."""
     with open_input(path, error, what, max_bytes=max_bytes) as file, as_unreadable(path, error):
-        data = file.read(max_bytes + 1)
+        # As large as the file at most: to read takes as much memory as is asked for.
+        data = file.read(min(os.fstat(file.fileno()).st_size, max_bytes) + 1)
+        while len(data) <= max_bytes and (more := file.read(_PIECE)):
+            data += more
     if len(data) > max_bytes:  # it has grown since, or has no size, as in /proc
         raise error(f"{path}: larger than {max_bytes} bytes; expected {what}")
     return data

@@ -132,8 +132,9 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
     with staging.as_output_errors(shown):
         _tidy(shown)
         _check(shown, set(), "", force=force, shared=False)
-        if _record(shown) is None:
-            write_text(shown / RECORD_FILE, _record_text({}))
+        with staging.locked(shown.resolve()):
+            if _record(shown) is None:
+                write_text(shown / RECORD_FILE, _record_text({}))
     return shown
 
 
@@ -181,6 +182,11 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
     """Refuse what would be overwritten or removed without being ours."""
     if not folder.is_dir():
         return
+    # Listed before the record is read: of other processes that claim the folder now, whatever they
+    # write comes after their record, whose own stages do not count.
+    others = sorted(
+        path.name for path in folder.iterdir() if not staging.is_stage_of(path.name, RECORD_FILE)
+    )
     record = _record(folder)
     for name in sorted(names):
         if (folder / name).is_dir():
@@ -190,7 +196,6 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
             )
     if force:
         return
-    others = sorted(path.name for path in folder.iterdir())
     if others and record is None and not shared:
         raise OutputError(
             f"cannot write into {folder}: it holds files that pgm-places did not write, such as "

@@ -51,13 +51,20 @@ def is_staged(path: Path) -> bool:
     return not _IN_USE.isdisjoint(path.absolute().parents)
 
 
+def is_stage_of(entry: str, name: str) -> bool:
+    """Whether a folder is called like a stage for ``name``."""
+    return (
+        entry.startswith(f".{name}.")
+        and re.fullmatch(r"[0-9a-f]{12}\.(tmp|old)", entry.removeprefix(f".{name}.")) is not None
+    )
+
+
 def remove_leftovers(parent: Path, name: str) -> None:
     """Remove what killed runs left in ``parent`` of their stages for ``name``."""
     if fcntl is None or not parent.is_dir():
         return
-    pattern = re.compile(rf"\.{re.escape(name)}\.[0-9a-f]{{12}}\.(tmp|old)")
     with contextlib.suppress(OSError):  # a folder that cannot be listed hides nothing of ours
-        for path in [entry for entry in parent.iterdir() if pattern.fullmatch(entry.name)]:
+        for path in [entry for entry in parent.iterdir() if is_stage_of(entry.name, name)]:
             lock = _lock(path, wait=False)
             if lock is None:
                 continue
@@ -101,7 +108,10 @@ def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
         with as_output_errors(path):
             _refuse_link(path.parent)
             path.parent.mkdir(parents=True, exist_ok=True)
-            os.close(open_own(path, os.O_WRONLY | os.O_CREAT))
+            try:
+                os.close(open_own(path, os.O_WRONLY | os.O_CREAT))
+            except FileNotFoundError:  # another batch has just removed the empty folder
+                continue
         try:
             lock = _lock(path, wait=False)
         except OSError as error:
@@ -179,9 +189,9 @@ def make_folders(folder: Path) -> Iterator[None]:
     """The folder and its parents, created if needed; new ones are removed after an error."""
     missing = []
     for parent in (folder, *folder.parents):
-        if parent.is_dir():
-            break
-        if parent.exists():
+        if parent.exists():  # asked first: another process may make it now
+            if parent.is_dir():
+                break
             raise OutputError(
                 f"cannot write {folder}: {parent} is a file, not a folder; choose another path or "
                 "remove it"

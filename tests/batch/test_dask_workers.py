@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import pytest
 
-from pgm_places.batch.dask_workers import DaskWorkers, _unregister
+from pgm_places.batch.dask_workers import DaskWorkers
 from pgm_places.batch.local_workers import OVERDUE
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
@@ -42,7 +42,9 @@ def patient(address: str, memory_bytes: int | None = None) -> DaskWorkers:
 
 
 def memory_limit(_: int) -> int:
-    return int(distributed.get_worker().memory_manager.memory_limit)
+    import resource
+
+    return resource.getrlimit(resource.RLIMIT_DATA)[0]
 
 
 def test_every_task_comes_back_with_its_result(address: str) -> None:
@@ -100,22 +102,15 @@ def test_what_the_function_raises_is_raised_here(address: str) -> None:
         list(patient(address).run(refuse, range(6)))
 
 
-def test_workers_are_told_of_their_memory_while_the_batch_lasts(address: str) -> None:
-    before = {result for _, result in patient(address).run(memory_limit, range(8))}
-    told = {result for _, result in patient(address, 3_000_000_000).run(memory_limit, range(8))}
-    assert told == {3_000_000_000}
-    assert {result for _, result in patient(address).run(memory_limit, range(8))} == before
-
-
-def test_a_worker_that_was_never_told_is_not_an_error() -> None:
-    class Client:
-        def unregister_worker_plugin(self, name: str, nanny: bool) -> None:
-            raise KeyError(name)
-
-    class Plugin:
-        name, nanny = "memory", True
-
-    _unregister(Client(), Plugin())
+def test_a_limit_of_memory_is_that_of_its_run_alone(address: str) -> None:
+    resource = pytest.importorskip("resource")
+    none = resource.getrlimit(resource.RLIMIT_DATA)[0]
+    before = set(distributed.Client(address, set_as_default=False).run(os.getpid).values())
+    for limit in (3_000_000_000, None, 1_000_000_000, None):
+        for seconds in (None, 60.0):
+            run = patient(address, limit).run(memory_limit, range(8), limit_s=seconds)
+            assert {result for _, result in run} == {none if limit is None else limit}
+    assert set(distributed.Client(address, set_as_default=False).run(os.getpid).values()) == before
 
 
 def test_no_scheduler_is_one_line() -> None:

@@ -20,12 +20,13 @@ from pgm_places.batch import local_workers, map_task
 from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
+from pgm_places.batch.limits import LEAST_MEMORY
 from pgm_places.batch.local_workers import LocalWorkers
 from pgm_places.batch.map_task import LabelledRow, NoSpaceError
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
-from pgm_places.io.staging import claimed
+from pgm_places.io.staging import claimed, open_own
 from pgm_places.labelling.files import WrittenMap, label_file
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
@@ -350,6 +351,23 @@ def test_what_the_dead_left_is_removed(batch: Batch, maps: Path) -> None:
     assert not claim_of(out, "floor1/map").parent.exists()
 
 
+def test_a_claim_is_made_though_another_batch_removes_the_folder_of_claims(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = claim_of(tmp_path, "hall")
+    opened: list[Path] = []
+
+    def remove_first(path: Path, flags: int) -> int:
+        if not opened:
+            path.parent.rmdir()
+        opened.append(path)
+        return open_own(path, flags)
+
+    monkeypatch.setattr("pgm_places.io.staging.open_own", remove_first)
+    with claimed(file) as is_ours:
+        assert is_ours and file.exists()
+
+
 def test_shards_share_all_maps_and_never_move_one(batch: Batch, maps: Path) -> None:
     counts = [batch(how={"shard": Shard(number, 3)}) for number in (1, 2, 3)]
     assert sum(found.n_labelled + found.n_failed for found in counts) == 3
@@ -390,6 +408,23 @@ def test_a_map_that_takes_too_long_is_given_up(
     )
     assert not list((maps.parent / "out").rglob(".*.tmp"))
     assert batch(how={"limit_s": 600.0}).n_labelled == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")
+def test_small_maps_are_labelled_with_the_least_memory(batch: Batch) -> None:
+    assert batch(LocalWorkers(1, 1, LEAST_MEMORY)).n_labelled == 2
+
+
+def test_a_model_that_does_not_fit_is_a_failure_of_the_map(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def too_large(*_: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(map_task, "_ready", too_large)
+    assert batch().n_failed == 3
+    failed = failures(maps.parent / "out")["floor1/map"]
+    assert failed["message"] == "out of memory; raise --memory, or use fewer jobs"
 
 
 class Hanging(LocalWorkers):

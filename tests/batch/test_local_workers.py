@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.batch import local_workers
-from pgm_places.batch.local_workers import OVERDUE, LocalWorkers
+from pgm_places.batch.local_workers import OVERDUE, LocalWorkers, done_beside
 from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
 
 
@@ -86,6 +86,20 @@ def test_memory_is_limited() -> None:
     limited = LocalWorkers(1, memory_bytes=600_000_000)
     assert [result for _, result in limited.run(take_a_gigabyte, [0])] == ["refused"]
     assert [result for _, result in LocalWorkers(1).run(take_a_gigabyte, [0])] == ["taken"]
+
+
+def data_limit(_: int) -> int:
+    import resource
+
+    return resource.getrlimit(resource.RLIMIT_DATA)[0]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")
+def test_a_limit_of_memory_does_not_stick_to_a_worker_of_others() -> None:
+    none = data_limit(0)
+    for limit in (3_000_000_000, None, 1_000_000_000):
+        found = done_beside(data_limit, 0, limit_s=60.0, memory_bytes=limit)
+        assert found == (none if limit is None else limit)
 
 
 def test_processes_end_when_the_results_are_not_wanted_any_more() -> None:

@@ -2,12 +2,13 @@
 
 import os
 import threading
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.input_file import file_kind, is_address, open_input, user_path
+from pgm_places.io.input_file import file_kind, is_address, open_input, read_bytes, user_path
 from pgm_places.io.output_set import output_set
 
 
@@ -82,3 +83,25 @@ def test_kinds_of_files(tmp_path: Path) -> None:
     found = [file_kind(tmp_path / name) for name in ("", "file", "none", "a" * 300, "a\0b")]
     assert found == ["folder", "file", None, None, None]
     assert file_kind(Path("/dev/null")) == "other"
+
+
+def test_reading_takes_the_memory_of_the_file_rather_than_of_the_largest_one(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_bytes(b"12345")
+    tracemalloc.start()
+    try:
+        found = read_bytes(tmp_path / "file", MapError, "digits", max_bytes=1 << 30)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found == b"12345"
+    assert peak < 1 << 20
+
+
+@pytest.mark.skipif(not Path("/proc/version").exists(), reason="needs a file without a size")
+def test_a_file_without_a_size_is_read_whole() -> None:
+    path = Path("/proc/version")
+    assert read_bytes(path, MapError, "a version", max_bytes=1000) == path.read_bytes()
+    with pytest.raises(MapError, match="larger than 3 bytes"):
+        read_bytes(path, MapError, "a version", max_bytes=3)

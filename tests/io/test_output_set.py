@@ -2,14 +2,16 @@
 
 import json
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import atomic_folder, write_text
 from pgm_places.io.output_set import RECORD_FILE, claim, output_set
-from pgm_places.io.staging import UNFINISHED
+from pgm_places.io.staging import UNFINISHED, stage
 
 
 def write(
@@ -266,3 +268,35 @@ def test_what_is_written_with_a_set_is_flushed_to_disk_once_before_it_stands_the
     inside = [path.stat().st_ino for path in (out, *out.rglob("*"))]
     assert len(inside) == 5  # with the folders and the record
     assert sorted(flushed) == sorted([*inside, tmp_path.stat().st_ino])
+
+
+def test_a_new_folder_may_be_claimed_by_many_at_once(tmp_path: Path) -> None:
+    n = 4
+    barrier = Barrier(n, timeout=60)
+
+    def claims(_: int) -> None:
+        for number in range(30):
+            barrier.wait()
+            try:
+                claim(tmp_path / str(number))
+            except OutputError:
+                barrier.abort()
+                raise
+            (tmp_path / str(number) / "results").mkdir(exist_ok=True)
+
+    with ThreadPoolExecutor(n) as threads:
+        list(threads.map(claims, range(n)))
+    for number in range(30):
+        assert {path.name for path in (tmp_path / str(number)).iterdir()} == {
+            RECORD_FILE,
+            "results",
+        }
+
+
+def test_a_folder_that_another_process_is_about_to_claim_is_not_foreign(tmp_path: Path) -> None:
+    with stage(tmp_path, RECORD_FILE):
+        claim(tmp_path)
+    (tmp_path / RECORD_FILE).unlink()
+    (tmp_path / "notes.txt").write_text("mine")
+    with stage(tmp_path, RECORD_FILE), pytest.raises(OutputError, match=r"such as notes\.txt"):
+        claim(tmp_path)
