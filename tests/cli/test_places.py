@@ -100,7 +100,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "nav2-rout"], "Did you mean 'nav2-route'"),
         (["export", "--to", "dot", "--keep-out", "room"], "takes no --keep-out; nav2 and nav2-r"),
         (["export", "--to", "nav2-route", "--keep-out", "rom"], "there is no place 'rom'"),
-        (["export", "--to", "nav2-route", "--map", "m.yaml"], "takes no --map; nav2 does"),
+        (["export", "--to", "nav2-route", "--map", "m.yaml"], "takes no --map; nav2 and map do"),
         (["export", "--to", "nav2", "--keep-out", "rom"], "there is no place 'rom'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
