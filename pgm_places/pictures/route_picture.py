@@ -48,12 +48,21 @@ def write_routes(
         write_nav2_route(folder / ROUTE_FILE, topology, routes)
     else:
         write_nav2(folder, topology, routes, **for_nav2)
-    write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, routes).png())
+    if routes.edges:
+        write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, routes).png())
     return routes
 
 
 def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:
     """How large a graph is and how narrow its ways are; the places that cannot be reached."""
+    if not routes.edges:
+        why = (
+            "the map has one place, and all of it is near one point"
+            if len(topology.regions) == 1
+            else "no two places are connected by a passage wide enough for a radius of "
+            f"{routes.robot_radius_m:g} m"
+        )
+        return f"no route graph: {why}; Nav2's planner finds the ways to the poses without one"
     least_m = min(edge.clearance_m for edge in routes.edges)
     line = (
         f"routes: {len(routes.nodes)} nodes, {len(routes.edges)} edges, all at least "

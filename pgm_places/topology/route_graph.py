@@ -141,6 +141,19 @@ def route_graph(
     return _in_metres(roads_through(space), tuple(sorted(closed)))
 
 
+def standing_points(
+    topology: TopologicalMap, *, robot_radius_m: float, closed: Collection[int] = ()
+) -> dict[int, tuple[float, float]]:
+    """By the id of each place with room for a disc, a point where it can stand.
+
+    That is the place's anchor, or its roomiest point if the disc does not fit there.
+    """
+    space = RouteSpace(topology, robot_radius_m, closed)
+    cells = space.targets()
+    points = space.in_metres(cells).tolist()
+    return {space.region_at(cell): (x, y) for cell, (x, y) in zip(cells, points, strict=True)}
+
+
 def _in_metres(roads: Roads, closed: tuple[int, ...]) -> RouteGraph:
     """The roads in the frame of the map."""
     space, kept = roads.space, sorted(node for node, others in roads.links.items() if others)

@@ -12,7 +12,7 @@ from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
-from pgm_places.topology.route_graph import RouteGraph
+from pgm_places.topology.route_graph import RouteGraph, standing_points
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["route_features", "write_nav2", "write_nav2_route"]
@@ -192,7 +192,7 @@ def write_nav2(
     Server; ``poses.yaml`` holds a pose for every place by its name, and the id of its node; masks
     limit the speed and keep the robot out; ``nav2_params.yaml`` has the parameters of all servers,
     and what the costmaps and the controller need of them, in one file; ``places.launch.py`` starts
-    the servers.
+    the servers. A graph without edges is left out, and the Route Server with it.
 
     Parameters
     ----------
@@ -211,17 +211,26 @@ def write_nav2(
     Raises
     ------
     InputError
-        There is no route, a name or value that does not fit, or a map with another frame than the
-        places.
+        The robot fits into no place, a name or value does not fit, or the map has another frame
+        than the places.
     OutputError
         Where a file cannot be written.
     """
     home = (lies_in or folder).resolve()
     speeds = speeds_m_s or {}
-    written = [write_nav2_route(folder / ROUTE, topology, routes, speeds_m_s=speeds)]
-    servers = [("nav2_route", "route_server", "route_server")]
-    routing = _route_server(home / ROUTE, speeds)
-    merged: dict[str, Any] = {"route_server": {"ros__parameters": routing}}
+    poses = _poses(topology, routes)
+    if not poses:
+        raise InputError(
+            f"a robot with a radius of {routes.robot_radius_m:g} m fits into no place of the map; "
+            "pass its own radius, or let it into more places"
+        )
+    written: list[Path] = []
+    servers: list[tuple[str, str, str]] = []
+    merged: dict[str, Any] = {}
+    if routes.edges:
+        written = [write_nav2_route(folder / ROUTE, topology, routes, speeds_m_s=speeds)]
+        servers = [("nav2_route", "route_server", "route_server")]
+        merged = {"route_server": {"ros__parameters": _route_server(home / ROUTE, speeds)}}
     if grid is not None:
         check_frame(grid, topology)
         path = save_map(grid, folder / MAP)
@@ -244,15 +253,17 @@ def write_nav2(
             servers.append(("nav2_map_server", executable, own))
             merged[own] = parameters.pop(server)
         _merge(merged, parameters)
-    names = [name for _, _, name in servers]
-    merged[MANAGER] = {"ros__parameters": {"autostart": True, "node_names": names}}
-    servers.append(("nav2_lifecycle_manager", "lifecycle_manager", MANAGER))
-    listed = "\n".join(f"    {server!r}," for server in servers)
-    launch = _LAUNCH.format(parameters=str(home / PARAMETERS), servers=listed)
-    written.append(write_text(folder / PARAMETERS, yaml.safe_dump(merged, sort_keys=False)))
-    written.append(write_text(folder / LAUNCH, launch))
-    poses = yaml.safe_dump(_poses(topology, routes), sort_keys=False, allow_unicode=True)
-    return [*written, write_text(folder / POSES, poses)]
+    if servers:
+        names = [name for _, _, name in servers]
+        merged[MANAGER] = {"ros__parameters": {"autostart": True, "node_names": names}}
+        servers.append(("nav2_lifecycle_manager", "lifecycle_manager", MANAGER))
+        listed = "\n".join(f"    {server!r}," for server in servers)
+        launch = _LAUNCH.format(parameters=str(home / PARAMETERS), servers=listed)
+        written.append(write_text(folder / LAUNCH, launch))
+    if merged:
+        written.append(write_text(folder / PARAMETERS, yaml.safe_dump(merged, sort_keys=False)))
+    text = yaml.safe_dump(poses, sort_keys=False, allow_unicode=True)
+    return [*written, write_text(folder / POSES, text)]
 
 
 def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
@@ -305,15 +316,26 @@ def _merge(into: dict[str, Any], parameters: Mapping[str, Any]) -> None:
 
 
 def _poses(topology: TopologicalMap, routes: RouteGraph) -> dict[str, Any]:
-    """A pose for each place that the robot can and may reach, by its name."""
-    return {
-        topology.place(node.region).name: {
-            "frame_id": "map",
-            "x": round(node.point_m[0], 3),
-            "y": round(node.point_m[1], 3),
-            "yaw": 0.0,
-            "node": node.region,
-        }
+    """A pose for each place that the robot can and may reach, by its name.
+
+    Without edges for each that it fits into, and without the ids of nodes, which there are none of.
+    """
+    points = {
+        node.region: node.point_m
         for node in routes.nodes
         if node.is_anchor and node.region not in routes.unreachable
+    }
+    if not routes.edges:
+        points = standing_points(
+            topology, robot_radius_m=routes.robot_radius_m, closed=routes.closed
+        )
+    return {
+        topology.place(number).name: {
+            "frame_id": "map",
+            "x": round(x, 3),
+            "y": round(y, 3),
+            "yaw": 0.0,
+            **({"node": number} if routes.edges else {}),
+        }
+        for number, (x, y) in points.items()
     }

@@ -14,6 +14,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.nav2_folder import write_nav2
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
 from tests.io.places.nav2_loaders import SERVERS, check_parameters, float_of, graph_of, map_of
@@ -210,3 +211,51 @@ def test_a_way_beside_an_open_place_to_keep_out_of_avoids_its_mask(
         [(start, end)] = edge["line"]
         along = np.linspace(start, end, 200)
         assert not mask[tuple(grid.cells_at_m(along).T)].any()
+
+
+class TestWithoutRoutes:
+    """Maps of one small place, and places that no passage connects."""
+
+    def written(self, folder: Path, labels: list[list[int]], **options: Any) -> list[str]:
+        cells = np.where(np.array(labels) < 0, 100, 0).astype(np.int8)
+        topology = topological_map(OccupancyGrid(cells, 0.5), labels, ["room", "hall"])
+        routes = route_graph(topology, robot_radius_m=options.pop("robot_radius_m", 0.2))
+        assert not routes.edges
+        written = write_nav2(folder, topology, routes, grid=topology.grid, **options)
+        return sorted(path.name for path in written)
+
+    def test_a_map_of_one_place_has_its_map_and_its_pose(self, tmp_path: Path) -> None:
+        room = [[-1] * 5, *[[-1, 0, 0, 0, -1]] * 3, [-1] * 5]
+        assert self.written(tmp_path, room) == [
+            *("map.png", "map.yaml", "nav2_params.yaml", "poses.yaml")
+        ]
+        assert parameters(tmp_path) == {
+            "map_server": {"ros__parameters": {"yaml_filename": str(tmp_path / "map.yaml")}}
+        }
+        poses = yaml.safe_load((tmp_path / "poses.yaml").read_text())
+        assert poses == {
+            "room 1": {"frame_id": "map", "x": 1.25, "y": 1.25, "yaw": 0.0},
+        }
+
+    def test_masks_have_their_servers_but_there_is_no_route_server(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        room = [[-1] * 5, *[[-1, 0, 0, 0, -1]] * 3, [-1] * 5]
+        names = self.written(tmp_path, room, speeds_m_s={"room": 0.3})
+        assert "nav2_route.geojson" not in names
+        started = [node["name"] for node in launched(tmp_path, monkeypatch)]
+        assert started == [
+            "speed_m_s_filter_mask_server",
+            "speed_m_s_costmap_filter_info_server",
+            "lifecycle_manager_places",
+        ]
+
+    def test_places_that_nothing_connects_have_poses_all_the_same(self, tmp_path: Path) -> None:
+        apart = [[0, 0, -1, 1, 1], [0, 0, -1, 1, 1]]
+        self.written(tmp_path, apart)
+        poses = yaml.safe_load((tmp_path / "poses.yaml").read_text())
+        assert list(poses) == ["room 1", "hall 2"]
+
+    def test_a_robot_that_fits_nowhere_is_refused(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="radius of 3 m fits into no place"):
+            self.written(tmp_path, [[0, 0], [0, 0]], robot_radius_m=3.0)
