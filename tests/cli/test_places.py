@@ -77,7 +77,14 @@ def test_where(places: Path, run: Run) -> None:
         (
             "nav2",
             ["--set", "corridor=0.8", "--keep-out", "room"],
-            ["nav2_route.geojson", "nav2_params.yaml", "places.launch.py", "poses.yaml"],
+            [
+                "nav2_route.geojson",
+                "nav2_params.yaml",
+                "bringup.launch.py",
+                "places.launch.py",
+                "go_to_place.py",
+                "poses.yaml",
+            ],
         ),
         ("zones", [], ["zones.png", "zones.yaml", "zones_params.yaml"]),
         ("keepout", ["--set", "room=100"], ["keepout.png"]),

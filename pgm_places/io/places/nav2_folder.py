@@ -10,6 +10,14 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json, write_text
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
+from pgm_places.io.places.nav2_scripts import (
+    BRINGUP,
+    BRINGUP_TEXT,
+    EXAMPLE,
+    EXAMPLE_TEXT,
+    LAUNCH,
+    LAUNCH_TEXT,
+)
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph, standing_points
@@ -148,33 +156,12 @@ def write_nav2_route(
 
 
 MAP, ROUTE, PARAMETERS = "map", "nav2_route.geojson", "nav2_params.yaml"
-LAUNCH, POSES = "places.launch.py", "poses.yaml"
+POSES = "poses.yaml"
 SERVERS = ("filter_mask_server", "costmap_filter_info_server")
 MANAGER = "lifecycle_manager_places"
 
 PLAIN_SPEED_M_S = 0.5
 """What Nav2's TimeScorer takes for the speed where there is no limit."""
-
-_LAUNCH = '''\
-"""Starts the servers of the places: routes, masks, and the manager that activates them."""
-
-from launch import LaunchDescription
-from launch_ros.actions import Node
-
-PARAMETERS = {parameters!r}
-SERVERS = [
-{servers}
-]
-
-
-def generate_launch_description():
-    return LaunchDescription(
-        [
-            Node(package=package, executable=executable, name=name, parameters=[PARAMETERS])
-            for package, executable, name in SERVERS
-        ]
-    )
-'''
 
 
 def write_nav2(
@@ -191,8 +178,10 @@ def write_nav2(
     ``map.yaml`` and ``map.png`` are the map; ``nav2_route.geojson`` is the graph of the Route
     Server; ``poses.yaml`` holds a pose for every place by its name, and the id of its node; masks
     limit the speed and keep the robot out; ``nav2_params.yaml`` has the parameters of all servers,
-    and what the costmaps and the controller need of them, in one file; ``places.launch.py`` starts
-    the servers. A graph without edges is left out, and the Route Server with it.
+    and what the costmaps and the controller need of them, in one file. ``bringup.launch.py`` starts
+    Nav2 with all of it, from Kilted on; ``places.launch.py`` starts the servers beside an earlier
+    one; ``go_to_place.py`` drives to a place by its name. A graph without edges is left out, and
+    the Route Server with it.
 
     Parameters
     ----------
@@ -224,17 +213,20 @@ def write_nav2(
             f"a robot with a radius of {routes.robot_radius_m:g} m fits into no place of the map; "
             "pass its own radius, or let it into more places"
         )
+    files: dict[str, str] = {}  # arguments of nav2_bringup's launch file
     written: list[Path] = []
     servers: list[tuple[str, str, str]] = []
     merged: dict[str, Any] = {}
     if routes.edges:
         written = [write_nav2_route(folder / ROUTE, topology, routes, speeds_m_s=speeds)]
+        files["graph"] = ROUTE
         servers = [("nav2_route", "route_server", "route_server")]
         merged = {"route_server": {"ros__parameters": _route_server(home / ROUTE, speeds)}}
     if grid is not None:
         check_frame(grid, topology)
         path = save_map(grid, folder / MAP)
         written += [path, path.with_suffix(".png")]
+        files["map"] = path.name
         merged["map_server"] = {"ros__parameters": {"yaml_filename": str(home / path.name)}}
     masks: list[tuple[FilterKind, Mapping[str, float], float]] = []
     if routes.closed:
@@ -244,12 +236,14 @@ def write_nav2(
         masks.append(("speed-m-s", speeds, 0.0))
     for kind, values, radius_m in masks:
         name = kind.replace("-", "_")
+        server_name = kind.partition("-")[0]  # of the nodes of nav2_bringup
+        files[f"{server_name}_mask"] = f"{name}.yaml"
         parameters: dict[str, Any] = {}
         options: dict[str, Any] = {"robot_radius_m": radius_m, "parameters": parameters}
         stem = folder / name
         written += write_filter_mask(stem, topology, kind, values=values, lies_in=home, **options)
         for server, executable in zip(SERVERS, ("map_server", SERVERS[1]), strict=True):
-            own = f"{name}_{server}"
+            own = f"{server_name}_{server}"
             servers.append(("nav2_map_server", executable, own))
             merged[own] = parameters.pop(server)
         _merge(merged, parameters)
@@ -258,10 +252,13 @@ def write_nav2(
         merged[MANAGER] = {"ros__parameters": {"autostart": True, "node_names": names}}
         servers.append(("nav2_lifecycle_manager", "lifecycle_manager", MANAGER))
         listed = "\n".join(f"    {server!r}," for server in servers)
-        launch = _LAUNCH.format(parameters=str(home / PARAMETERS), servers=listed)
+        launch = LAUNCH_TEXT.format(parameters=str(home / PARAMETERS), servers=listed)
         written.append(write_text(folder / LAUNCH, launch))
     if merged:
         written.append(write_text(folder / PARAMETERS, yaml.safe_dump(merged, sort_keys=False)))
+        bringup = BRINGUP_TEXT.format(files=files, parameters=PARAMETERS)
+        written.append(write_text(folder / BRINGUP, bringup))
+    written.append(write_text(folder / EXAMPLE, EXAMPLE_TEXT))
     text = yaml.safe_dump(poses, sort_keys=False, allow_unicode=True)
     return [*written, write_text(folder / POSES, text)]
 

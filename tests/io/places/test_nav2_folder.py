@@ -1,9 +1,7 @@
 """The folder for Nav2: one file of parameters for all servers, and a launch file that fits it."""
 
 import dataclasses
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,37 +16,14 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
 from tests.io.places.nav2_loaders import SERVERS, check_parameters, float_of, graph_of, map_of
+from tests.io.places.nav2_scripts import folder, launched
 from tests.topology.floors import NAMES, floor_grid, floor_map
 
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    topology = floor_map()
-    write_nav2(
-        tmp_path,
-        topology,
-        route_graph(topology, robot_radius_m=0.3, closed=topology.ids_of(["room 3"])),
-        speeds_m_s={"corridor": 1, "doorway": 0.3, "room 2": 0.1},
-        grid=topology.grid,
-    )
-    return tmp_path
+__all__ = ["folder"]  # a fixture
 
 
 def parameters(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = yaml.safe_load((folder / "nav2_params.yaml").read_text())
-    return found
-
-
-def launched(folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """The nodes that the launch file starts, with stand-ins for launch and launch_ros."""
-    launch, ros, actions = (ModuleType(n) for n in ("launch", "launch_ros", "launch_ros.actions"))
-    launch.LaunchDescription = list  # type: ignore[attr-defined]
-    actions.Node = dict  # type: ignore[attr-defined]
-    for module in (launch, ros, actions):
-        monkeypatch.setitem(sys.modules, module.__name__, module)
-    names: dict[str, Any] = {}
-    exec(compile((folder / "places.launch.py").read_text(), "places.launch.py", "exec"), names)
-    found: list[dict[str, Any]] = names["generate_launch_description"]()
     return found
 
 
@@ -62,7 +37,10 @@ def test_every_server_is_started_managed_and_has_its_parameters(
     assert len(names) == 6  # routes, two servers for each of two masks, and the manager
     for node in nodes:
         assert "ros__parameters" in given[node["name"]]
-        assert node["parameters"] == [str(folder.resolve() / "nav2_params.yaml")]
+        rewritten, clock = node["parameters"]
+        assert rewritten["source_file"] == str(folder.resolve() / "nav2_params.yaml")
+        assert (rewritten["root_key"], node["namespace"]) == ("namespace", "namespace")
+        assert clock == {"use_sim_time": "use_sim_time"}
     graph = given["route_server"]["ros__parameters"]["graph_filepath"]
     assert Path(graph).is_absolute()
     assert Path(graph).is_file()
@@ -227,7 +205,8 @@ class TestWithoutRoutes:
     def test_a_map_of_one_place_has_its_map_and_its_pose(self, tmp_path: Path) -> None:
         room = [[-1] * 5, *[[-1, 0, 0, 0, -1]] * 3, [-1] * 5]
         assert self.written(tmp_path, room) == [
-            *("map.png", "map.yaml", "nav2_params.yaml", "poses.yaml")
+            *("bringup.launch.py", "go_to_place.py", "map.png", "map.yaml"),
+            *("nav2_params.yaml", "poses.yaml"),
         ]
         assert parameters(tmp_path) == {
             "map_server": {"ros__parameters": {"yaml_filename": str(tmp_path / "map.yaml")}}
@@ -245,8 +224,8 @@ class TestWithoutRoutes:
         assert "nav2_route.geojson" not in names
         started = [node["name"] for node in launched(tmp_path, monkeypatch)]
         assert started == [
-            "speed_m_s_filter_mask_server",
-            "speed_m_s_costmap_filter_info_server",
+            "speed_filter_mask_server",
+            "speed_costmap_filter_info_server",
             "lifecycle_manager_places",
         ]
 
