@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pgm_places.errors import InputError
+from pgm_places.io.places.result_folder import places_path
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.maps.components import connected_components
 from pgm_places.topology.cuts import cut_along
@@ -112,7 +113,7 @@ def main() -> None:
     total = Counter[str]()
     for path in sorted(given.maps.glob("*/labels.png")):
         folder = given.labelled / path.parent.name / "map"
-        if not (folder / "topology.json").exists():
+        if not places_path(folder).exists():
             continue
         topology, rooms = load_topology(folder), rooms_of(path)
         if topology.region.shape == rooms.shape:

@@ -35,8 +35,8 @@ def test_no_writer_replaces_a_file_of_another_kind(tmp_path: Path) -> None:
     assert not (tmp_path / "labels.pgm").exists()
     p.save_labels(tmp_path / "labels.png", item.labels, NAMES)  # once more: the same kind
     p.save_map(item.grid, tmp_path / "office", image_format="pgm")
-    (tmp_path / "topology.json").write_text('{"mine": 1}')
-    with pytest.raises(OutputError, match=r"topology\.json: it is JSON"):
+    (tmp_path / "places.json").write_text('{"mine": 1}')
+    with pytest.raises(OutputError, match=r"places\.json: it is JSON"):
         save_topology(tmp_path, p.topological_map(item.grid, item.labels, NAMES))
 
 

@@ -14,14 +14,22 @@ from pgm_places._extras import needed
 from pgm_places.batch.far_maps import results_of
 from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.map_task import MANIFEST_FILE, Failure, LabelledRow, labelled_row
+from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import atomic_file, write_json
 from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
 from pgm_places.io.output_set import claim
-from pgm_places.io.places.topology_files import MAX_BYTES, TOPOLOGY_FILE
+from pgm_places.io.places.result_folder import (
+    DETAILS,
+    MANIFEST_FILE,
+    OLD_PLACES_FILE,
+    PLACES_FILE,
+    detail_path,
+    places_path,
+)
+from pgm_places.io.places.topology_files import MAX_BYTES
 from pgm_places.io.staging import claimed, remove_leftovers
 from pgm_places.progress import Progress
 
@@ -125,7 +133,8 @@ def index_folder(
         The lists cannot be written, or files of the user's own are in their way.
     """
     if is_address(folder):
-        wanted = (MANIFEST_FILE, TOPOLOGY_FILE) if parquet else (MANIFEST_FILE,)
+        places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
+        wanted = (Path(MANIFEST_FILE).name, *places)
         shown = address_of(folder)
         with results_of(folder, wanted, LISTS) as (here, put):
             _check_holds_results(shown, here)
@@ -167,14 +176,16 @@ def _listed(lists: Lists, shown: str, parquet: bool, *, force: bool, progress: P
 def _labelled(out: Path) -> Iterator[tuple[LabelledRow, float]]:
     """The labelled maps below a folder in order, each with the time that it was labelled at."""
     root = recorded_root(out)
-    for folder, below, files in os.walk(out):
+    for folder, below, _ in os.walk(out):
         below[:] = sorted(name for name in below if not name.startswith("."))
-        name = Path(folder).relative_to(out).as_posix()
-        if MANIFEST_FILE not in files or name == ".":
+        manifest = detail_path(Path(folder), MANIFEST_FILE)
+        if not manifest.exists():
             continue
-        row = labelled_row(Path(folder), name)
+        below[:] = [name for name in below if name != DETAILS]
+        name = Path(folder).relative_to(out).as_posix()
+        row = None if name == "." else labelled_row(Path(folder), name)
         if row is not None:
-            yield _in_root(row, root), (Path(folder) / MANIFEST_FILE).stat().st_mtime
+            yield _in_root(row, root), manifest.stat().st_mtime
 
 
 def _in_root(row: LabelledRow, root: Path | None) -> LabelledRow:
@@ -239,7 +250,7 @@ def _places(folder: Path, name: str) -> list[dict[str, Any]]:
     """The places of one map; none where its file is damaged or gone."""
     try:
         wanted = "a topological map"
-        record = read_json(folder / TOPOLOGY_FILE, InputError, wanted, max_bytes=MAX_BYTES)
+        record = read_json(places_path(folder), InputError, wanted, max_bytes=MAX_BYTES)
         near: dict[int, set[int]] = {}
         for item in record["connections"]:
             near.setdefault(int(item["first"]), set()).add(int(item["second"]))

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.map_task import (
-    MANIFEST_FILE,
     Elsewhere,
     LabelledRow,
     MapTask,
@@ -19,10 +18,13 @@ from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import RECORD_FILE, written_names
-from pgm_places.io.places.topology_files import NAMES_FILE
+from pgm_places.io.places.result_folder import MANIFEST_FILE, NAMES_FILE
 from pgm_places.io.strict_yaml import read_yaml
 
-_LOOKED_AT = (MANIFEST_FILE, RECORD_FILE, NAMES_FILE)
+_MANIFESTS = (MANIFEST_FILE, PurePosixPath(MANIFEST_FILE).name)
+"""The manifest, and where earlier versions left it."""
+
+_LOOKED_AT = (*_MANIFESTS, RECORD_FILE, NAMES_FILE)
 """The files of a result that say whether it is done."""
 
 
@@ -98,9 +100,9 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
 def _has_manifest(task: MapTask) -> bool:
     """Whether there is something to compare a map with: it need not be fetched otherwise."""
     if not is_address(task.folder):
-        return (task.folder / MANIFEST_FILE).exists()
+        return any((task.folder / name).exists() for name in _MANIFESTS)
     with _between_machines():
-        return FarFolder.at(task.folder / MANIFEST_FILE, OutputError).exists()
+        return any(FarFolder.at(task.folder / name, OutputError).exists() for name in _MANIFESTS)
 
 
 @contextmanager
@@ -168,7 +170,7 @@ def _fetched_map(task: MapTask, here: Path) -> Path:
 def _look_at(far: FarFolder, here: Path) -> None:
     """Of a result, what says whether it is done; all other files as empty ones."""
     names = far.names()
-    if MANIFEST_FILE not in names:
+    if not set(names).intersection(_MANIFESTS):
         return
     for name in names:
         if name in _LOOKED_AT:
@@ -181,7 +183,7 @@ def _look_at(far: FarFolder, here: Path) -> None:
 def _fetch_all(far: FarFolder, here: Path) -> None:
     """What an earlier run left; of a result that it did not complete only what the user gave."""
     names = far.names()
-    if RECORD_FILE in names and MANIFEST_FILE not in names:
+    if RECORD_FILE in names and not set(names).intersection(_MANIFESTS):
         names = [name for name in names if name in (NAMES_FILE, RECORD_FILE)]
     for name in names:
         far.fetch(name, here / name)
@@ -190,6 +192,6 @@ def _fetch_all(far: FarFolder, here: Path) -> None:
 def _put_result(here: Path, far: FarFolder, before: set[str]) -> None:
     """Copy a result, and remove what only an earlier one had; files of the user's own stay."""
     ours = written_names(here)
-    far.remove([MANIFEST_FILE], OutputError)
+    far.remove(_MANIFESTS, OutputError)
     far.put(here, [RECORD_FILE, *sorted(ours - {MANIFEST_FILE}), MANIFEST_FILE], OutputError)
     far.remove(sorted(before - ours), OutputError)

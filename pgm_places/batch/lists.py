@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.batch.growing_table import GrowingTable, Row, sort_key
-from pgm_places.batch.map_task import MANIFEST_FILE, Failure, LabelledRow
+from pgm_places.batch.map_task import Failure, LabelledRow
 from pgm_places.batch.overview import PAGE_MARK, Overview, overview_page
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import is_as_written
+from pgm_places.io.places.result_folder import MANIFEST_FILE, detail_path
 from pgm_places.io.staging import locked
 
 SUMMARY_FILE, FAILURE_FILE, INDEX_FILE = "summary.csv", "failures.csv", "index.html"
@@ -165,7 +166,7 @@ class Lists:
         if not is_row:
             return is_there
         row["in_input"] = "yes" if is_there else "no"
-        return given or (self.out / row["name"] / MANIFEST_FILE).exists()
+        return given or detail_path(self.out / row["name"], MANIFEST_FILE).exists()
 
 
 class _FurtherLabelError(Exception):

@@ -19,7 +19,12 @@ from pgm_places.io.far_files import address_of
 from pgm_places.io.input_file import is_address, read_json, sha256_of
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.output_set import has_all_files, output_set
-from pgm_places.io.places.topology_files import NAMES_FILE
+from pgm_places.io.places.result_folder import (
+    MANIFEST_FILE,
+    NAMES_FILE,
+    THUMBNAIL_FILE,
+    detail_path,
+)
 from pgm_places.io.staging import claimed
 from pgm_places.labelling.files import WrittenMap, label_file, output_file_names
 from pgm_places.labelling.model import LoadedModel
@@ -122,7 +127,6 @@ class Elsewhere:
 Outcome = LabelledRow | Failure | Elsewhere
 
 
-MANIFEST_FILE = "manifest.json"
 _FORMAT, _SCHEMA = "pgm-places labelled map", 1
 _MAX_BYTES = 1 << 20
 
@@ -209,16 +213,13 @@ def warnings_of(folder: Path) -> tuple[str, ...]:
 
 def _record(folder: Path) -> dict[str, Any] | None:
     """The content of a folder's manifest; None where there is none, or it is no manifest."""
-    path = folder / MANIFEST_FILE
+    path = detail_path(folder, MANIFEST_FILE)
     try:
         record = read_json(path, InputError, "a labelled map's manifest", max_bytes=_MAX_BYTES)
         known = (record["format"], record["schema"]) == (_FORMAT, _SCHEMA)
     except (InputError, LookupError, TypeError):
         return None
     return record if known else None
-
-
-THUMBNAIL_FILE = "thumbnail.png"
 
 
 class NoSpaceError(OutputError):

@@ -7,7 +7,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from pgm_places.batch.growing_table import Row
-from pgm_places.batch.map_task import THUMBNAIL_FILE, warnings_of
+from pgm_places.batch.map_task import warnings_of
+from pgm_places.io.places.result_folder import THUMBNAIL_FILE, detail_path
 from pgm_places.palette import label_swatches
 from pgm_places.report.page import render
 
@@ -96,7 +97,7 @@ def overview_page(overview: Overview, out: Path | None) -> str:
             "link": quote(row["name"]),
             "parts": row["name"].removesuffix("/map").split("/"),
             "areas": [_figure(row.get(f"{label}_m2", "")) for label in overview.labels],
-            "has_picture": out is None or (out / row["name"] / THUMBNAIL_FILE).exists(),
+            "picture": _picture(row["name"], out),
             "messages": warnings_of(out / row["name"]) if out and row["warnings"] != "0" else (),
             "doubt_percent": _figure(row["doubt"], 100.0),
             "doubtful": _figure(row["doubtful_m2"]),
@@ -111,13 +112,21 @@ def overview_page(overview: Overview, out: Path | None) -> str:
         cards=list(_cards(overview)),
         labels=label_swatches(overview.labels),
         rows=rows,
-        pictured=any(row["has_picture"] for row in rows),
+        pictured=any(row["picture"] for row in rows),
         n_rows=overview.n_rows,
         failures=overview.failures,
         n_failures=overview.n_failures,
         gone=[(name, quote(name)) for name in overview.gone],
         n_gone=overview.n_gone,
     )
+
+
+def _picture(name: str, out: Path | None) -> str:
+    """The link to a map's small picture; empty where it has none."""
+    if out is None:
+        return f"{quote(name)}/{THUMBNAIL_FILE}"
+    path = detail_path(out / name, THUMBNAIL_FILE)
+    return quote(path.relative_to(out).as_posix()) if path.exists() else ""
 
 
 def _figure(text: str, times: float = 1.0) -> str:

@@ -54,7 +54,8 @@ def topology(
         List where places could be split at openings narrower than this (m), without splitting them.
     """
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
+    from pgm_places.io.places.place_settings import PlaceSettings, load_settings
+    from pgm_places.io.places.result_folder import OLD_FILES, SETTINGS_FILE, settings_path
     from pgm_places.labelers.labelled_places import LabelledCells
     from pgm_places.labelling.files import PLACES, SETTINGS, write_places
     from pgm_places.labelling.places import separating_gates
@@ -73,12 +74,14 @@ def topology(
             *_probabilities(labels_png, names, loaded.grid),
             separating_gates(settings.doorways, rules),
         )
-    if (labels_png.parent / SETTINGS_FILE).exists():
-        say(_settings_line(labels_png.parent / SETTINGS_FILE, rules, cells.doorways))
+    if (path := settings_path(labels_png.parent)).exists():
+        say(_settings_line(path, rules, cells.doorways))
     elif given.values.get("doorways") == "gates":
         progress.warn(f"--doorways gates: there is no {SETTINGS_FILE} with gates beside the labels")
     with (
-        output_set(out, "topology", names=(*PLACES, *SETTINGS), force=force) as files,
+        output_set(
+            out, "topology", names=(*PLACES, *SETTINGS), force=force, replaces=OLD_FILES
+        ) as files,
         progress.stage("places"),
     ):
         places = write_places(files, loaded.name, cells, rules)
@@ -347,11 +350,15 @@ def _key(text: str) -> int | str:
 
 def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
     from pgm_places.io.output_set import output_set
+    from pgm_places.io.places.place_settings import PlaceSettings, load_settings, save_settings
+    from pgm_places.io.places.result_folder import OLD_FILES, PLACES_FILE, settings_path
     from pgm_places.labelling.files import write_topology
     from pgm_places.report.places_summary import places_summary
 
     # The command that wrote the folder goes on owning its other files.
-    with output_set(folder, by, force=True, shared=True) as files:
+    with output_set(folder, by, force=True, shared=True, replaces=OLD_FILES) as files:
+        if settings_path(folder).name == PLACES_FILE:  # of an earlier version: its name is taken
+            save_settings(files.stage, load_settings(folder) or PlaceSettings(TopologyOptions()))
         write_topology(files.stage, topology.grid, topology, title=folder.name)
     say(places_summary(topology, folder))
     say_written(files)

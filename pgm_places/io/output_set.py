@@ -60,6 +60,7 @@ def output_set(
     names: Iterable[str] = (),
     force: bool = False,
     shared: bool = False,
+    replaces: Iterable[str] = (),
 ) -> Iterator[OutputSet]:
     """A set to write files to; all of them stand in the folder when the block ends well.
 
@@ -80,6 +81,9 @@ def output_set(
         folder that holds none of its files.
     shared : bool
         The folder may well be the user's own: only files in the way are refused.
+    replaces : iterable of str
+        Files of ours, by whichever command, that the new ones make superfluous: they are removed,
+        unless they were changed.
 
     Raises
     ------
@@ -107,7 +111,12 @@ def output_set(
                 staging.finish(target)
                 _check(shown, written, by, force=force, shared=shared or inside)
                 old = _record(target) or {}
-                new = {name: entry for name, entry in old.items() if entry["by"] != by}
+                gone = {name for name in replaces if is_as_written(target / name)}
+                new = {
+                    name: entry
+                    for name, entry in old.items()
+                    if entry["by"] != by and name not in gone
+                }
                 new |= {
                     name: {"by": by, "sha256": sha256_of(files.stage / name)}
                     for name in sorted(written)

@@ -19,6 +19,15 @@ from pgm_places.io.maps.raster_image import raster_png
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places import topology_files
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
+from pgm_places.io.places.result_folder import (
+    CHECK_FILE,
+    GATES_FILE,
+    SETTINGS_FILE,
+    SUMMARY_FILE,
+    detail_path,
+    places_path,
+    probability_file,
+)
 from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.labelled_places import LabelledCells, LabelledPlaces
 from pgm_places.labelling.label import label
@@ -40,7 +49,7 @@ COMPARISON = ("results.json", "report.html")
 
 DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
 
-PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
+PLACES = ("places.json", "regions.png", "regions.geojson", "topology.png")
 
 TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
 
@@ -48,19 +57,18 @@ LIVE = ("places.jsonl", "check.csv", *PLACES)
 
 _PICTURES = ("overview.png", "topology.png")
 
-SETTINGS = ("places.json", "gate_places.png")
+SETTINGS = (SETTINGS_FILE, GATES_FILE)
 
 
 def output_file_names(labels: Iterable[str], outputs: Outputs | None = None) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
     outputs = outputs or Outputs()
-    probabilities = map(topology_files.probability_file, labels) if outputs.probabilities else ()
-    files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
+    probabilities = map(probability_file, labels) if outputs.probabilities else ()
+    files = ("labels.png", "labels.yaml", "overview.png", SUMMARY_FILE, "check.csv")
     names = (*files, *probabilities, *PLACES, *SETTINGS)
     return names if outputs.pictures else tuple(name for name in names if name not in _PICTURES)
 
 
-SUMMARY_FILE = "summary.json"
 MAX_BYTES = 64 << 20
 
 
@@ -187,7 +195,7 @@ def write_places(
 
 def _earlier_places(folder: Path) -> KnownPlaces | None:
     """The places in a folder, whose ids go on; a warning where they cannot be read."""
-    if not (folder / topology_files.TOPOLOGY_FILE).exists():
+    if not places_path(folder).exists():
         return None
     try:
         return topology_files.load_topology(folder).known_places
@@ -206,9 +214,9 @@ def write_labels(
 ) -> list[Path]:
     """Write everything that ``pgm-places label`` promises; the paths written.
 
-    ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``probability_<label>.png``
-    per label (0 to 255 for 0 to 1, 0 outside the free cells); ``overview.png`` to look at;
-    ``summary.json`` for programs. ``outputs`` leaves some out.
+    ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``overview.png``
+    to look at; for programs, in ``details``, ``probability_<label>.png`` per label (0 to 255 for 0
+    to 1, 0 outside the free cells) and ``summary.json``. ``outputs`` leaves some out.
     """
     outputs = outputs or Outputs()
     for name in result.label_names:
@@ -254,7 +262,7 @@ def labelled_map(folder: Path) -> Path | None:
 
     A relative path is looked up where the command runs, as it was when the map was labelled.
     """
-    path = folder / SUMMARY_FILE
+    path = detail_path(folder, SUMMARY_FILE)
     if not path.is_file():
         return None
     record = read_json(path, InputError, "a summary of 'pgm-places label'", max_bytes=MAX_BYTES)
@@ -275,7 +283,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
         size = (raster.shape[1], raster.shape[0])
         # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
         picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)
-        path = folder / topology_files.probability_file(name)
+        path = folder / probability_file(name)
         written.append(write_bytes(path, raster_png(picture)))
     return written
 
@@ -312,7 +320,7 @@ def write_topology(
         written.append((packing or Packing()).write(folder / "topology.png", drawing))
     written += topology_files.save_topology(folder, topology)
     if places_to_check(topology):
-        written.append(topology_files.write_checks(folder / topology_files.CHECK_FILE, topology))
+        written.append(topology_files.write_checks(folder / CHECK_FILE, topology))
     return written
 
 

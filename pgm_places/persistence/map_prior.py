@@ -8,7 +8,8 @@ import numpy as np
 
 from pgm_places.errors import LabelError
 from pgm_places.io.input_file import user_path
-from pgm_places.io.places.topology_files import load_topology, probability_file, read_shares
+from pgm_places.io.places.result_folder import detail_path, probability_file
+from pgm_places.io.places.topology_files import load_topology, read_shares
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -53,7 +54,7 @@ def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> Labelle
             f"{place} has the labels {', '.join(places.label_names)}, but the model has "
             f"{', '.join(label_names)}; label the map with labels of the same names"
         )
-    files = [place / probability_file(name) for name in label_names]
+    files = [detail_path(place, probability_file(name)) for name in label_names]
     if all(file.is_file() for file in files):
         shares = [read_shares(file, places.grid.shape, LabelError) for file in files]
         table = np.stack(shares, axis=2).astype(np.float32) / np.float32(255.0)

@@ -17,7 +17,8 @@ from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.exports import export
-from pgm_places.io.places.topology_files import CHECK_FILE, NAMES_FILE, save_topology, write_checks
+from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
+from pgm_places.io.places.topology_files import save_topology, write_checks
 from pgm_places.options import Options, option_values, plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -389,7 +390,7 @@ EXPORTS = {
     ),
     "places": Export(
         "Places",
-        ("topology.json", "regions.png", "regions.geojson"),
+        ("places.json", "regions.png", "regions.geojson"),
         _places,
         more=(CHECK_FILE, NAMES_FILE),
     ),

@@ -93,7 +93,7 @@ def free_port() -> int:
 
 def done(out: Path) -> dict[Path, int]:
     """The manifests that are there, and when each was written."""
-    return {path: path.stat().st_mtime_ns for path in out.glob("*/manifest.json")}
+    return {path: path.stat().st_mtime_ns for path in out.glob("*/details/manifest.json")}
 
 
 def test_kills_lose_nothing_and_nothing_is_done_twice(

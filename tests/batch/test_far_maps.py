@@ -41,7 +41,7 @@ def test_far_maps_are_labelled_as_near_ones_are(
     far, near = tmp_path / "far", tmp_path / "near"
     label(model, far)
     label(model, near, str(maps))
-    for name in ("labels.png", "topology.json", "regions.png"):
+    for name in ("labels.png", "places.json", "regions.png"):
         path = Path("floor1") / "map" / name
         assert (far / path).read_bytes() == (near / path).read_bytes()
     with (far / "summary.csv").open(newline="") as file:
@@ -64,7 +64,7 @@ def test_far_results_are_kept_and_completed(bucket: Any, model: Path) -> None:
     again = label(model, "memory://out")
     assert (again.n_labelled, again.n_kept, again.overview.n_rows) == (1, 1, 2)
     assert bucket.modified("/out/floor1/map/labels.png") == before
-    manifest = json.loads(bucket.cat_file("/out/floor2/map/manifest.json"))
+    manifest = json.loads(bucket.cat_file("/out/floor2/map/details/manifest.json"))
     assert manifest["map"] == "memory://maps/floor2/map.yaml"
 
 
@@ -73,7 +73,7 @@ def test_names_that_a_user_gave_places_are_kept(bucket: Any, model: Path) -> Non
     bucket.pipe_file("/out/floor1/map/place_names.yaml", b"1: Reception\n")
     assert label(model, "memory://out").n_labelled == 1
     assert bucket.cat_file("/out/floor1/map/place_names.yaml") == b"1: Reception\n"
-    places = json.loads(bucket.cat_file("/out/floor1/map/topology.json"))["regions"]
+    places = json.loads(bucket.cat_file("/out/floor1/map/places.json"))["regions"]
     assert places[0]["name"] == "Reception"
 
 
@@ -83,7 +83,7 @@ def test_a_result_whose_copying_was_broken_off_is_not_done(
     put_file = type(bucket).put_file
 
     def until(self: Any, local: str, target: str, **options: Any) -> None:
-        if target.endswith("topology.json"):
+        if target.endswith("/places.json"):
             raise KeyboardInterrupt
         put_file(self, local, target, **options)
 
@@ -91,7 +91,7 @@ def test_a_result_whose_copying_was_broken_off_is_not_done(
         changed.setattr(type(bucket), "put_file", until)
         label(model, "memory://out")
     assert bucket.exists("/out/floor1/map/labels.png")
-    assert not bucket.exists("/out/floor1/map/manifest.json")
+    assert not bucket.exists("/out/floor1/map/details/manifest.json")
     bucket.pipe_file("/out/floor1/map/notes.txt", b"mine")
     bucket.pipe_file("/out/floor1/map/place_names.yaml", b"1: Reception\n")
     assert label(model, "memory://out").n_labelled == 2
@@ -107,14 +107,14 @@ def test_a_result_whose_replacement_was_broken_off_is_not_done(
     put_file = type(bucket).put_file
 
     def until(self: Any, local: str, target: str, **options: Any) -> None:
-        if target.endswith("topology.json"):
+        if target.endswith("/places.json"):
             raise KeyboardInterrupt
         put_file(self, local, target, **options)
 
     with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
         changed.setattr(type(bucket), "put_file", until)
         label(model, "memory://out")
-    assert not bucket.exists("/out/floor1/map/manifest.json")
+    assert not bucket.exists("/out/floor1/map/details/manifest.json")
     bucket.put_file(str(maps / "floor1" / "map.png"), "/maps/floor1/map.png")
     assert label(model, "memory://out").n_labelled == 1
 
@@ -170,7 +170,7 @@ def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_p
     table = pytest.importorskip("pyarrow.parquet").read_table(
         io.BytesIO(bucket.cat_file("/out/places.parquet"))
     )
-    places = json.loads((tmp_path / "near/floor1/map/topology.json").read_text())["regions"]
+    places = json.loads((tmp_path / "near/floor1/map/places.json").read_text())["regions"]
     assert table.column("name").to_pylist() == [place["name"] for place in places]
     with pytest.raises(InputError, match=r"memory://none: no labelled map below it"):
         index_folder(Path("memory://none"), progress=Silent())

@@ -120,13 +120,13 @@ def test_every_map_gets_a_folder_and_what_is_wrong_a_row(batch: Batch, maps: Pat
     assert "torn.yaml" in failed["message"]
     first, second = rows(out / "summary.csv")
     assert (first["name"], second["name"]) == ("floor1/map", "floor2/map")
-    kept = json.loads((out / "floor1" / "map" / "summary.json").read_text())["area_m2"]
+    kept = json.loads((out / "floor1" / "map" / "details/summary.json").read_text())["area_m2"]
     assert float(first["room_m2"]) == pytest.approx(kept["room"], abs=1e-3)
     assert float(first["area_m2"]) == pytest.approx(sum(kept.values()), abs=1e-3)
-    places = json.loads((out / "floor1" / "map" / "topology.json").read_text())["regions"]
+    places = json.loads((out / "floor1" / "map" / "places.json").read_text())["regions"]
     assert int(first["places"]) == len(places)
     page = (out / "index.html").read_text()
-    assert "floor1/map/thumbnail.png" in page
+    assert "floor1/map/details/thumbnail.png" in page
     assert "torn.yaml" in page
 
 
@@ -151,7 +151,7 @@ def test_what_has_changed_is_labelled_again(
     elif change == "image":
         (source / "map.png").write_bytes((maps / "floor2" / "map.png").read_bytes())
     elif change == "file":
-        (folder / "topology.json").unlink()
+        (folder / "places.json").unlink()
     else:
         (folder / "place_names.yaml").write_text("1: Reception\n")
     assert again() == ["floor1/map"]
@@ -162,7 +162,7 @@ def test_a_manifest_changed_by_hand_is_overwritten_only_by_force(
     batch: Batch, again: Again, maps: Path
 ) -> None:
     batch()
-    manifest = maps.parent / "out" / "floor1" / "map" / "manifest.json"
+    manifest = maps.parent / "out" / "floor1" / "map" / "details/manifest.json"
     manifest.write_text("{}")
     batch()
     failed = failures(maps.parent / "out")["floor1/map"]
@@ -326,7 +326,7 @@ def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
     waits = []
 
     def let_go(_: float) -> None:
-        waits.append([path.parent.parent.name for path in out.rglob("manifest.json")])
+        waits.append([path.parents[2].name for path in out.rglob("manifest.json")])
         other.close()
 
     monkeypatch.setattr(time, "sleep", let_go)
@@ -454,13 +454,13 @@ def test_pictures_may_be_left_out_and_are_made_when_they_are_wanted(
 ) -> None:
     folder = maps.parent / "out" / "floor1" / "map"
     batch(outputs=Outputs.named("none"))
-    names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
-    assert {"labels.png", "topology.json", "regions.png", "check.csv"} <= names
+    names = {path.name for path in folder.rglob("*")}
+    assert {"labels.png", "places.json", "regions.png", "check.csv"} <= names
     assert not {"overview.png", "topology.png", "thumbnail.png", "probability_room.png"} & names
     assert "thumbnail.png" not in (maps.parent / "out" / "index.html").read_text()
     assert again(outputs=Outputs.named("none")) == []
     assert again() == ["floor1/map", "floor2/map"]
-    assert (folder / "thumbnail.png").exists()
+    assert (folder / "details/thumbnail.png").exists()
     assert again(outputs=Outputs.named("probabilities")) == []  # there is more than is wanted
 
 

@@ -62,7 +62,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert "% free" in text
     source, written = pixels(building / "map.png"), pixels(out / "labels.png")
     assert written.shape == source.shape
-    summary = json.loads((out / "summary.json").read_text())
+    summary = json.loads((out / "details/summary.json").read_text())
     assert summary["method"] == "relaxation"
     status = Status(summary["status"])
     assert summary["status_meaning"] == status.meaning
@@ -74,7 +74,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
     }
 
     rows = (out / "check.csv").read_text().splitlines()
-    regions = json.loads((out / "topology.json").read_text())["regions"]
+    regions = json.loads((out / "places.json").read_text())["regions"]
     assert len(rows) == 1 + len(regions)
     assert "in doubt: " in text
 

@@ -24,7 +24,7 @@ def test_the_label_its_parts_and_its_place_are_those_that_label_gives(
     code, _, err = run("label", building / "map.yaml", "--out", tmp_path / "out", "--quiet")
     assert code == 0, err
     labels = load_labels(tmp_path / "out" / "labels.png", NAMES, grid=grid)
-    regions = json.loads((tmp_path / "out" / "topology.json").read_text())["regions"]
+    regions = json.loads((tmp_path / "out" / "places.json").read_text())["regions"]
     for name in NAMES:
         place = next(item for item in regions if item["label"] == name)
         x, y = place["anchor_m"]

@@ -150,7 +150,7 @@ def test_a_batch_is_planned_done_in_parts_and_listed_anew(floors: Path, run: Run
     assert [row.split(",")[:6] for row in rows] == [row.split(",")[:6] for row in before]
     assert [row.rpartition(",")[2] for row in rows] == ["in_input", "yes", "no"]
     table = parquet.read_table(out / "places.parquet").to_pylist()
-    places = json.loads((out / "f1" / "map" / "topology.json").read_text())["regions"]
+    places = json.loads((out / "f1" / "map" / "places.json").read_text())["regions"]
     first = [row for row in table if row["map"] == "f1/map"]
     assert [(row["place"], row["name"]) for row in first] == [
         (place["id"], place["name"]) for place in places

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.staging import file_names
 from pgm_places.labelling.files import PLACES
 from tests.cli.conftest import Run
 
@@ -26,9 +27,8 @@ def places(building: Path, run: Run) -> Path:
 
 
 def test_topology_writes_files_and_a_picture(places: Path) -> None:
-    names = {path.name for path in places.iterdir()}
-    assert names == {RECORD_FILE, *PLACES, "places.json"}
-    found = json.loads((places / "topology.json").read_text())
+    assert file_names(places) == {RECORD_FILE, *PLACES, "details/settings.json"}
+    found = json.loads((places / "places.json").read_text())
     assert {region["label"] for region in found["regions"]} == {"corridor", "room", "doorway"}
     assert found["connections"]
 
@@ -36,12 +36,12 @@ def test_topology_writes_files_and_a_picture(places: Path) -> None:
 def test_a_second_run_keeps_ids_and_takes_the_users_names(
     building: Path, places: Path, run: Run
 ) -> None:
-    before = json.loads((places / "topology.json").read_text())["regions"]
+    before = json.loads((places / "places.json").read_text())["regions"]
     (places / "place_names.yaml").write_text(f"{before[0]['id']}: my place\n")
     assert (
         run("topology", building / "labels.png", building / "map.yaml", "-o", places, "-q")[0] == 0
     )
-    after = json.loads((places / "topology.json").read_text())["regions"]
+    after = json.loads((places / "places.json").read_text())["regions"]
     assert [region["id"] for region in after] == [region["id"] for region in before]
     assert after[0]["name"] == "my place"
     assert [region["name"] for region in after[1:]] == [region["name"] for region in before[1:]]
@@ -53,14 +53,14 @@ def test_topology_takes_other_names_and_another_grey_for_unknown(building: Path,
     (building / "other.yaml").write_text(names)
     image, described, out = building / "labels.png", building / "map.yaml", building / "out"
     assert run("topology", image, described, "-o", out, "--names", building / "other.yaml")[0] == 0
-    regions = json.loads((out / "topology.json").read_text())["regions"]
+    regions = json.loads((out / "places.json").read_text())["regions"]
     assert {region["label"] for region in regions} == {"corridor", "office", "doorway"}
     free = run("topology", image, described, "-o", out, "--unknown-value", 254, "-q")
     assert free[0] == 2 or "places: 0" in free[1]
 
 
 def test_where(places: Path, run: Run) -> None:
-    region = json.loads((places / "topology.json").read_text())["regions"][0]
+    region = json.loads((places / "places.json").read_text())["regions"][0]
     code, text, _ = run("where", places, *region["anchor_m"])
     assert code == 0
     assert region["name"] in text
@@ -145,7 +145,7 @@ def test_splits_are_proposed(building: Path, run: Run) -> None:
 def test_a_folder_without_places(tmp_path: Path, run: Run) -> None:
     code, _, error = run("where", tmp_path, 0, 0)
     assert code == 2
-    assert "topology.json" in error
+    assert "places.json" in error
 
 
 def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> None:
@@ -157,7 +157,7 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     code, text, _ = run("label", building / "map.yaml", "-m", building / "model", "-o", out, "-q")
     assert code == 0
     assert "corrections" in text
-    found = json.loads((out / "topology.json").read_text())
+    found = json.loads((out / "places.json").read_text())
     assert found["regions"]
     assert all(region["confidence"] is not None for region in found["regions"])
     assert {"regions.geojson", "regions.png", "topology.png"} <= {p.name for p in out.iterdir()}
@@ -178,13 +178,15 @@ def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
         words = ("topology", labelled / "labels.png", building / "map.yaml", "--out", out, "-q")
         code, text, error = run(*words, *options)
         assert code == 0, error
-        return json.loads((out / "topology.json").read_text())["regions"], text
+        return json.loads((out / "places.json").read_text())["regions"], text
 
-    before = json.loads((labelled / "topology.json").read_text())["regions"]
+    before = json.loads((labelled / "places.json").read_text())["regions"]
     n_gates = sum("gate" in each for each in before)
     assert n_gates > 5
     again, text = regions(out=building / "again")
-    line = f"settings of {labelled / 'places.json'}: min_area_m2 = 2.0, min_width_m = 0.3; "
+    line = (
+        f"settings of {labelled / 'details/settings.json'}: min_area_m2 = 2.0, min_width_m = 0.3; "
+    )
     assert any(said.startswith(line) and said.endswith(" gates") for said in text.splitlines())
     assert [(r["id"], r["name"], r["area_m2"]) for r in again] == [
         (r["id"], r["name"], r["area_m2"]) for r in before
@@ -215,7 +217,7 @@ def test_gates_that_are_not_known_are_said_to_be(building: Path, run: Run) -> No
         *("--out", building / "gated", "--doorways", "gates"),
     )
     assert code == 0
-    assert "there is no places.json with gates beside the labels" in error
+    assert "there is no details/settings.json with gates beside the labels" in error
 
 
 def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run: Run) -> None:
@@ -227,7 +229,7 @@ def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run
             "label", building / "map.yaml", "-m", building / "model", "-o", out, "-q", *options
         )
         assert code == 0
-        regions = json.loads((out / "topology.json").read_text())["regions"]
+        regions = json.loads((out / "places.json").read_text())["regions"]
         return ["gate" in region for region in regions if region["label"] == "doorway"]
 
     found = gates()
@@ -237,7 +239,7 @@ def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run
 
 
 def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
-    before = json.loads((places / "topology.json").read_text())
+    before = json.loads((places / "places.json").read_text())
     room = next(region for region in before["regions"] if region["label"] == "room")
     number, (x, y) = room["id"], room["anchor_m"]
     (places / "place_names.yaml").write_text(f"# ours\n{number}: old # name\n")
@@ -248,13 +250,13 @@ def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
     assert run("where", places, x, y)[1].startswith(f"Anna's office: room {number} (")
     code, _, err = run("split", places, "Anna's office", x, y)
     assert code == 0, err
-    after = json.loads((places / "topology.json").read_text())
+    after = json.loads((places / "places.json").read_text())
     assert len(after["regions"]) == len(before["regions"]) + 1
     new = max(region["id"] for region in after["regions"])
     assert new == before["next_id"]
     code, _, err = run("merge", places, "Anna's office", new)
     assert code == 0, err
-    again = json.loads((places / "topology.json").read_text())
+    again = json.loads((places / "places.json").read_text())
     whole = next(region for region in again["regions"] if region["id"] == number)
     assert whole["area_m2"] == pytest.approx(room["area_m2"])
     assert whole["anchor_m"] == pytest.approx(room["anchor_m"])
@@ -265,7 +267,7 @@ def test_edits_that_make_no_sense_are_refused(places: Path, run: Run) -> None:
     assert code == 2 and "there is no place 'attic'" in err
     code, _, err = run("split", places, 1, 1.0, 2.0, 3.0)
     assert code == 2 and "a point X Y, a line X1 Y1 X2 Y2 or nothing, got 3 numbers" in err
-    regions = json.loads((places / "topology.json").read_text())["regions"]
+    regions = json.loads((places / "places.json").read_text())["regions"]
     one, other = [region["name"] for region in regions if region["label"] == "room"][:2]
     code, _, err = run("rename", places, one, other)
     assert code == 2 and f"{other!r} twice" in err

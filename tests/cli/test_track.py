@@ -320,7 +320,7 @@ def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:
         (["drive.csv", "--follow"], "drive.csv has poses but no scans; pass the map to cast"),
         (["drive.log", "--follow", "--truth", "truth.csv"], "--truth scores complete logs"),
         (["drive.log", "--out", "out", "--jsonl"], "--jsonl is for --follow"),
-        (["drive.log", "--out", "out", "--map-labels", "model"], "topology.json"),
+        (["drive.log", "--out", "out", "--map-labels", "model"], "places.json"),
         (["/dev/null", "--follow"], "is a device or a pipe"),
         (["a\x1b[2Jb.log", "--out", "out"], r"a\x1b[2Jb.log: no such file"),
         (["drive.log.gz", "--follow"], "compressed"),

@@ -11,6 +11,7 @@ from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.staging import file_names
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -63,8 +64,8 @@ def test_the_steps_and_the_cells_are_labelled_together(folder: Path, run: Run) -
     code, text, error = run("track", log, "--map", yaml, "-m", model, "-o", out, "-q")
     assert (code, error) == (0, "")
     names = building()[1]
-    written = {path.name for path in out.iterdir()}
-    assert written >= {RECORD_FILE, *TRACK, "labels.png", "topology.json", "summary.json"}
+    written = file_names(out)
+    assert written >= {RECORD_FILE, *TRACK, "labels.png", "places.json", "details/summary.json"}
     assert written <= {RECORD_FILE, *TRACK, *output_file_names(names), "place_names.yaml"}
     assert "places: " in text and "potts: corridor" in text
     grid, path = load_map(yaml).grid, read_trajectory(log).trajectory

@@ -24,7 +24,7 @@ def test_label_and_doctor_say_so(map_yaml: Path, run: Run) -> None:
     code, text, _ = run("label", map_yaml, "--model", "generated", "--out", out)
     assert code == 0
     assert f"{unentered}; label it with --unentered" in text.splitlines()
-    record = json.loads((out / "summary.json").read_text())
+    record = json.loads((out / "details/summary.json").read_text())
     assert record["unentered_m2"] == pytest.approx(unentered.area_m2)
     code, text, _ = run("doctor", map_yaml)
     assert f"warning: {unentered}; 'label' gives it no label" in text
@@ -34,7 +34,7 @@ def test_label_and_doctor_say_so(map_yaml: Path, run: Run) -> None:
     )
     assert code == 0
     assert "never entered" not in text
-    assert json.loads((everything / "summary.json").read_text())["unentered_m2"] == 0
+    assert json.loads((everything / "details/summary.json").read_text())["unentered_m2"] == 0
     code, _, error = run("label", map_yaml, "--disc-radius", "-1", "--out", out)
     assert code == 2
     assert "--disc-radius must be a number of at least 0" in error

@@ -119,7 +119,7 @@ def run_that_wrote(out: Path, command: str) -> str:
         record = load_folder(out)[0]["record"]  # which checks the SHA-256 of the numbers
         return str(record["config"]["title"]).split()[1]
     if command == "label":
-        return Path(json.loads((out / "summary.json").read_text())["map"]).stem
+        return Path(json.loads((out / "details" / "summary.json").read_text())["map"]).stem
     if command == "compare":
         return str(json.loads((out / "results.json").read_text())["title"]).split()[1]
     if command == "reproduce":
@@ -138,7 +138,7 @@ def reference(out: Path, name: str) -> Path:
 
 def written(folder: Path) -> object:
     """What a command writes alike every time: areas of places, which have new ids, or all files."""
-    if (folder / "topology.json").exists():
+    if (folder / "places.json").exists():
         return sorted(region.area_m2 for region in load_topology(folder).regions)
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()

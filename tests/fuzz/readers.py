@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pgm_places.batch.map_task import MANIFEST_FILE, done_figures, labelled_row
+from pgm_places.batch.map_task import done_figures, labelled_row
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import load_graphs
@@ -27,6 +27,7 @@ from pgm_places.io.networks.dimacs import read_dimacs
 from pgm_places.io.networks.uai import read_evidence, read_uai, read_uai_result
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_settings import load_settings
+from pgm_places.io.places.result_folder import GATES_FILE, MANIFEST_FILE, SETTINGS_FILE
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.io.staging import NEW, UNFINISHED
 from pgm_places.labelling.model import LoadedModel
@@ -234,10 +235,10 @@ READERS: dict[str, Reader] = {
     "detections.mcap": Reader(
         _of_folder(read_detection_bag, "detections"), "detections/detections.mcap", BYTES
     ),
-    "topology.json": Reader(_of_folder(load_topology), "topology.json", JSON),
+    "places.json": Reader(_of_folder(load_topology), "places.json", JSON),
     "regions.png": Reader(_of_folder(load_topology), "regions.png", BYTES),
-    "places.json": Reader(_of_folder(load_settings), "places.json", JSON),
-    "gate_places.png": Reader(_of_folder(load_settings), "gate_places.png", BYTES),
+    "settings.json": Reader(_of_folder(load_settings), SETTINGS_FILE, JSON),
+    "gate_places.png": Reader(_of_folder(load_settings), GATES_FILE, BYTES),
     "place_names.yaml": Reader(_of_folder(read_own_names), "place_names.yaml"),
     "record of outputs": Reader(_of_folder(claim, "outputs"), f"outputs/{RECORD_FILE}", JSON),
     "interrupted swap": Reader(finished, "removed.json", JSON),
@@ -280,7 +281,7 @@ READERS |= {
     ),
     "probabilities": Reader(
         lambda folder: read_labelled_map(folder / "labelled", NAMES),
-        "labelled/probability_room.png",
+        "labelled/details/probability_room.png",
         BYTES,
     ),
     "edits of a studio": Reader(edited, "edits.json", (of_json,)),
@@ -310,7 +311,7 @@ USES: dict[str, tuple[Use, str]] = {
     **dict.fromkeys(["labels.png", "labels.yaml", "regions.geojson"], (uses.divide, "divided")),
     **dict.fromkeys(["corrections.png", "corrections.geojson"], (uses.label_around, "kept")),
     **dict.fromkeys(["counts.csv", "counts.json", "detections.mcap"], (uses.count, "counted")),
-    **dict.fromkeys(["topology.json", "regions.png"], (uses.write_places, "exported")),
+    **dict.fromkeys(["places.json", "regions.png"], (uses.write_places, "exported")),
     "maps of a bag": (uses.label_messages, "labelled"),
     "probabilities": (uses.prefer, "believed"),
     "session of a robot": (uses.go_on, "gone on with"),

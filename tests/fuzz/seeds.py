@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from pgm_places.batch.map_task import MANIFEST_FILE, LabelledRow, manifest_text
+from pgm_places.batch.map_task import LabelledRow, manifest_text
 from pgm_places.datasets import generate_building
 from pgm_places.inference.backends import build
 from pgm_places.inference.factor_graph import FactorGraph
@@ -23,6 +23,7 @@ from pgm_places.io.networks.dimacs import CutProblem, write_dimacs
 from pgm_places.io.networks.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
+from pgm_places.io.places.result_folder import MANIFEST_FILE, probability_file
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelling.options import Outputs
@@ -197,8 +198,9 @@ def seeds(folder: Path) -> None:
     save_topology(labelled, gated_floor_map())
     with Image.open(labelled / "regions.png") as image:
         half = Image.new("L", image.size, 128)
+    (labelled / "details").mkdir()
     for name in gated_floor_map().label_names:
-        half.save(labelled / f"probability_{name}.png")
+        half.save(labelled / probability_file(name))
     inputs = {"map": "0" * 64, "image": "map.png", "image_sha256": "0" * 64, "names": None}
     row = LabelledRow(
         name="hall",
@@ -212,7 +214,7 @@ def seeds(folder: Path) -> None:
         warnings=("grey 205",),
         seconds=1.5,
     )
-    (folder / "batch").mkdir()
+    (folder / "batch/details").mkdir(parents=True)
     (folder / "batch" / MANIFEST_FILE).write_text(manifest_text(inputs, row, Outputs()))
     _write_models(folder)
     _write_networks(folder)

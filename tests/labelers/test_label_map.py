@@ -1,6 +1,5 @@
 """Maps of any resolution, labelled by a model of 5 cm, and what is written of them."""
 
-import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -19,6 +18,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.places.exports import write_geotiff
+from pgm_places.io.places.result_folder import probability_file
 from pgm_places.labelers.labelled_places import LabelledPlaces, _brought_back
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelling import label as labelling
@@ -113,9 +113,9 @@ def test_probabilities_of_labelled_cells_sum_to_one_in_memory_and_in_images(
     total = found.on_map(beliefs, 0).sum(axis=2)
     np.testing.assert_allclose(total, found.labels >= 0, rtol=0, atol=1e-5)
     source = load_map(save_map(found.grid, tmp_path / "map"))
-    written = {path.name: path for path in write_labels(found, source, tmp_path)}
+    write_labels(found, source, tmp_path)
     images = [
-        np.asarray(Image.open(io.BytesIO(written[f"probability_{name}.png"].read_bytes())))[::-1]
+        np.asarray(Image.open(tmp_path / probability_file(name)))[::-1]
         for name in found.label_names
     ]
     sums = np.stack(images).sum(axis=0, dtype=np.int64)

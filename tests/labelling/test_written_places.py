@@ -56,12 +56,12 @@ def test_damaged_places_of_an_earlier_run_are_warned_of_and_numbered_anew(
 ) -> None:
     labels, heard = floor_labels(), Heard()
     found = written(tmp_path / "out", labels, TopologyOptions())
-    (tmp_path / "out" / "topology.json").write_text(text)
+    (tmp_path / "out" / "places.json").write_text(text)
     with reported(heard):
         again = written(tmp_path / "out", labels, TopologyOptions())
     assert [place.name for place in again.regions] == [place.name for place in found.regions]
     [warning] = heard.warnings
-    assert "topology.json" in warning and warning.endswith("; places are numbered anew")
+    assert "places.json" in warning and warning.endswith("; places are numbered anew")
     ids = [place.id for place in load_topology(tmp_path / "out").regions]
     assert ids == [place.id for place in again.regions]
 

@@ -183,7 +183,7 @@ def test_a_bag_with_maps_is_replayed_by_the_command(tmp_path: Path, run: Run) ->
     rows = [json.loads(line) for line in (out / "places.jsonl").read_text().splitlines()]
     assert len(rows) == len(path)
     assert {row["map_seq"] for row in rows} == {0, 1, 2}
-    assert (out / "topology.json").exists()
+    assert (out / "places.json").exists()
     code, text, _ = run(*arguments, *options, "--jsonl")
     assert code == 0
     records = [json.loads(line) for line in text.splitlines()]

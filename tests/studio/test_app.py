@@ -85,7 +85,7 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     names = ("corridor", "room", "doorway")
     kept = load_labels(desk.folder / "corrections.png", names, grid=desk.grid)
     assert (kept == desk.painting.labels).all()
-    topology = json.loads((desk.folder / "topology.json").read_text())
+    topology = json.loads((desk.folder / "places.json").read_text())
     assert "kitchen" in [item["name"] for item in topology["regions"]]
     assert load_config(desk.folder / "train.toml").labels.names == names
     assert set(load(desk.folder / "model").label_names_) == set(names)

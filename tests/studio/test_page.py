@@ -186,7 +186,7 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     assert page.locator("#export .state", has_text="replaces labels.png").count() == 1
     page.get_by_role("button", name="Close").click()
     kept = map_yaml.parent / "kept"
-    names = [item["name"] for item in json.loads((kept / "topology.json").read_text())["regions"]]
+    names = [item["name"] for item in json.loads((kept / "places.json").read_text())["regions"]]
     assert "hall of fame" in names
     assert "hall of fame" in (kept / "place_names.yaml").read_text()
     assert (kept / "train.toml").exists()

@@ -1,4 +1,4 @@
-"""places.json: the rules and gates by which a folder's places were found, to find them again."""
+"""settings.json: the rules and gates by which a folder's places were found, to find them again."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,12 @@ from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record
+from pgm_places.io.places.result_folder import (
+    GATES_FILE,
+    SETTINGS_FILE,
+    SETTINGS_FORMAT,
+    settings_path,
+)
 from pgm_places.io.places.topology_files import MAX_BYTES, MOST, Raster, items_of, write_numbers
 from pgm_places.maps.components import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -18,12 +24,7 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.rules import TopologyOptions, stored_options
 
-SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
-
-
-_FORMAT, _SCHEMA = "pgm-places settings of places", 1
-
-
+_SCHEMA = 1
 _SETTINGS = "the settings of places, as 'pgm-places label' and 'pgm-places topology' write them"
 
 
@@ -61,8 +62,9 @@ class _GateRecord:
 def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
     """Write the settings into a folder; the paths written.
 
-    ``places.json`` holds the rules and the gates, ``gate_places.png`` the place between gates at
-    each cell (16 bits, counted from 1, 0 for none, the top row first), if there are gates.
+    ``details/settings.json`` holds the rules and the gates, ``details/gate_places.png`` the place
+    between gates at each cell (16 bits, counted from 1, 0 for none, the top row first), if there
+    are gates.
 
     Raises
     ------
@@ -70,7 +72,7 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
         Where a file cannot be written, or there are more than 65535 places between gates.
     """
     record: dict[str, Any] = {
-        "format": _FORMAT,
+        "format": SETTINGS_FORMAT,
         "schema": _SCHEMA,
         "settings": plain_values(settings.rules),
     }
@@ -100,22 +102,22 @@ def load_settings(folder: Path) -> PlaceSettings | None:
     InputError
         Where a file is damaged, or they do not fit each other.
     """
-    path = folder / SETTINGS_FILE
+    path = settings_path(folder)
     if not path.exists():
         return None
     again = "label the map again"
     with read_record(
-        path, _SETTINGS, _FORMAT, _SCHEMA, max_bytes=MAX_BYTES, remedy=again
+        path, _SETTINGS, SETTINGS_FORMAT, _SCHEMA, max_bytes=MAX_BYTES, remedy=again
     ) as record:
         rules = stored_options(record["settings"], path="settings")
-        return PlaceSettings(rules, _doorways(folder, record) if "gates" in record else None)
+        return PlaceSettings(rules, _doorways(path.parent, record) if "gates" in record else None)
 
 
 def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
     """The gates, on a raster that may have other cells than the map."""
     raster = from_mapping(Raster, record["map"], path="map")
     gates = items_of(_GateRecord, record, "gates")
-    numbers = raster.read_numbers(folder / GATES_FILE)
+    numbers = raster.read_numbers(folder / Path(GATES_FILE).name)
     grid, place = raster.grid(numbers > 0), numbers - 1
     for k, item in enumerate(gates):
         _require_on_map(f"gates[{k}]", item.gate, grid)

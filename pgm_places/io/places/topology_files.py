@@ -1,4 +1,4 @@
-"""Places as files: topology.json with its images, the user's names, and how places were found."""
+"""Places as files: places.json with its images, the user's names, and places to check."""
 
 import dataclasses
 import json
@@ -21,6 +21,15 @@ from pgm_places.io.input_file import read_record, user_path
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image, raster_png
 from pgm_places.io.maps.regions import read_regions
 from pgm_places.io.places.region_features import read_gate, write_region_features
+from pgm_places.io.places.result_folder import (
+    FEATURES_FILE,
+    NAMES_FILE,
+    PLACES_FILE,
+    REGION_FILE,
+    detail_path,
+    places_path,
+    probability_file,
+)
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints, plain_values
@@ -86,11 +95,6 @@ def write_numbers(path: Path, numbers: NDArray[np.integer]) -> Path:
     return write_bytes(path, raster_png(Image.fromarray(numbers[::-1].astype(np.uint16))))
 
 
-def probability_file(label: str) -> str:
-    """The name of a label's image: 0 to 255 for a probability of 0 to 1, 0 outside free cells."""
-    return f"probability_{label}.png"
-
-
 def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> NDArray[np.integer]:
     """(H, W) the greys of such an image, row 0 at the bottom.
 
@@ -128,7 +132,7 @@ def load_probabilities(
     InputError
         An image is damaged, or is not of the map's size.
     """
-    paths = [folder / probability_file(name) for name in label_names]
+    paths = [detail_path(folder, probability_file(name)) for name in label_names]
     if not all(path.exists() for path in paths):
         return None
     beliefs = np.empty((layout.n_nodes, len(paths)), np.float32)
@@ -138,8 +142,6 @@ def load_probabilities(
     return beliefs
 
 
-TOPOLOGY_FILE, REGION_FILE, FEATURES_FILE = "topology.json", "regions.png", "regions.geojson"
-NAMES_FILE = "place_names.yaml"
 T = TypeVar("T")
 FORMAT, SCHEMA = "pgm-places-topology", 1
 MAX_BYTES = 64 << 20
@@ -150,9 +152,9 @@ _WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' wr
 def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     """Write a topological map into a folder; the paths written.
 
-    ``topology.json`` holds regions, connections, corrections and the map's frame;
+    ``places.json`` holds regions, connections, corrections and the map's frame;
     ``regions.png`` the id of the region at each cell (16 bits, 0 for none, the top row first);
-    ``regions.geojson`` the outlines. ``topology.json`` is written last.
+    ``regions.geojson`` the outlines. ``places.json`` is written last.
 
     Raises
     ------
@@ -169,7 +171,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
         write_numbers(target / REGION_FILE, topology.region),
         write_region_features(target / FEATURES_FILE, topology),
     ]
-    return [write_json(target / TOPOLOGY_FILE, _record(topology), indent=1), *written]
+    return [write_json(target / PLACES_FILE, _record(topology), indent=1), *written]
 
 
 def _record(topology: TopologicalMap) -> dict[str, Any]:
@@ -197,7 +199,8 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
     """The topological map that ``save_topology`` wrote into a folder.
 
     Its grid has the map's frame; cells of regions are free, all others unknown. ``max_pixels`` is
-    the largest map that is read.
+    the largest map that is read. Folders of earlier versions, whose places are in
+    ``topology.json``, are read as well.
 
     Raises
     ------
@@ -205,7 +208,7 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
         Where a file is missing, damaged, or does not fit the others.
     """
     source = user_path(folder, InputError)
-    path, again = source / TOPOLOGY_FILE, "write it again"
+    path, again = places_path(source), "write it again"
     with read_record(path, _WANTED, FORMAT, SCHEMA, max_bytes=MAX_BYTES, remedy=again) as record:
         return _topology(source, record, max_pixels)
 
@@ -236,8 +239,8 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     seen = {*np.flatnonzero(np.bincount(region.ravel())).tolist()} - {0}
     if seen != ids:
         raise InputError(
-            f"{REGION_FILE} and {TOPOLOGY_FILE} hold other regions ({sorted(seen ^ ids)[:5]}); "
-            "they come from different runs; write them again"
+            f"{REGION_FILE} and {places_path(source).name} hold other regions "
+            f"({sorted(seen ^ ids)[:5]}); they come from different runs; write them again"
         )
     connections = items_of(Connection, record, "connections")
     for item in connections:
@@ -320,7 +323,6 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
     return names
 
 
-CHECK_FILE = "check.csv"
 _PLACE = ("id", "name", "label", "second_label", "probability", "second_probability", "area_m2")
 _COLUMNS = (*_PLACE, "doubt", "doubtful_m2", "x_m", "y_m", "rooms", "to_split")
 

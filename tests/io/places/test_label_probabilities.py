@@ -8,7 +8,8 @@ from PIL import Image
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.io.places.topology_files import load_probabilities, probability_file
+from pgm_places.io.places.result_folder import probability_file
+from pgm_places.io.places.topology_files import load_probabilities
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 LAYOUT = GridLayout.of_map(OccupancyGrid(np.array([[0, 100, 0], [-1, 0, 0]], np.int8), 0.1))
@@ -18,7 +19,9 @@ SHARES = np.array([[1.0, 0.0], [0.25, 0.75], [0.5, 0.5], [0.0, 0.0]])
 def write(folder: Path, shares: np.ndarray) -> None:
     for name, column in zip(("room", "hall"), shares.T, strict=True):
         raster = LAYOUT.to_raster(np.round(255 * column).astype(np.uint8), fill=0)
-        Image.fromarray(raster[::-1]).save(folder / probability_file(name))
+        path = folder / probability_file(name)
+        path.parent.mkdir(exist_ok=True)
+        Image.fromarray(raster[::-1]).save(path)
 
 
 def test_probabilities_add_up_to_one_where_they_are_known(tmp_path: Path) -> None:

@@ -9,12 +9,11 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.io.places.place_settings import (
-    GATES_FILE,
-    SETTINGS_FILE,
     PlaceSettings,
     load_settings,
     save_settings,
 )
+from pgm_places.io.places.result_folder import GATES_FILE, SETTINGS_FILE
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.rules import TopologyOptions
@@ -36,7 +35,7 @@ def test_without_a_file_there_are_no_settings(tmp_path: Path) -> None:
 def test_settings_are_written_and_read_back(tmp_path: Path) -> None:
     before = gates()
     paths = save_settings(tmp_path, PlaceSettings(RULES, before))
-    assert [path.name for path in paths] == [SETTINGS_FILE, GATES_FILE]
+    assert paths == [tmp_path / SETTINGS_FILE, tmp_path / GATES_FILE]
     after = load_settings(tmp_path)
     assert after is not None and after.doorways is not None
     assert after.rules == RULES

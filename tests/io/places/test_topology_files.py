@@ -21,7 +21,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     labels[2, 12] = 1
     before = topological_map(floor_grid(labels, **FRAME), labels, NAMES)
     paths = save_topology(tmp_path, before)
-    assert {path.name for path in paths} == {"topology.json", "regions.png", "regions.geojson"}
+    assert {path.name for path in paths} == {"places.json", "regions.png", "regions.geojson"}
     after = load_topology(tmp_path)
     assert (after.region == before.region).all()
     assert after.connections == before.connections
@@ -45,7 +45,7 @@ def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
     assert one.gate is not None
     assert other.gate is not None
     np.testing.assert_allclose(other.gate.corners_m, one.gate.corners_m, rtol=0, atol=2e-6)
-    record = json.loads((tmp_path / "topology.json").read_text())
+    record = json.loads((tmp_path / "places.json").read_text())
     [gate] = [region["gate"] for region in record["regions"] if "gate" in region]
     assert list(gate) == ["centre_m", "heading_rad", "width_m", "depth_m", "corners_m"]
     assert gate["heading_rad"] == pytest.approx(0.4, abs=1e-6)
@@ -58,13 +58,13 @@ def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", [{"width_m": "wide"}, {"centre_m": [1.0]}, {"depth_m": None}])
 def test_a_damaged_gate_is_said_in_one_line(tmp_path: Path, damage: dict[str, object]) -> None:
     save_topology(tmp_path, gated_floor_map())
-    path = tmp_path / "topology.json"
+    path = tmp_path / "places.json"
     record = json.loads(path.read_text())
     for region in record["regions"]:
         if "gate" in region:
             region["gate"].update(damage)
     path.write_text(json.dumps(record))
-    with pytest.raises(InputError, match=r"topology.json is damaged .*; write it again"):
+    with pytest.raises(InputError, match=r"places.json is damaged .*; write it again"):
         load_topology(tmp_path)
 
 
@@ -92,7 +92,7 @@ def test_features_carry_what_a_map_viewer_shows(tmp_path: Path) -> None:
 
 
 def spoil(folder: Path, **changes: object) -> None:
-    path = folder / "topology.json"
+    path = folder / "places.json"
     record = json.loads(path.read_text())
     record.update(changes)
     path.write_text(json.dumps(record))
@@ -140,7 +140,7 @@ def test_every_field_of_a_region_is_checked(
     key: str, value: object, words: str, tmp_path: Path
 ) -> None:
     save_topology(tmp_path, floor_map())
-    regions = json.loads((tmp_path / "topology.json").read_text())["regions"]
+    regions = json.loads((tmp_path / "places.json").read_text())["regions"]
     regions[0][key] = value
     spoil(tmp_path, regions=regions)
     with pytest.raises(InputError, match=words):
@@ -151,7 +151,7 @@ def test_missing_and_foreign_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a topological map, as 'pgm-places label'"):
         load_topology(tmp_path)
     save_topology(tmp_path, floor_map())
-    (tmp_path / "topology.json").write_text("{")
+    (tmp_path / "places.json").write_text("{")
     with pytest.raises(InputError, match="not a JSON file"):
         load_topology(tmp_path)
     save_topology(tmp_path, floor_map())

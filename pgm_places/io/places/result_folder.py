@@ -1,0 +1,55 @@
+"""The folder of a labelled map: the names of its files, and where earlier versions left them."""
+
+from pathlib import Path
+
+PLACES_FILE, REGION_FILE, FEATURES_FILE = "places.json", "regions.png", "regions.geojson"
+NAMES_FILE, CHECK_FILE = "place_names.yaml", "check.csv"
+LABELS_FILE, OVERVIEW_FILE, TOPOLOGY_PICTURE = "labels.png", "overview.png", "topology.png"
+
+DETAILS = "details"
+"""The folder below it for files that programs read."""
+
+SETTINGS_FILE, GATES_FILE = f"{DETAILS}/settings.json", f"{DETAILS}/gate_places.png"
+SUMMARY_FILE, MANIFEST_FILE = f"{DETAILS}/summary.json", f"{DETAILS}/manifest.json"
+THUMBNAIL_FILE = f"{DETAILS}/thumbnail.png"
+
+OLD_PLACES_FILE = "topology.json"
+"""What the places were called before; ``places.json`` was then the settings."""
+
+OLD_FILES = (OLD_PLACES_FILE, Path(GATES_FILE).name)
+"""What earlier versions called files that are written with places."""
+
+SETTINGS_FORMAT = "pgm-places settings of places"
+_HEAD = 200
+
+
+def probability_file(label: str) -> str:
+    """The name of a label's image: 0 to 255 for a probability of 0 to 1, 0 outside free cells."""
+    return f"{DETAILS}/probability_{label}.png"
+
+
+def places_path(folder: Path) -> Path:
+    """The file of a folder's places: ``places.json``, or ``topology.json`` of earlier versions."""
+    path, old = folder / PLACES_FILE, folder / OLD_PLACES_FILE
+    return old if old.exists() and (_is_settings(path) or not path.exists()) else path
+
+
+def settings_path(folder: Path) -> Path:
+    """The file of the settings by which a folder's places were found."""
+    path, old = folder / SETTINGS_FILE, folder / PLACES_FILE
+    return old if not path.exists() and _is_settings(old) else path
+
+
+def detail_path(folder: Path, name: str) -> Path:
+    """A file of ``details``; where there is none, of the folder itself, as earlier versions had."""
+    path, old = folder / name, folder / Path(name).name
+    return old if old.exists() and not path.exists() else path
+
+
+def _is_settings(path: Path) -> bool:
+    """Whether a ``places.json`` is an earlier version's."""
+    try:
+        with path.open("rb") as file:
+            return SETTINGS_FORMAT.encode() in file.read(_HEAD)
+    except OSError:
+        return False
