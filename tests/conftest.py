@@ -30,7 +30,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LONGEST = (
-    "test_label_order.py",
     "test_docs.py",
     "test_decoding.py",
     "test_backend_contract.py",
