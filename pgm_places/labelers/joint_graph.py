@@ -13,6 +13,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -158,11 +159,14 @@ class JointScores(NamedTuple):
     cells : (N, K) float or None
         The unary of the cells that the method is given.
     steps : (T, K) float or None
+    doorways : Doorways or None
+        The accepted gates of the map, where the model knows spaces.
     """
 
     graph: JointGraph
     cells: NDArray[np.float64] | None
     steps: NDArray[np.float64] | None
+    doorways: Doorways | None = None
 
     def problem(self, names: tuple[str, ...], link_weight: float | None) -> LabelingProblem:
         """The problem, with its links weighed if there is a weight."""

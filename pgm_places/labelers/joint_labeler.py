@@ -17,6 +17,7 @@ from pgm_places.labelers import method as method_use
 from pgm_places.labelers.joint_graph import JointGraph, JointLabeling, JointScores
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.place_problem import accepted_doorways
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import learn_labelers
 from pgm_places.maps.labelled_map import LabelledMap
@@ -291,19 +292,25 @@ class JointLabeler(Labeler):
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> JointScores:
-        """The graph of what is given, and what the lists say of each node by itself."""
+        """The graph of what is given, and what the lists say of each node by itself.
+
+        Scores of cells are those that the labeler of maps gives a method: with doorways at gates
+        and whole spaces, where its lists see spaces.
+        """
         self.check_fitted()
-        cells = cell_scores = step_scores = None
+        cells = cell_scores = step_scores = doorways = None
         with threads(n_threads), reported(progress):
             if grid is not None:
-                cells, found = self.places_.scores(grid, mask=mask)
-                cell_scores = found.of(self.places_.method().unary)
+                places = self.places_
+                cells, found = places.scores(grid, mask=mask)
+                cell_scores = places.problem_of(cells, found, places.method()).unary
+                doorways = accepted_doorways(places.unary_model_, grid, found)
             if drive is not None:
                 step_scores = self.steps_.scores(drive, known_map=grid)
         graph = JointGraph.of(
             cells, grid, drive, every_m=self.steps_.update_m, loop_m=self.steps_.loop_m
         )
-        return JointScores(graph, cell_scores, step_scores)
+        return JointScores(graph, cell_scores, step_scores, doorways)
 
     def infer(self, scores: JointScores, *, truth: ArrayLike | None = None) -> JointLabeling:
         """The method's labelling of given scores; ``truth`` is that of all nodes."""

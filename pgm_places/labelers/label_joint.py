@@ -82,6 +82,7 @@ def label_map_and_drive(
         label_names=labeler.label_names_,
         method=METHODS.name_of(type(labeler.method_)),
         warnings=warnings,
+        doorways=scores.doorways,
         entered=entered or EnteredOptions(),
     )
     return LabelledDrive(places, steps)

@@ -8,6 +8,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.whole_spaces import with_whole_spaces
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.unary.halls import HallNames
@@ -129,6 +130,19 @@ def cells_problem(
     if scores.node_features is not None:
         features = sealed(np.asarray(scores.node_features, np.float64))
     return LabelingProblem(graph, label_names, scores.of(unary), features, known=known)
+
+
+def accepted_doorways(
+    model: UnaryModel,
+    grid: OccupancyGrid,
+    scores: CellScores,
+    known: NDArray[np.int16] | None = None,
+) -> Doorways | None:
+    """The accepted gates of a map that a model has scored; None where it knows no gates."""
+    space = model.space
+    if scores.doorways is not None or space is None or space.gates is None:
+        return scores.doorways
+    return (scores.spaces or space.spaces(grid, known=known)).doorways
 
 
 def along_spaces(

@@ -21,6 +21,7 @@ from pgm_places.labelers.labelled_places import (
 )
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.place_problem import accepted_doorways
 from pgm_places.labelers.whole_map import window_to_label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -157,9 +158,7 @@ def score_map(
         known=raster,
         own=None if cache is None else cache(used),
     )
-    space, doorways = labeler.unary_model_.space, scores.doorways
-    if doorways is None and space is not None and space.gates is not None:
-        doorways = (scores.spaces or space.spaces(used, known=raster)).doorways
+    doorways = accepted_doorways(labeler.unary_model_, used, scores, raster)
     return ScoredMap(MapAtModel(model, grid, used, cells, tuple(warnings), doorways), graph, scores)
 
 

@@ -12,13 +12,18 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.joint_graph import JointGraph
 from pgm_places.labelers.joint_labeler import LINK_WEIGHTS, JointLabeler
+from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelling.label import label_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import load, save
+from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.scan_model import BeamOptions
+from tests.drives import building, drive
 from tests.labelers.test_contract import NAMES, QUICK, SENSOR, known, walk
 
 
@@ -48,6 +53,45 @@ def test_every_method_labels_a_map_a_drive_and_both(method: str) -> None:
     assert len(alone.cells.labels) == len(both.cells.labels)
     scored = replace(labeler.scores(grid, drive).graph, cells=None)
     assert scored.segments is not None
+
+
+def test_cells_are_scored_with_gates_and_whole_spaces_as_for_a_map_alone() -> None:
+    labeler, grid = _with_spaces(), building()[0].grid
+    map_alone = labeler.of_maps()
+    found = labeler.scores(grid).cells
+    assert found is not None
+    np.testing.assert_array_equal(found, map_alone.problem(grid).unary)
+    _, before = map_alone.scores(grid)
+    assert not np.array_equal(found, before.of("space"))  # gates and whole spaces do change some
+    both = labeler.label(grid)
+    assert both.cells is not None
+    np.testing.assert_array_equal(both.cells.labels, map_alone.label(grid).labels)
+
+
+def test_places_of_a_map_and_a_drive_end_at_the_gates_of_the_map() -> None:
+    labeler, grid = _with_spaces(), building()[0].grid
+    found = label_map_and_drive(labeler, grid, drive(1)).map
+    alone = label_map(labeler.of_maps(), grid)
+    assert found.doorways is not None and alone.doorways is not None
+    assert found.doorways.gates == alone.doorways.gates and len(alone.doorways)
+
+
+@lru_cache
+def _with_spaces() -> JointLabeler:
+    item, names = building()
+    sensor = Sensor(max_range_m=12.0)
+    places = PlaceLabeler(
+        names,
+        sensor=sensor,
+        classifier=QUICK,
+        space=SpaceOptions(n_rounds=5),
+        unary="space",
+        doorway_depth_m=0.8,
+        n_folds=2,
+    )
+    steps = TrajectoryLabeler(names, "independent", 0.3, sensor=sensor, classifier=QUICK, n_folds=2)
+    labeler = JointLabeler(names, "potts", 4.0, places, steps)
+    return labeler.fit([MappedDrive(item, drive(0))])
 
 
 def test_steps_pull_the_cells_below_them_and_cells_the_steps() -> None:
