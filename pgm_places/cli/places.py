@@ -186,16 +186,17 @@ def export(
             for_nav2 = {
                 "speeds_m_s": _values(values or ()),
                 "grid": _map_for_nav2(folder, map_yaml),
-                "lies_in": out or folder,
             }
-            _write_routes(files.stage, topology, robot_radius_m, keep_out or (), for_nav2)
+            _write_routes(
+                files.stage, topology, robot_radius_m, out or folder, keep_out or (), for_nav2
+            )
         elif to == "map":
             grid = _map_for_nav2(folder, map_yaml)
             if grid is None:
                 raise InputError(f"{folder}: the map is not where it was labelled; pass --map")
             write_cleaned_map(files.stage, topology, grid)
         elif to == "nav2-route" and not values:
-            _write_routes(files.stage, topology, robot_radius_m, keep_out or ())
+            _write_routes(files.stage, topology, robot_radius_m, out or folder, keep_out or ())
         else:
             write_export(
                 topology,
@@ -213,7 +214,8 @@ def _write_routes(
     folder: Path,
     topology: "TopologicalMap",
     robot_radius_m: float | None,
-    keep_out: Sequence[str] = (),
+    lies_in: Path,
+    keep_out: Sequence[str],
     for_nav2: dict[str, Any] | None = None,
 ) -> None:
     """The route graph and its picture; says what the robot cannot reach."""
@@ -222,7 +224,12 @@ def _write_routes(
 
     radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
     routes = write_routes(
-        folder, topology, robot_radius_m=radius, keep_out=keep_out, for_nav2=for_nav2
+        folder,
+        topology,
+        robot_radius_m=radius,
+        keep_out=keep_out,
+        for_nav2=for_nav2,
+        lies_in=lies_in,
     )
     say(routes_summary(topology, routes))
 

@@ -28,12 +28,14 @@ def write_routes(
     robot_radius_m: float = ROBOT_RADIUS_M,
     keep_out: Iterable[str] = (),
     for_nav2: Mapping[str, Any] | None = None,
+    lies_in: Path | None = None,
 ) -> RouteGraph:
     """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
 
     No way leads into the places of ``keep_out``, which are classes or names.
     With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
-    other files for Nav2 as well.
+    other files for Nav2 as well. The files will lie in ``lies_in``, where they are moved: nodes and
+    edges of a graph that is there already keep their ids.
 
     Raises
     ------
@@ -45,9 +47,10 @@ def write_routes(
     closed = topology.ids_of(keep_out)
     routes = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
     if for_nav2 is None:
-        write_nav2_route(folder / ROUTE_FILE, topology, routes)
+        earlier = (lies_in or folder) / ROUTE_FILE
+        write_nav2_route(folder / ROUTE_FILE, topology, routes, earlier=earlier)
     else:
-        write_nav2(folder, topology, routes, **for_nav2)
+        write_nav2(folder, topology, routes, lies_in=lies_in, **for_nav2)
     if routes.edges:
         write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, routes).png())
     return routes

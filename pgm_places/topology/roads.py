@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from pgm_places._core import needed_edges, segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
+from pgm_places.topology.planar_roads import make_planar
 from pgm_places.topology.skeleton import skeleton_of
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -113,6 +114,8 @@ def roads_through(space: RouteSpace) -> "Roads":
     stops = roads.stops()
     roads.keep_ways(stops)
     roads.simplify(stops)
+    make_planar(roads)
+    roads.keep_largest()
     return roads
 
 
@@ -121,13 +124,15 @@ class Roads:
 
     def __init__(self, space: RouteSpace, n_targets: int) -> None:
         self.space, self.n_targets = space, n_targets
-        self.points: list[tuple[int, int]] = []
-        self.number: dict[tuple[int, int], int] = {}
+        self.points: list[tuple[float, float]] = []
+        self.number: dict[tuple[float, float], int] = {}
         self.links: dict[int, set[int]] = {}
 
-    def add(self, point: tuple[int, int]) -> int:
-        """The number of the node at a cell."""
+    def add(self, point: tuple[float, float]) -> int:
+        """The number of the node at a position in cells."""
         if point not in self.number:
+            self.__dict__.pop("at", None)
+            self.__dict__.pop("clear", None)
             self.number[point] = len(self.points)
             self.points.append(point)
             self.links[self.number[point]] = set()
@@ -135,13 +140,13 @@ class Roads:
 
     @cached_property
     def at(self) -> NDArray[np.float64]:
-        """(N, 2) the nodes' cells, once all have been added."""
+        """(N, 2) the nodes' positions in cells."""
         return np.array(self.points, np.float64).reshape(-1, 2)
 
     @cached_property
     def clear(self) -> NDArray[np.float64]:
         """(N,) their clearance in cells, from centre to centre less half a cell."""
-        at = self.at.astype(np.int64)
+        at = np.rint(self.at).astype(np.int64)
         return np.sqrt(self.space.squared[at[:, 0], at[:, 1]].astype(np.float64)) - 0.5
 
     def join(self, a: int, b: int) -> None:
@@ -149,6 +154,11 @@ class Roads:
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
+
+    def part(self, a: int, b: int) -> None:
+        """Take the edge between two nodes away."""
+        self.links[a].discard(b)
+        self.links[b].discard(a)
 
     def room(self, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
         """(M,) how much clearance, in cells, edges between pairs of nodes (M, 2) are to have."""
@@ -202,7 +212,7 @@ class Roads:
             )
             for b in others:
                 if self._stands_in(b, self.links[a] - {b}):
-                    for other in self._drop(a):
+                    for other in self.drop(a):
                         self.join(b, other)
                     break
 
@@ -211,7 +221,7 @@ class Roads:
         pairs = np.array([[node, other] for other in others], np.int64).reshape(-1, 2)
         return bool(self.are_good(pairs).all())
 
-    def _drop(self, node: int) -> set[int]:
+    def drop(self, node: int) -> set[int]:
         """Take a node away; those that it was linked to."""
         others = self.links.pop(node)
         for other in others:
@@ -288,10 +298,26 @@ class Roads:
         for node in sorted(set(self.links) - {*stops}, reverse=True):
             others = sorted(self.links[node])
             if not others:
-                self._drop(node)
+                self.drop(node)
             elif len(others) == 2 and self._is_straight(*others):
-                self._drop(node)
+                self.drop(node)
                 self.join(*others)
+
+    def keep_largest(self) -> None:
+        """Leave out all parts but the one whose places have the most area."""
+        import networkx as nx
+
+        graph: nx.Graph[int] = nx.Graph(self.joined().tolist())
+        area = {region.id: region.area_m2 for region in self.space.topology.regions}
+
+        def area_of(part: set[int]) -> float:
+            ids = {self.space.region_at(self.at[node]) for node in part if node < self.n_targets}
+            return sum(area[number] for number in ids)
+
+        parts: list[set[int]] = list(nx.connected_components(graph))
+        largest = max(parts, key=area_of) if parts else set()
+        for node in set(self.links) - largest:
+            self.drop(node)
 
     def _is_straight(self, a: int, b: int) -> bool:
         """Whether an edge between the only neighbours of a node is as good as the node."""

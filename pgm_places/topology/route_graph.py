@@ -1,7 +1,7 @@
 """RouteGraph: ways that a robot can drive, as nodes and straight edges through all places."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -76,7 +76,7 @@ class RouteGraph:
     robot_radius_m : float
         No edge has less clearance.
     unreachable : tuple of int
-        Ids of places that no way leads to from the largest connected part of the graph.
+        Ids of places that no way leads to: the graph is its largest connected part.
     closed : tuple of int
         Ids of places that the robot keeps out of: no way comes nearer to them than its radius.
     """
@@ -110,7 +110,8 @@ def route_graph(
 
     Nodes lie on the skeleton of the space: in the middle of corridors, at junctions, in the middle
     of doorways, at the anchors of places. Straight edges join them wherever the way would else be
-    noticeably longer. What belongs to no place is an obstacle.
+    noticeably longer; where two of them cross there is a node. What belongs to no place is an
+    obstacle. The graph is connected: parts that are cut off from the largest are left out.
 
     Parameters
     ----------
@@ -149,7 +150,7 @@ def standing_points(
     That is the place's anchor, or its roomiest point if the disc does not fit there.
     """
     space = RouteSpace(topology, robot_radius_m, closed)
-    cells = space.targets()
+    cells = space.targets().astype(np.float64)
     points = space.in_metres(cells).tolist()
     return {space.region_at(cell): (x, y) for cell, (x, y) in zip(cells, points, strict=True)}
 
@@ -174,19 +175,6 @@ def _in_metres(roads: Roads, closed: tuple[int, ...]) -> RouteGraph:
         RouteEdge(a, b, float(length_m[k]), float(clear_m[k]), space.region_at(middle[k]))
         for k, (a, b) in enumerate(pairs)
     )
-    graph = RouteGraph(nodes, edges, space.radius_m, (), closed)
-    return replace(graph, unreachable=_unreachable(space, graph))
-
-
-def _unreachable(space: RouteSpace, found: RouteGraph) -> tuple[int, ...]:
-    """Ids of the places that are not in the part of the graph with the most area."""
-    import networkx as nx
-
-    nodes = found.nodes
-    places = [
-        {nodes[k].region for k in part if nodes[k].is_anchor}
-        for part in nx.connected_components(found.graph)
-    ]
-    area = {region.id: region.area_m2 for region in space.topology.regions}
-    largest = max(places, key=lambda ids: sum(area[number] for number in ids), default=set())
-    return tuple(number for number in area if number not in largest and number not in found.closed)
+    reached = {node.region for node in nodes if node.is_anchor}.union(closed)
+    lost = tuple(r.id for r in space.topology.regions if r.id not in reached)
+    return RouteGraph(nodes, edges, space.radius_m, lost, closed)

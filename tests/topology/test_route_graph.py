@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from shapely import LineString
 
 from experiments.routes import cell_lengths, ratios
 from pgm_places._core import needed_edges, segment_clearances, stays_between
@@ -18,6 +19,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.planar_roads import crossings
 from pgm_places.topology.roads import AS_FAR_AS_ENDS, ROOM_M
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
@@ -44,10 +46,75 @@ def check(topology: TopologicalMap, found: RouteGraph) -> None:
         place = topology.region_at(*node.point_m)
         assert place is not None
         assert place.id == node.region
-        [cell] = topology.grid.cells_at_m([node.point_m]) + 1
-        ends = np.array([*cell, *cell], float)
+        [place_xy] = topology.grid.points_at_m([node.point_m]) + 0.5
+        ends = np.array([*place_xy[::-1], *place_xy[::-1]])
         wanted = side_m * segment_clearance(blocked, ends, 2.0 / side_m)
         assert node.clearance_m == pytest.approx(wanted)
+    points = np.array([node.point_m for node in found.nodes])
+    pairs = [(edge.first, edge.second) for edge in found.edges]
+    assert not meeting(points, pairs)
+    assert not found.nodes or nx.is_connected(found.graph)
+
+
+def meeting(
+    at: np.ndarray, pairs: list[tuple[int, int]]
+) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Pairs of edges without a common node that meet, by shapely."""
+    lines = [LineString(at[[a, b]]) for a, b in pairs]
+    return [
+        (pairs[i], pairs[j])
+        for i, j in itertools.combinations(range(len(pairs)), 2)
+        if not {*pairs[i]} & {*pairs[j]} and lines[i].distance(lines[j]) < 1e-9
+    ]
+
+
+@settings(max_examples=200, deadline=None)
+@given(points=arrays(np.int64, (8, 2), elements=st.integers(0, 6), unique=False), data=st.data())
+def test_crossings_are_those_of_lines(points: np.ndarray, data: st.DataObject) -> None:
+    at = np.unique(points, axis=0).astype(np.float64)
+    every = np.array(list(itertools.combinations(range(len(at)), 2)), np.int64).reshape(-1, 2)
+    edges = every[data.draw(arrays(np.bool_, len(every)))]
+    found, shares = crossings(at, edges, edges)
+    pairs = [(first, second) for first, second in edges.tolist()]
+    wanted = {frozenset(pair) for pair in meeting(at, pairs)}
+    on_a_line = {
+        frozenset((pairs[e], pairs[f]))
+        for e, f in itertools.combinations(range(len(pairs)), 2)
+        if np.linalg.matrix_rank(np.diff(at[[*pairs[e], *pairs[f]]], axis=0)) < 2
+    }
+    got = {frozenset((pairs[e], pairs[f])) for e, f in found.tolist()}
+    assert got == wanted - on_a_line
+    for (e, _), share in zip(found.tolist(), shares, strict=True):
+        assert 0 <= share <= 1
+        assert e < len(edges)
+
+
+def test_crossing_shortcuts_of_a_hall_meet_in_nodes() -> None:
+    """Doors at all sides of a hall: straight ways between them would cross without a node."""
+    labels = np.full((72, 102), -1, np.int16)
+    labels[11:61, 11:91] = 1
+    for left in (15, 45, 75):
+        labels[1:10, left : left + 12] = labels[62:71, left : left + 12] = 0
+        labels[10, left + 2 : left + 10] = labels[61, left + 2 : left + 10] = 2
+    topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES, correct=False)
+    found = route_graph(topology)
+    check(topology, found)
+    assert found.unreachable == ()
+    assert np.quantile(ratios_between(topology, found, "corridor"), 0.99) < 1.35
+
+
+def ratios_between(topology: TopologicalMap, found: RouteGraph, label: str) -> np.ndarray:
+    names = {"corridor": "room", "room": "corridor"}
+    swapped = tuple(names.get(name, name) for name in topology.label_names)
+    regions = tuple(replace(r, label=names.get(r.label, r.label)) for r in topology.regions)
+    return ratios(replace(topology, label_names=swapped, regions=regions), found)
+
+
+def test_parts_that_are_cut_off_are_left_out() -> None:
+    topology = narrow_map(7)
+    found = route_graph(topology, robot_radius_m=0.36)
+    assert found.unreachable
+    assert not {node.region for node in found.nodes} & {*found.unreachable}
 
 
 def route_map(**frame: object) -> TopologicalMap:

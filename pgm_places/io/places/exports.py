@@ -221,7 +221,8 @@ def export(
         routes = route_graph(topology, robot_radius_m=radius)
         if to == "lif":
             return [write_lif(folder, topology, routes, name=name)]
-        return [write_nav2_route(folder / ROUTE_FILE, topology, routes)]
+        earlier = (lies_in or folder) / ROUTE_FILE
+        return [write_nav2_route(folder / ROUTE_FILE, topology, routes, earlier=earlier)]
     return write_filter_mask(
         folder / to.replace("-", "_"),
         topology,

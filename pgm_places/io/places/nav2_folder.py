@@ -18,6 +18,7 @@ from pgm_places.io.places.nav2_scripts import (
     LAUNCH,
     LAUNCH_TEXT,
 )
+from pgm_places.io.places.route_ids import EarlierIds, edge_ids, node_ids
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.geojson import DIGITS, LOCAL_METRES
 from pgm_places.topology.route_graph import RouteGraph, standing_points
@@ -29,16 +30,20 @@ Feature = dict[str, Any]
 
 
 def route_features(
-    topology: TopologicalMap, routes: RouteGraph, *, speeds_m_s: Mapping[str, float] | None = None
+    topology: TopologicalMap,
+    routes: RouteGraph,
+    *,
+    speeds_m_s: Mapping[str, float] | None = None,
+    earlier: EarlierIds | None = None,
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
 
-    The node that stands for a place has the id of the place; every id is used once. Edges come in
-    both directions, each with an id of its own. Metadata hold the ``class`` that Nav2's
-    ``SemanticScorer`` looks for, the ``name`` of the place, the ``clearance_m``, and for nodes in
-    doorways their ``width_m``; never null, which the loader refuses. Where speeds are given, edges
-    have the lowest of the places that they touch as ``abs_speed_limit``, which Nav2's
-    ``TimeScorer`` looks for. Operations are left to the user.
+    The node that stands for a place has the id of the place; other nodes count from 10,001, edges
+    from 30,001; every id is used once. Edges come in both directions, each with an id of its own.
+    Metadata hold the ``class`` that Nav2's ``SemanticScorer`` looks for, the ``name`` of the place,
+    the ``clearance_m``, and for nodes in doorways their ``width_m``; never null, which the loader
+    refuses. Where speeds are given, edges have the lowest of the places that they touch as
+    ``abs_speed_limit``, which Nav2's ``TimeScorer`` looks for. Operations are left to the user.
 
     Parameters
     ----------
@@ -46,6 +51,8 @@ def route_features(
     routes : RouteGraph
     speeds_m_s : mapping of str to float, optional
         The largest speed by class or name of place; a place's own wins over that of its class.
+    earlier : EarlierIds, optional
+        Ids of an earlier export: nodes at the same positions, and edges between them, keep theirs.
 
     Raises
     ------
@@ -58,17 +65,15 @@ def route_features(
             f"a robot with a radius of {routes.robot_radius_m:g} m can go nowhere: no two places "
             "are connected by a passage wide enough; Nav2's Route Server needs at least one edge"
         )
-    free = max((region.id for region in topology.regions), default=0) + 1
-    others = iter(range(free, free + len(routes.nodes)))
-    ids = [node.region if node.is_anchor else next(others) for node in routes.nodes]
-    first = next(others)
+    earlier = earlier or EarlierIds()
+    ids = node_ids(routes, earlier)
     return {
         "type": "FeatureCollection",
         "name": "graph",
         "crs": LOCAL_METRES,
         "features": [
             *_nodes(topology, routes, ids),
-            *_edges(topology, routes, ids, first, speeds_m_s or {}),
+            *_edges(topology, routes, ids, earlier, speeds_m_s or {}),
         ],
     }
 
@@ -99,10 +104,16 @@ def _edges(
     topology: TopologicalMap,
     routes: RouteGraph,
     ids: list[int],
-    free: int,
+    earlier: EarlierIds,
     speeds_m_s: Mapping[str, float],
 ) -> list[Feature]:
     features: list[Feature] = []
+    ways = [
+        (ids[start], ids[end])
+        for edge in routes.edges
+        for start, end in ((edge.first, edge.second), (edge.second, edge.first))
+    ]
+    numbers = iter(edge_ids(ways, ids, earlier))
     for edge in routes.edges:
         metadata = {**_place(topology, edge.region), "clearance_m": round(edge.clearance_m, DIGITS)}
         places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
@@ -113,7 +124,7 @@ def _edges(
         for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
             line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
             properties = {
-                "id": free + len(features),
+                "id": next(numbers),
                 "startid": ids[start],
                 "endid": ids[end],
                 "cost": round(edge.length_m, DIGITS),
@@ -150,9 +161,14 @@ def write_nav2_route(
     routes: RouteGraph,
     *,
     speeds_m_s: Mapping[str, float] | None = None,
+    earlier: Path | None = None,
 ) -> Path:
-    """Write the graph for Nav2's Route Server; the path."""
-    return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s))
+    """Write the graph for Nav2's Route Server; the path.
+
+    Nodes and edges keep their ids of an earlier file, where there is one.
+    """
+    known = EarlierIds.read(earlier)
+    return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s, earlier=known))
 
 
 MAP, ROUTE, PARAMETERS = "map", "nav2_route.geojson", "nav2_params.yaml"
@@ -218,7 +234,10 @@ def write_nav2(
     servers: list[tuple[str, str, str]] = []
     merged: dict[str, Any] = {}
     if routes.edges:
-        written = [write_nav2_route(folder / ROUTE, topology, routes, speeds_m_s=speeds)]
+        graph = folder / ROUTE
+        written = [
+            write_nav2_route(graph, topology, routes, speeds_m_s=speeds, earlier=home / ROUTE)
+        ]
         files["graph"] = ROUTE
         servers = [("nav2_route", "route_server", "route_server")]
         merged = {"route_server": {"ros__parameters": _route_server(home / ROUTE, speeds)}}

@@ -1,0 +1,106 @@
+"""Ids of the nodes and edges of a route graph that stay the same from export to export."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from pgm_places.errors import InputError
+from pgm_places.io.input_file import read_json
+from pgm_places.progress import warn
+from pgm_places.topology.route_graph import RouteGraph
+
+FIRST_NODE, FIRST_EDGE = 10_001, 30_001
+"""Lower ids are those of places. Nav2 holds ids in 16 bits."""
+
+SAME_M = 0.5
+"""A node this near to one of the earlier graph is the same node."""
+
+_MOST_BYTES = 1 << 28
+
+
+@dataclass(frozen=True)
+class EarlierIds:
+    """The ids of an earlier export.
+
+    Parameters
+    ----------
+    nodes : dict
+        Positions (x, y) in metres of the nodes that stand for no place, by id.
+    edges : dict
+        Id of each directed edge by the ids of its ends.
+    """
+
+    nodes: dict[int, tuple[float, float]] = field(default_factory=dict)
+    edges: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: Path | None) -> "EarlierIds":
+        """Those of a GeoJSON file that an export wrote; none without one.
+
+        A file that is damaged, or not ours, is warned of: all ids are new.
+        """
+        if path is None or not path.is_file():
+            return cls()
+        try:
+            record = read_json(path, InputError, "a route graph", max_bytes=_MOST_BYTES)
+            nodes: dict[int, tuple[float, float]] = {}
+            edges: dict[tuple[int, int], int] = {}
+            for feature in record["features"]:
+                values = feature["properties"]
+                if feature["geometry"]["type"] == "Point":
+                    if not values["metadata"]["is_anchor"]:
+                        x, y = feature["geometry"]["coordinates"]
+                        nodes[int(values["id"])] = (float(x), float(y))
+                else:
+                    edges[int(values["startid"]), int(values["endid"])] = int(values["id"])
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            warn(f"{path} cannot be read, so all nodes and edges get new ids: {error}")
+            return cls()
+        return cls(nodes, edges)
+
+
+def node_ids(routes: RouteGraph, earlier: EarlierIds) -> list[int]:
+    """The id of each node: of its place, of the earlier node at its position, or a new one."""
+    places = {node.region for node in routes.nodes if node.is_anchor}
+    ids: list[int | None] = [node.region if node.is_anchor else None for node in routes.nodes]
+    taken = {*places}
+    for index, number in _matches(routes, earlier):
+        if ids[index] is None and number not in taken:
+            ids[index] = number
+            taken.add(number)
+    new = _unused(FIRST_NODE, {*earlier.nodes, *earlier.edges.values(), *places})
+    return [next(new) if number is None else number for number in ids]
+
+
+def edge_ids(
+    ways: Sequence[tuple[int, int]], nodes: Sequence[int], earlier: EarlierIds
+) -> list[int]:
+    """The id of each directed edge between ids of nodes: that of the earlier edge, or a new one."""
+    new = _unused(FIRST_EDGE, {*nodes, *earlier.edges.values(), *earlier.nodes})
+    own = {*nodes}
+    found = [earlier.edges.get(way) for way in ways]
+    return [next(new) if number is None or number in own else number for number in found]
+
+
+def _matches(routes: RouteGraph, earlier: EarlierIds) -> Iterator[tuple[int, int]]:
+    """Nodes, by position in the graph, and earlier ids near them, the nearest first."""
+    if not earlier.nodes or not routes.nodes:
+        return
+    from scipy.spatial import cKDTree
+
+    numbers = list(earlier.nodes)
+    trees = [
+        cKDTree(np.array(points))
+        for points in ([node.point_m for node in routes.nodes], list(earlier.nodes.values()))
+    ]
+    near = trees[0].sparse_distance_matrix(trees[1], SAME_M, output_type="ndarray")
+    for item in near[np.lexsort((near["j"], near["i"], near["v"]))]:
+        yield int(item["i"]), numbers[int(item["j"])]
+
+
+def _unused(first: int, taken: set[int]) -> Iterator[int]:
+    """Numbers from ``first`` on that are not taken."""
+    return (number for number in count(first) if number not in taken)
