@@ -1,12 +1,9 @@
 """Roads without crossings: where two edges cross there is a node, and nodes keep their distance."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from pgm_places.topology.roads import Roads
+from pgm_places.topology.roads import Roads
 
 APART_M = 1.0
 """Nodes nearer to each other than this become one where its edges are as good."""
@@ -94,13 +91,13 @@ def nodes_within(
     return found
 
 
-def make_planar(roads: "Roads") -> None:
+def make_planar(roads: Roads) -> None:
     """Put a node wherever edges cross, and let nodes that are too near each other become one."""
     _split(roads)
     _merge(roads)
 
 
-def _split(roads: "Roads") -> None:
+def _split(roads: Roads) -> None:
     """Divide edges at nodes that lie on them, and crossing edges at a new node."""
     for _ in range(_MOST_PASSES):
         edges = roads.joined()
@@ -134,7 +131,7 @@ def _split(roads: "Roads") -> None:
                 roads.join(one, other)
 
 
-def _merge(roads: "Roads") -> None:
+def _merge(roads: Roads) -> None:
     """Leave out nodes beside others that can take their edges over without a crossing."""
     near = APART_M / roads.space.side_m
     at = roads.at
@@ -166,7 +163,7 @@ def _detour(ends: NDArray[np.float64], old: NDArray[np.float64], new: NDArray[np
     return float(longer[np.triu_indices(len(ends), 1)].max(initial=1.0))
 
 
-def _stays_planar(roads: "Roads", node: int, pairs: NDArray[np.int64]) -> bool:
+def _stays_planar(roads: Roads, node: int, pairs: NDArray[np.int64]) -> bool:
     """Whether new edges cross none but those of a node that goes, and pass through no node."""
     edges = roads.joined()
     edges = edges[(edges != node).all(axis=1)]

@@ -10,7 +10,6 @@ from scipy.ndimage import binary_dilation
 
 from pgm_places._core import needed_edges, segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology.planar_roads import make_planar
 from pgm_places.topology.skeleton import skeleton_of
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -114,8 +113,6 @@ def roads_through(space: RouteSpace) -> "Roads":
     stops = roads.stops()
     roads.keep_ways(stops)
     roads.simplify(stops)
-    make_planar(roads)
-    roads.keep_largest()
     return roads
 
 

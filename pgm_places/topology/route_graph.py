@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgm_places.errors import InputError
+from pgm_places.topology.planar_roads import make_planar
 from pgm_places.topology.roads import Roads, RouteSpace, roads_through
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -139,7 +140,10 @@ def route_graph(
     if not 0 <= robot_radius_m < np.inf:
         raise InputError(f"robot_radius_m must be metres from 0, got {robot_radius_m}")
     space = RouteSpace(topology, robot_radius_m, closed)
-    return _in_metres(roads_through(space), tuple(sorted(closed)))
+    roads = roads_through(space)
+    make_planar(roads)
+    roads.keep_largest()
+    return _in_metres(roads, tuple(sorted(closed)))
 
 
 def standing_points(
