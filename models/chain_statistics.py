@@ -65,6 +65,22 @@ def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np
     return powered / powered.sum(axis=1, keepdims=True), changed
 
 
+def transition_powers(transition: ArrayLike, exponents: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(A, K, K) the transitions over steps of several lengths: :func:`transition_power` of each.
+
+    Exponents (A,) are at least 0. One generator serves them all, so that a table that no process
+    in continuous time has is also changed where the exponent is whole.
+    """
+    from scipy.linalg import expm
+
+    table = finite_array("transition", transition, ("K", "K"))
+    if (exponents == 1).all():
+        return np.repeat(table[None], len(exponents), axis=0)
+    rates = _generator(table)
+    powers = np.maximum(expm(exponents[:, None, None] * rates), 0.0)
+    return np.asarray(powers / powers.sum(axis=2, keepdims=True))
+
+
 def transition_at(
     transition: ArrayLike, counted_m: float, from_m: float, to_m: float
 ) -> tuple[NDArray[np.float64], float]:
@@ -122,6 +138,7 @@ def learned_tables(
     *,
     smoothing: float,
     weights: Sequence[NDArray[np.float64]],
+    lengths: Sequence[NDArray[np.float64]],
 ) -> dict[str, Any]:
     """The tables that a hidden Markov model learns from counts over all chains, by name.
 
@@ -138,6 +155,8 @@ def learned_tables(
     weights : sequence of (T,) float
         What each step counts; a move counts as the lighter of its two steps, which is what a chain
         of one weight does as a whole.
+    lengths : sequence of (T - 1,) float
+        Those of the steps, of chains where they are known.
 
     Raises
     ------
@@ -168,7 +187,7 @@ def learned_tables(
         "confusion": normalised(seen),
         "initial": normalised(first),
         "prior": normalised(share),
-        "counted_m": usual_step_m(problems),
+        "counted_m": usual_step(lengths),
     }
 
 
@@ -218,13 +237,16 @@ def counted_tables(
     return tables
 
 
-def usual_step_m(problems: Sequence[LabelingProblem]) -> NDArray[np.float64] | None:
-    """(1,) the median distance between the steps of chains; None where positions are unknown."""
-    places = [problem.graph.positions_m for problem in problems]
-    moved = [np.linalg.norm(np.diff(xy, axis=0), axis=1) for xy in places if xy is not None]
-    steps = np.concatenate([*moved, np.zeros(0)])
+def usual_step(lengths: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """(1,) the median length of the steps of chains that are not 0; None where there are none."""
+    steps = np.concatenate([*lengths, np.zeros(0)])
     steps = steps[steps > 0]
     return np.array([np.median(steps)]) if len(steps) else None
+
+
+def usual_length(counted: NDArray[np.float64] | None, of_runs: float) -> float:
+    """The length of step that transitions were counted over; that of simulated runs if None."""
+    return of_runs if counted is None else float(counted[0])
 
 
 def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:

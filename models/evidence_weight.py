@@ -1,6 +1,6 @@
 """What a chain's observations say, and how much: chosen on training sequences."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.paired_lead import is_ahead, stretches
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
 
@@ -80,6 +81,9 @@ WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 BALANCES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Exponents of the labels' shares that are tried."""
 
+SHRINKAGES = (0.0, 0.3, 0.6)
+"""Shares of the labels' shares in transitions that are tried, with ``posterior`` observations."""
+
 
 class FittedWeights(NamedTuple):
     """The best weight of the evidence and exponent of the shares, and what they reach.
@@ -106,7 +110,8 @@ def best_weights(
     balances: Sequence[float] = BALANCES,
     node_weights: Sequence[NDArray[np.float64]] | None = None,
     least_accuracy: float = 0.0,
-) -> FittedWeights:
+    is_enough: Callable[[NDArray[np.integer]], bool] | None = None,
+) -> FittedWeights | None:
     """The weight of the evidence and the exponent of the shares with the best labels.
 
     Best is the mean of accuracy and balanced accuracy over the known steps: accuracy alone would
@@ -127,6 +132,8 @@ def best_weights(
     node_weights : sequence of (N,) float, optional
         What each step counts.
     least_accuracy : float
+    is_enough : function of (N,) int, optional
+        Whether the labels of all known steps are good enough to be taken; None if no pair's are.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
@@ -136,6 +143,8 @@ def best_weights(
         found = []
         for weight in sorted(weights, reverse=True):
             answers = np.concatenate([labels_at(weight, balance, item) for item in problems])
+            if is_enough is not None and not is_enough(answers[known]):
+                continue
             confusion = confusion_matrix(truth[known], answers[known], weights=counts)
             right, balanced = float(accuracy(confusion)), float(balanced_accuracy(confusion))
             found.append(FittedWeights(weight, balance, right, balanced))
@@ -146,12 +155,13 @@ def best_weights(
     best = _best_of(tried, least_accuracy)
     if not further:
         return best
-    by_weight = zip(tried, *map(tried_with, further), strict=True)
-    return _best_of([item for row in by_weight for item in row], best.accuracy)
+    others = [item for balance in further for item in tried_with(balance)]
+    by_weight = sorted([*tried, *others], key=lambda item: -item.weight)
+    return _best_of(by_weight, least_accuracy if best is None else best.accuracy)
 
 
 def fitted_by_mode(
-    model: Any,
+    models: Sequence[Any],
     modes: Sequence[str],
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
@@ -159,51 +169,73 @@ def fitted_by_mode(
 ) -> dict[str, Any]:
     """The best observation model, weight and exponent of each mode, by name; None if not fitted.
 
-    ``model`` is a hidden Markov model with options to be fitted. No mode takes what is less
+    ``models`` are hidden Markov models with the same options to be fitted, one for each sequence,
+    whose tables were at best counted on other sequences. No mode takes what is less
     accurate on the sequences than each step by itself, where there is anything else. Viterbi's
     sequence does not depend on the exponent. Other arguments as of :func:`best_weights`.
+
+    Where observation model, weight and shrinkage are all open, a mode must be more accurate than
+    each step by itself beyond chance (:func:`pgm_places.evaluation.paired_lead.is_ahead`); else it
+    takes each step by itself: shrinkage 1, ``posterior`` observations of weight 1.
     """
+    model, of_problem = models[0], dict(zip(map(id, problems), models, strict=True))
     weight, balance = model.evidence_weight, model.balance
     weights = WEIGHTS if weight == "fitted" else (weight,)
     balances = BALANCES if balance == "fitted" else (balance,)
     kinds = OBSERVATIONS if model.observation == "auto" else (model.observation,)
-    alone = _alone(problems, labelings, node_weights)
+    alone, is_enough = _alone(problems, labelings, node_weights)
+    is_open = model.can_shrink and (weight, model.observation) == ("fitted", "auto")
+    variants: list[tuple[Observation, float]] = [(kind, 0.0) for kind in kinds]
+    if is_open:
+        variants += [("posterior", share) for share in SHRINKAGES[1:]]
 
     def labels_at(
-        mode: Any, kind: Observation, weight: float, balance: float, problem: LabelingProblem
+        options: Mapping[str, Any], weight: float, balance: float, problem: LabelingProblem
     ) -> NDArray[np.integer]:
-        other = replace(model, mode=mode, observation=kind, evidence_weight=weight, balance=balance)
+        own = of_problem[id(problem)]
+        other = replace(own, **options, evidence_weight=weight, balance=balance)
         labels: NDArray[np.int64] = other.infer(problem).labels
         return labels
 
-    chosen: list[tuple[int, FittedWeights]] = []
+    chosen: list[tuple[tuple[Observation, float], FittedWeights]] = []
     for mode in modes:
-        by_kind = [
-            best_weights(
-                partial(labels_at, mode, kind),
+        found: dict[FittedWeights, tuple[Observation, float]] = {}
+        for kind, share in variants:
+            options: dict[str, Any] = {"mode": mode, "observation": kind}
+            if is_open:
+                options["shrinkage"] = share
+            best = best_weights(
+                partial(labels_at, options),
                 problems,
                 labelings,
                 weights=weights,
                 balances=(0.0,) if mode == "viterbi" else balances,
                 node_weights=node_weights,
                 least_accuracy=alone[0],
+                is_enough=is_enough if is_open else None,
             )
-            for kind in kinds
-        ]
-        best_kind = _best_of(by_kind, alone[0])
-        chosen.append((by_kind.index(best_kind), best_kind))
-    best = np.array([fitted[:2] for _, fitted in chosen]).T
-    numbers = np.array([OBSERVATIONS.index(kinds[k]) for k, _ in chosen], np.int64)
+            if best is not None:
+                found[best] = found.get(best, (kind, share))
+        best = _best_of(list(found), alone[0])
+        if best is None:
+            chosen.append((("posterior", 1.0), FittedWeights(1.0, 0.0, *alone)))
+        else:
+            chosen.append((found[best], best))
+    of_modes = np.array([fitted[:2] for _, fitted in chosen]).T
+    numbers = np.array([OBSERVATIONS.index(kind) for (kind, _), _ in chosen], np.int64)
     return {
-        "fitted_weights": best[0] if weight == "fitted" else None,
-        "fitted_balances": best[1] if balance == "fitted" else None,
+        "fitted_weights": of_modes[0] if weight == "fitted" else None,
+        "fitted_balances": of_modes[1] if balance == "fitted" else None,
         "fitted_observations": numbers if model.observation == "auto" else None,
+        "fitted_shrinkages": np.array([share for (_, share), _ in chosen]) if is_open else None,
         "fitted_scores": np.array([[*fitted[2:], *alone] for _, fitted in chosen]),
     }
 
 
-def _best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights:
+def _best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights | None:
     """The best of those with a least accuracy, else the most accurate one; of equals the first."""
+    if not tried:
+        return None
     enough = [item for item in tried if item.accuracy >= least - 1e-9]
     if not enough:
         return max(tried, key=lambda item: round(item.accuracy, 9))
@@ -214,14 +246,25 @@ def _alone(
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
     node_weights: Sequence[NDArray[np.float64]] | None,
-) -> tuple[float, float]:
-    """Accuracy and balanced accuracy of the classifier's best labels on the known steps."""
+) -> tuple[tuple[float, float], Callable[[NDArray[np.integer]], bool]]:
+    """Accuracy and balanced accuracy of the classifier's best labels on the known steps.
+
+    And whether other labels of these steps are right more often, beyond chance.
+    """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
     best = [np.asarray(item.unary, np.float64).argmax(axis=1) for item in problems]
     counts = None if node_weights is None else np.concatenate(node_weights)[known]
-    confusion = confusion_matrix(truth[known], np.concatenate(best)[known], weights=counts)
-    return float(accuracy(confusion)), float(balanced_accuracy(confusion))
+    said, true = np.concatenate(best)[known], truth[known]
+    confusion = confusion_matrix(true, said, weights=counts)
+    total = None if node_weights is None else float(sum(part.sum() for part in node_weights))
+    stretch = stretches([len(labels) for labels in labelings], total)[known]
+
+    def is_enough(answers: NDArray[np.integer]) -> bool:
+        lead = (answers == true).astype(np.float64) - (said == true)
+        return is_ahead(lead, stretch, counts)
+
+    return (float(accuracy(confusion)), float(balanced_accuracy(confusion))), is_enough
 
 
 def chosen_observation(model: Any, mode: int) -> Observation:
@@ -244,6 +287,9 @@ def words_of_choices(model: Any, mode: int) -> dict[str, str]:
         chosen["observation"] = str(chosen_observation(model, mode))
     if model.fitted_weights is not None:
         chosen["evidence_weight"] = f"{model.fitted_weights[mode]:g}"
+    if model.fitted_shrinkages is not None:
+        share = float(model.fitted_shrinkages[mode])
+        chosen["shrinkage"] = f"{share:g}" if share < 1 else "1: each step by itself"
     if model.fitted_balances is not None:
         chosen["balance"] = f"{model.fitted_balances[mode]:g}"
     right, balanced, alone, alone_balanced = (100 * model.fitted_scores[mode]).tolist()

@@ -1,7 +1,7 @@
 """Hidden Markov model: places along a trajectory, with transitions learned from training data."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
@@ -24,38 +24,26 @@ from pgm_places.models.chain_statistics import (
     log_impossible,
     moved_steps,
     require_chain,
-    transition_at,
 )
+from pgm_places.models.chain_transitions import ChainTransitions, StepLength, step_lengths
 from pgm_places.models.evidence_weight import (
     Observation,
     chosen_observation,
     fitted_by_mode,
     log_likelihood,
-    possible,
-    weights_at,
     words_of_choices,
 )
-from pgm_places.models.step_filter import StepFilter
 from pgm_places.options import AtLeastZero, Options
-from pgm_places.solvers.chains import markov_chain
-from pgm_places.solvers.forward import (
-    ChainBeliefs,
-    ChainPath,
-    ForwardFilter,
-    filtered_beliefs,
-    smoothed_beliefs,
-    viterbi,
-)
+from pgm_places.solvers.forward import ChainPath
 
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-MOVE, STAY = 0, 1
-# Mean distance of the simulated runs that transitions are counted on, without labelled drives.
-RUNS_M = 0.35
+# From so many trajectories on, options are chosen on those that tables were not counted on.
+FEWEST_DRIVES, FOLDS = 3, 5
 
 
 @dataclass(frozen=True, eq=False)
-class HiddenMarkovModel(LearnedNames, StepFilter, Options):
+class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
     """Labels the steps of a trajectory: what the classifier says, and which place follows which.
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
@@ -96,6 +84,15 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     stay_below_m : float
         A robot that moved less than this between two steps is taken to be at the same place; needs
         positions. 0 never does.
+    shrinkage : float or "fitted"
+        The share of the labels' shares in every row of the transitions: 0 takes them as counted, 1
+        makes each step independent of the one before. ``"fitted"`` is chosen with ``observation``
+        and ``evidence_weight`` where both are left open, else 0.
+    step_length : {"usual", "positions", "given"}
+        Transitions of one table for every step, or of its length d: ``expm(Q d)``, where the table
+        is ``expm(Q d0)`` for the median length d0 in training, 0.35 m on simulated runs.
+        ``positions`` takes distances in metres between the graph's positions, ``given`` the only
+        column of ``edge_features``: metres, seconds or any other unit, the same as in training.
 
     Examples
     --------
@@ -121,6 +118,8 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     stay_below_m: AtLeastZero = 0.0
     evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = "fitted"
     balance: Annotated[float, Ge(0), Le(1)] | Literal["fitted"] = 0.0
+    shrinkage: Annotated[float, Ge(0), Le(1)] | Literal["fitted"] = "fitted"
+    step_length: StepLength = "usual"
     transition: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each (row), where the robot moved."""
     confusion: NDArray[np.float64] | None = learned()
@@ -137,6 +136,8 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
     fitted_balances: NDArray[np.float64] | None = learned()
     """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
+    fitted_shrinkages: NDArray[np.float64] | None = learned()
+    """(3,) the share of the labels' shares in transitions for each mode, where it is fitted."""
     fitted_observations: NDArray[np.int64] | None = learned()
     """(3,) the observation model for each mode, as an index into ``OBSERVATIONS``."""
     fitted_scores: NDArray[np.float64] | None = learned()
@@ -163,17 +164,62 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         InputError
             No chain, no unary, other labels than in the first problem, or no labelled step at all.
         """
-        weights, smoothing = weights_of(sample_weight, problems), float(self.smoothing)
-        tables = learned_tables(
-            problems, labelings, self._moved, self.name, smoothing=smoothing, weights=weights
-        )
-        learned_now = replace(self, **tables, learning_curve=None).with_names_of(problems[0])
+        weights = weights_of(sample_weight, problems)
+        learned_now = self._counted(problems, labelings, weights)
         if self.unlabelled == "hidden":
             from pgm_places.models.baum_welch import with_unlabelled  # labelling does without it
 
             hidden = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
             learned_now = replace(learned_now, **hidden)
+        elif self.can_shrink:
+            models = learned_now._counted_elsewhere(problems, labelings, weights)
+            return learned_now._with_choices(problems, labelings, weights, models)
         return learned_now.with_sequences(problems, labelings, sample_weight=sample_weight)
+
+    def _counted(
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        weights: Sequence[NDArray[np.float64]],
+    ) -> Self:
+        """A new one with the statistics of labelled trajectories, and nothing chosen."""
+        usual, by = self.step_length == "usual", self.step_length
+        if usual:
+            by = "positions"
+        placed = [item for item in problems if not usual or item.graph.positions_m is not None]
+        lengths = [step for item in placed if (step := step_lengths(item, by)) is not None]
+        tables = learned_tables(
+            problems,
+            labelings,
+            self._moved,
+            self.name,
+            smoothing=float(self.smoothing),
+            weights=weights,
+            lengths=lengths,
+        )
+        if not usual and tables["counted_m"] is None:
+            raise InputError("all steps have length 0: transitions cannot go by their length")
+        return replace(self, **tables, learning_curve=None).with_names_of(problems[0])
+
+    def _counted_elsewhere(
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        weights: Sequence[NDArray[np.float64]],
+    ) -> list[Self]:
+        """For each trajectory the model of others, where there are three or more; else this one."""
+        different = list(dict.fromkeys(map(id, problems)))
+        if len(different) < FEWEST_DRIVES:
+            return [self] * len(problems)
+        fold = [different.index(id(problem)) % FOLDS for problem in problems]
+        models = {}
+        for held_out in set(fold):
+            rest = [k for k, number in enumerate(fold) if number != held_out]
+            known = any(((labelings[k] >= 0) & (weights[k] > 0)).any() for k in rest)
+            some, truth = [problems[k] for k in rest], [labelings[k] for k in rest]
+            counts = [weights[k] for k in rest]
+            models[held_out] = self._counted(some, truth, counts) if known else self
+        return [models[number] for number in fold]
 
     def with_sequences(
         self,
@@ -186,11 +232,20 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
 
         See :func:`pgm_places.models.evidence_weight.fitted_by_mode`; arguments as of :meth:`fit`.
         """
+        weights = weights_of(sample_weight, problems)
+        return self._with_choices(problems, labelings, weights, [self] * len(problems))
+
+    def _with_choices(
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        weights: Sequence[NDArray[np.float64]],
+        models: Sequence[Self],
+    ) -> Self:
+        """A new one with what labels the trajectories best, each of them by its own model."""
         if not {"fitted", "auto"} & {self.evidence_weight, self.balance, self.observation}:
             return self
-        weights = weights_of(sample_weight, problems)
-        fitted = fitted_by_mode(self, MODES, problems, labelings, weights)
-        return replace(self, **fitted)
+        return replace(self, **fitted_by_mode(models, MODES, problems, labelings, weights))
 
     def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
         """(T,) the label that each row of beliefs (T, K) is given: see ``balance``."""
@@ -239,32 +294,6 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         counts, begun = (confusions, moves, stays, first), self.initial is not None
         return replace(self, **counted_tables(*counts, smoothing=self.smoothing, begun=begun))
 
-    def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
-        """One for updates every ``to_m`` metres, and how far its table had to be changed.
-
-        Parameters
-        ----------
-        from_m, to_m : float
-            Distance between updates until now, and from now on.
-
-        See :func:`pgm_places.models.chain_statistics.transition_at` and
-        :func:`pgm_places.models.evidence_weight.weights_at`.
-
-        Raises
-        ------
-        InputError
-            A distance is not above 0.
-        """
-        if not (from_m > 0 and to_m > 0):
-            raise InputError(
-                f"transitions for updates every {from_m:g} m cannot be rescaled to every {to_m:g} "
-                "m; train the model at this distance"
-            )
-        counted_m = RUNS_M if self.counted_m is None else float(self.counted_m[0])
-        table, changed = transition_at(self._transitions[MOVE], counted_m, from_m, to_m)
-        weights = weights_at(self.fitted_weights, from_m, to_m)
-        return replace(self, transition=table, fitted_weights=weights), changed
-
     @in_learned_order
     def infer(self, problem: LabelingProblem, *, further: ArrayLike | None = None) -> Labeling:
         """A label per step, with its beliefs unless the mode is ``viterbi``.
@@ -296,11 +325,12 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         observed = self._log_likelihood(unary)
         if further is not None:
             observed += finite_array("further", further, observed.shape)
-        chain = self._explained(problem.graph, observed)
+        lengths = step_lengths(problem, self.step_length)
+        chain = self._explained(problem.graph, observed, lengths)
         impossible, contradicts = chain.impossible, problem.evidence[chain.impossible]
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
-            chain = self._all_possible._explained(problem.graph, observed)
+            chain = self._all_possible._explained(problem.graph, observed, lengths)
         info: dict[str, Any] = {}
         if isinstance(chain, ChainPath):
             labels, beliefs, status = chain.labels, None, Status.EXACT
@@ -315,22 +345,6 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
         info["seconds"] = time.perf_counter() - begin
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
-    def _explained(
-        self, graph: LabelGraph, observed: NDArray[np.float64]
-    ) -> ChainBeliefs | ChainPath:
-        """What the mode's algorithm finds."""
-        methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
-        methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
-        actions = np.where(self._moved(graph), MOVE, STAY)
-        return methods[self.mode](markov_chain(self._start(), self._transitions, observed, actions))
-
-    def _next(
-        self, observed: NDArray[np.float64], state: Any, moved_m: float | None
-    ) -> tuple[NDArray[np.float64], Any, bool]:
-        stays = moved_m is not None and moved_m < self.stay_below_m
-        belief, was_possible = self._filter.step(observed, state, STAY if stays else MOVE)
-        return belief, belief, was_possible
-
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
 
@@ -344,6 +358,16 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
             )
         weight = self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
         return log_likelihood(unary, self.observation_model, confusion, prior, weight)
+
+    @property
+    def can_shrink(self) -> bool:
+        """Whether shrinkage may be chosen."""
+        return self.shrinkage == "fitted"
+
+    @property
+    def shrinkage_used(self) -> float:
+        """The share of the labels' shares in transitions in this mode, as given or as chosen."""
+        return self._fitted(self.shrinkage, self.fitted_shrinkages, 0.0)
 
     @property
     def observation_model(self) -> Observation:
@@ -379,23 +403,6 @@ class HiddenMarkovModel(LearnedNames, StepFilter, Options):
             raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
         confusion = finite_array("confusion", self.confusion, ("K", "K"))
         return confusion, finite_array("prior", self.prior, (len(confusion),))
-
-    @cached_property
-    def _filter(self) -> ForwardFilter:
-        return ForwardFilter(self._start(), self._transitions)
-
-    @cached_property
-    def _all_possible(self) -> Self:
-        move, stay = possible(self._transitions)
-        return replace(self, initial=possible(self._start()), transition=move, stay=stay)
-
-    @cached_property
-    def _transitions(self) -> NDArray[np.float64]:
-        """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
-        if self.transition is None:
-            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
-        stay = np.eye(len(self.transition)) if self.stay is None else self.stay
-        return np.stack([self.transition, stay])
 
     def _moved(self, graph: LabelGraph) -> NDArray[np.bool_]:
         return moved_steps(graph, self.stay_below_m)

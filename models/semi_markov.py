@@ -14,8 +14,9 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_statistics import normalised
+from pgm_places.models.chain_transitions import RUNS_M
 from pgm_places.models.evidence_weight import possible, weights_at
-from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel
+from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 
@@ -221,6 +222,11 @@ class SemiMarkovModel(HiddenMarkovModel):
                 "'semi_markov' counts durations, which steps without a label do not show; take "
                 "unlabelled='dropped', or method 'hmm'"
             )
+        if self.step_length != "usual" or self.shrinkage not in ("fitted", 0):
+            raise ConfigError(
+                "'semi_markov' goes by the distances between steps and has no transitions to "
+                "shrink; leave step_length and shrinkage out, or take method 'hmm'"
+            )
 
     def with_sequences(
         self,
@@ -242,6 +248,11 @@ class SemiMarkovModel(HiddenMarkovModel):
             problems, labelings, sample_weight=sample_weight
         )
 
+    @property
+    def can_shrink(self) -> bool:
+        """No: durations take the place of transitions."""
+        return False
+
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""
         return replace(self, fitted_weights=weights_at(self.fitted_weights, from_m, to_m)), 0.0
@@ -255,7 +266,10 @@ class SemiMarkovModel(HiddenMarkovModel):
         return after.belief, after, was_possible
 
     def _explained(
-        self, graph: LabelGraph, observed: NDArray[np.float64]
+        self,
+        graph: LabelGraph,
+        observed: NDArray[np.float64],
+        lengths: NDArray[np.float64] | None = None,  # noqa: ARG002
     ) -> ChainBeliefs | ChainPath:
         chain = self._chain
         moved = np.linalg.norm(np.diff(_positions(graph), axis=0), axis=1)

@@ -1,0 +1,202 @@
+"""Transitions of a hidden Markov model along a chain: of each step, or of the way between two."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, NotFittedError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.chain_statistics import (
+    moved_steps,
+    transition_at,
+    transition_powers,
+    usual_length,
+)
+from pgm_places.models.evidence_weight import possible, weights_at
+from pgm_places.models.step_filter import StepFilter
+from pgm_places.solvers.chains import markov_chain
+from pgm_places.solvers.forward import (
+    ChainBeliefs,
+    ChainPath,
+    ForwardFilter,
+    filtered_beliefs,
+    smoothed_beliefs,
+    viterbi,
+)
+
+StepLength = Literal["usual", "positions", "given"]
+
+MOVE, STAY = 0, 1
+# Mean distance of the simulated runs that transitions are counted on, without labelled drives.
+RUNS_M = 0.35
+# Lengths of steps are rounded to this share of the usual one, so that few tables are made.
+FINEST = 1e-3
+
+
+def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.float64] | None:
+    """(T - 1,) length of each step of a chain; None where all are taken to be the usual one.
+
+    Raises
+    ------
+    InputError
+        The chain has no positions, or no lengths among its edge features, or a negative one.
+    """
+    graph = problem.graph
+    if lengths == "usual":
+        return None
+    if lengths == "positions":
+        if graph.positions_m is None:
+            raise InputError(
+                "step_length = 'positions' needs the positions of the steps, and this graph has "
+                "none; give lengths as edge_features with step_length = 'given'"
+            )
+        return np.asarray(np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1))
+    if problem.edge_features is None or problem.edge_features.shape[1] != 1:
+        came = None if problem.edge_features is None else problem.edge_features.shape
+        raise InputError(
+            f"step_length = 'given' needs edge_features of shape ({graph.n_edges}, 1), the length "
+            f"or duration of each step, got {came}"
+        )
+    given = problem.edge_features[:, 0]
+    if given.min(initial=0.0) < 0:
+        raise InputError(f"lengths of steps must be at least 0, got {given.min():g}")
+    return np.asarray(given, np.float64)
+
+
+class ChainTransitions(StepFilter):
+    """What a hidden Markov model does with its transitions, which it holds itself."""
+
+    mode: Any
+    stay_below_m: float
+    step_length: StepLength
+    transition: NDArray[np.float64] | None
+    stay: NDArray[np.float64] | None
+    prior: NDArray[np.float64] | None
+    counted_m: NDArray[np.float64] | None
+    fitted_weights: NDArray[np.float64] | None
+
+    @property
+    def shrinkage_used(self) -> float:
+        """The share of the labels' shares in transitions in this mode."""
+        raise NotImplementedError
+
+    def _start(self) -> NDArray[np.float64]:
+        """(K,) belief before the first observation."""
+        raise NotImplementedError
+
+    def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
+        """One for updates every ``to_m`` metres, and how far its table had to be changed.
+
+        Parameters
+        ----------
+        from_m, to_m : float
+            Distance between updates until now, and from now on.
+
+        See :func:`pgm_places.models.chain_statistics.transition_at` and
+        :func:`pgm_places.models.evidence_weight.weights_at`. Where transitions go by the length of
+        each step, only weights change.
+
+        Raises
+        ------
+        InputError
+            A distance is not above 0.
+        """
+        if not (from_m > 0 and to_m > 0):
+            raise InputError(
+                f"transitions for updates every {from_m:g} m cannot be rescaled to every {to_m:g} "
+                "m; train the model at this distance"
+            )
+        changes: dict[str, Any] = {"fitted_weights": weights_at(self.fitted_weights, from_m, to_m)}
+        if self.step_length != "usual":
+            return replace(self, **changes), 0.0  # type: ignore[type-var]
+        table, changed = transition_at(self._moves, self._usual_length, from_m, to_m)
+        return replace(self, transition=table, **changes), changed  # type: ignore[type-var]
+
+    def _explained(
+        self,
+        graph: LabelGraph,
+        observed: NDArray[np.float64],
+        lengths: NDArray[np.float64] | None = None,
+    ) -> ChainBeliefs | ChainPath:
+        """What the mode's algorithm finds; ``lengths`` (T - 1,) are those of the steps."""
+        methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
+        methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
+        moved = moved_steps(graph, self.stay_below_m)
+        if lengths is None:
+            tables, actions = self._transitions, np.where(moved, MOVE, STAY)
+        else:
+            parts = np.rint(lengths / self._usual_length / FINEST).astype(np.int64)
+            different, led = np.unique(parts, return_inverse=True)
+            of_lengths = self._by_length(np.multiply(FINEST, different))
+            tables = np.concatenate([of_lengths, self._transitions[STAY:]])
+            actions = np.where(moved, led.reshape(-1), len(different))
+        return methods[self.mode](markov_chain(self._start(), tables, observed, actions))
+
+    def _next(
+        self, observed: NDArray[np.float64], state: Any, moved_m: float | None
+    ) -> tuple[NDArray[np.float64], Any, bool]:
+        stays = moved_m is not None and moved_m < self.stay_below_m
+        forward, action = self._filter, STAY if stays else MOVE
+        known = self.step_length != "usual" and moved_m is not None and np.isfinite(moved_m)
+        if known and not stays:
+            assert moved_m is not None
+            forward = self._filter_of(round(float(moved_m) / self._usual_length / FINEST))
+        belief, was_possible = forward.step(observed, state, action)
+        return belief, belief, was_possible
+
+    def _filter_of(self, parts: int) -> ForwardFilter:
+        """The filter for a step of so many parts of the usual length."""
+        found = self._filters.get(parts)
+        if found is None:
+            found = ForwardFilter(self._start(), self._by_length(np.array([FINEST * parts])))
+            self._filters[parts] = found
+        return found
+
+    @cached_property
+    def _filters(self) -> dict[int, ForwardFilter]:
+        return {}
+
+    @cached_property
+    def _filter(self) -> ForwardFilter:
+        return ForwardFilter(self._start(), self._transitions)
+
+    def _by_length(self, exponents: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(A, K, K) transitions over steps of so many usual lengths; 0 stays where it is."""
+        tables = self._shrunk(transition_powers(self._moves, exponents))
+        tables[exponents == 0] = np.eye(tables.shape[1])
+        return tables
+
+    @property
+    def _usual_length(self) -> float:
+        return usual_length(self.counted_m, RUNS_M)
+
+    @property
+    def _moves(self) -> NDArray[np.float64]:
+        if self.transition is None:
+            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
+        return self.transition
+
+    def _shrunk(self, tables: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Tables (..., K, K) with the labels' shares mixed into every row."""
+        share = self.shrinkage_used
+        if share == 0 or self.prior is None:
+            return tables
+        return (1.0 - share) * tables + share * self.prior / self.prior.sum()
+
+    @cached_property
+    def _transitions(self) -> NDArray[np.float64]:
+        """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
+        moves = self._moves
+        stay = np.eye(len(moves)) if self.stay is None else self.stay
+        return np.stack([self._shrunk(moves), stay])
+
+    @cached_property
+    def _all_possible(self) -> Self:
+        stay = possible(self._transitions[STAY])
+        tables = {"initial": possible(self._start()), "transition": possible(self._moves)}
+        return replace(self, stay=stay, **tables)  # type: ignore[type-var]
