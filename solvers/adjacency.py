@@ -10,6 +10,7 @@ from pgm_places._checks import integer_array, require_at_least, sealed
 from pgm_places._core import fill_slots, forest_order
 from pgm_places.errors import InputError
 
+_MAX_NODES = 2**31 - 1
 _MAX_EDGES = 2**30
 """Arcs are numbered in int32: two for every edge."""
 
@@ -73,6 +74,8 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     [0, 2]
     """
     require_at_least("n_nodes", n_nodes, 0)
+    if n_nodes > _MAX_NODES:
+        raise InputError(f"at most {_MAX_NODES} nodes are supported, got {n_nodes}")
     pairs = np.asarray(edges)
     if pairs.size == 0:
         pairs = np.zeros((0, 2), np.int32)

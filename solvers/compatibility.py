@@ -10,6 +10,8 @@ from pgm_places.errors import InputError
 DIRECTIONS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 """Row and column steps to the 8 neighbours; direction ``d`` seen from there is ``7 - d``."""
 
+LOWEST = np.iinfo(np.int64).min
+
 
 def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     """(8, L, L) ordered neighbour pairs: ``counts[d, l, m]`` cells ``l`` whose neighbour is ``m``.
@@ -28,7 +30,7 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     [[1, 1], [0, 0]]
     """
     raster = np.asarray(labels)
-    integer_array("labels", raster, ("H", "W"), low=np.iinfo(raster.dtype).min, high=n_labels)
+    integer_array("labels", raster, ("H", "W"), low=LOWEST, high=n_labels)
     if not 1 <= n_labels <= np.iinfo(np.int16).max:
         raise InputError(f"n_labels must be from 1 to {np.iinfo(np.int16).max}, got {n_labels}")
     forward = np.zeros((4, n_labels, n_labels), np.int64)
@@ -50,7 +52,7 @@ def edge_pair_counts(labels: ArrayLike, edges: ArrayLike, n_labels: int) -> NDAr
         L.
     """
     chosen = np.asarray(labels)
-    integer_array("labels", chosen, ("N",), low=np.iinfo(chosen.dtype).min, high=n_labels)
+    integer_array("labels", chosen, ("N",), low=LOWEST, high=n_labels)
     pairs = integer_array("edges", edges, ("E", 2), low=0, high=max(len(chosen), 1))
     first, second = chosen[pairs[:, 0]], chosen[pairs[:, 1]]
     known = (first >= 0) & (second >= 0)

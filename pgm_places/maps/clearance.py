@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import require_shape
 from pgm_places._core import squared_distance
 
 
@@ -21,6 +22,9 @@ def squared_clearance(
     """
     targets = np.ascontiguousarray(blocked, np.bool_)
     squared = np.empty(targets.shape, np.int32) if out is None else out
+    require_shape("out", squared.shape, targets.shape)
+    if not targets.size:
+        return squared
     width = targets.shape[1]
     site, start = np.empty(width, np.int32), np.empty(width, np.int32)
     squared_distance(targets, squared, site, start, np.empty(width, np.int64))

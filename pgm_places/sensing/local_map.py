@@ -151,7 +151,8 @@ class LocalMap:
         Raises
         ------
         InputError
-            Pose or angles are not finite, the pose is more than 10^7 m away, or shapes do not fit.
+            Pose or angles are not finite, the pose is more than 10^7 m away, shapes do not fit, or
+            the range is not a positive number.
         """
         where = pose_array("pose", pose, (3,))
         self._move_to(where)
@@ -166,6 +167,7 @@ class LocalMap:
         lies outside is left out, and so is a whole scan from outside.
         """
         where = pose_array("pose", pose, (3,))
+        _check_reach(max_range_m, or_infinite=True)
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         ranges = np.asarray(ranges_m, np.float64)
         if ranges.shape != angles.shape:
@@ -200,6 +202,7 @@ class LocalMap:
         inside an occupied cell reads 0 along every beam.
         """
         where = pose_array("pose", pose, (3,))
+        _check_reach(max_range_m)
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         ranges, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
         x, y, window = self._place(where)
@@ -278,6 +281,11 @@ class LocalMap:
                 self._evidence[_entered(self._corner[1], row, n)] = 0
                 self._evidence[:, _entered(self._corner[0], column, n)] = 0
         self._corner = wanted
+
+
+def _check_reach(max_range_m: float, *, or_infinite: bool = False) -> None:
+    if not (0 < max_range_m < np.inf or (or_infinite and max_range_m == np.inf)):
+        raise InputError(f"max_range_m must be a positive number of metres, got {max_range_m}")
 
 
 def _entered(corner: int, step: int, n: int) -> NDArray[np.int64]:

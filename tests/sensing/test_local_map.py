@@ -310,3 +310,18 @@ class TestFarAway:
     def test_cells_without_a_size_are_refused(self) -> None:
         with pytest.raises(InputError, match="resolution_m must be positive metres per cell"):
             LocalMap(size_m=1e-290, resolution_m=1e-291)
+
+
+@pytest.mark.parametrize("reach", [np.nan, 0.0, -1.0])
+def test_ranges_that_are_no_metres_are_refused(reach: float) -> None:
+    local = LocalMap(size_m=10.0, resolution_m=0.1)
+    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
+        local.cast([0.0, 0.0, 0.0], [0.0], max_range_m=reach)
+    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
+        local.update([0.0, 0.0, 0.0], [1.0], [0.0], max_range_m=reach)
+
+
+def test_no_ray_is_cast_to_infinity() -> None:
+    local = LocalMap(size_m=10.0, resolution_m=0.1)
+    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
+        local.cast([0.0, 0.0, 0.0], [0.0], max_range_m=inf)

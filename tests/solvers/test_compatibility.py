@@ -105,3 +105,10 @@ def test_bad_input() -> None:
         yamamoto_coefficients(np.zeros((2, 3)))
     with pytest.raises(InputError, match="at least 0"):
         yamamoto_coefficients([[-1.0]])
+
+
+def test_labels_that_are_fractions_are_refused() -> None:
+    with pytest.raises(InputError, match="labels must hold integers"):
+        grid_pair_counts([[0.5]], 2)
+    with pytest.raises(InputError, match="labels must hold integers"):
+        edge_pair_counts([0.5], [], 2)

@@ -190,3 +190,8 @@ def test_bad_networks_are_refused(changed: dict[str, object], text: str) -> None
     } | changed
     with pytest.raises(InputError, match=text):
         minimum_cut(*network.values())  # type: ignore[arg-type]
+
+
+def test_more_nodes_than_are_numbered_are_refused_before_memory_is_asked_for() -> None:
+    with pytest.raises(InputError, match="at most 2147483647 nodes are supported"):
+        adjacency(2**31, [])

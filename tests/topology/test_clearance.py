@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.regions import edges
 from tests.strategies import varied_arrays
@@ -53,3 +54,14 @@ def test_edges_are_beside_another_piece_or_the_outside(piece: np.ndarray) -> Non
         other = framed[dr : dr + piece.shape[0], dc : dc + piece.shape[1]]
         edge |= other != piece
     assert (edges(piece) == edge).all()
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (3, 0), (0, 0)])
+def test_a_raster_without_cells_has_no_distances(shape: tuple[int, int]) -> None:
+    """The kernel wrote before the beginning of the array."""
+    assert squared_clearance(np.zeros(shape, np.bool_)).shape == shape
+
+
+def test_an_array_of_another_shape_is_not_written_to() -> None:
+    with pytest.raises(InputError, match=r"out must have shape \(3, 4\)"):
+        squared_clearance(np.zeros((3, 4), np.bool_), out=np.empty((2, 4), np.int32))
