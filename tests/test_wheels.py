@@ -46,10 +46,10 @@ def test_a_checkout_without_symbolic_links_is_refused_in_one_line(tmp_path: Path
 
 def test_the_address_of_the_repository_reaches_links_and_metadata() -> None:
     address = runpy.run_path(str(ROOT / "tools" / "address.py"))
-    text = "[a](docs/a.md#b) ![c](d.png) [e](https://f) [g](#h)"
+    text = "git clone ADDRESS [a](docs/a.md#b) ![c](d.png) [e](https://f) [g](#h)"
     wanted = (
-        "[a](https://h/o/n/blob/v1/docs/a.md#b) ![c](https://h/o/n/raw/v1/d.png) "
-        "[e](https://f) [g](#h)"
+        "git clone https://h/o/n [a](https://h/o/n/blob/v1/docs/a.md#b) "
+        "![c](https://h/o/n/raw/v1/d.png) [e](https://f) [g](#h)"
     )
     assert address["with_absolute_links"](text, "https://h/o/n", "v1") == wanted
     table = tomllib.loads(address["urls"]("https://h/o/n"))["project"]["urls"]

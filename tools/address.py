@@ -28,7 +28,7 @@ def with_absolute_links(text: str, address: str, tag: str) -> str:
         picture, words, target = match.groups()
         return f"{picture}[{words}]({address}/{'raw' if picture else 'blob'}/{tag}/{target})"
 
-    return _LINK.sub(absolute, text)
+    return _LINK.sub(absolute, text).replace("git clone ADDRESS", f"git clone {address}")
 
 
 def urls(address: str) -> str:

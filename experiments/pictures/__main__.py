@@ -30,6 +30,7 @@ from experiments.pictures import (
 
 PICTURES: dict[str, Callable[[], None]] = {
     "hero": landing.hero,
+    "readme": landing.readme,
     "which_method": chart.which_method,
     "guide": ways.ways,
     "how_it_works": ways.map_to_labels,

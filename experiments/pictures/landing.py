@@ -1,10 +1,16 @@
 """The picture of the first page: a floor as the robot sees it turns into places."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 from PIL import Image, ImageDraw
 
 from experiments.pictures.kept import COLOURS, IMAGES, found_on, keep, span
-from pgm_places.palette import rgb_of
+from pgm_places import label_map, load_map, topological_map, trained_labeler
+from pgm_places.palette import GROUND_SWATCHES, label_swatches, rgb_of
+from pgm_places.pictures.canvas import label_canvas, view_of
+from pgm_places.pictures.sheet import Panel, sheet
 
 HERO = (66, "clinic")
 CARD = (640, 280)
@@ -56,3 +62,19 @@ def cards() -> None:
         lower = upper + round((right - left) * CARD[1] / CARD[0])
         part = image.crop((left, upper, right, lower))
         keep(f"card_{card}", part.resize(CARD, Image.Resampling.LANCZOS))
+
+
+def readme() -> None:
+    """A robot's map beside its places, for the README; from the folder of real maps."""
+    grid = load_map(Path(os.environ["PGM_PLACES_DATA"]) / "robots" / "lab_uma" / "map.yaml").grid
+    found = label_map(trained_labeler(), grid)
+    places = topological_map(grid, found.labels, found.label_names, doorways=found.doorways)
+    view = view_of(grid, most_pixels=300_000)
+    nothing = np.full(grid.shape, -1, np.int16)
+    panels = [
+        Panel(label_canvas(grid, nothing, found.label_names, view), "the robot's map"),
+        Panel(label_canvas(grid, places.labels, found.label_names, view), "its places"),
+    ]
+    entries = (*label_swatches(found.label_names), *GROUND_SWATCHES)
+    drawn = sheet(panels, columns=2, legend=entries, long_side=1400)
+    keep("readme", drawn.image)
