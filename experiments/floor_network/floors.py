@@ -27,20 +27,32 @@ SAME_BUILDING = {
         "floor_uom hallway_uom lab_hv",
         "house_aws bookstore_aws warehouse_aws",
         "arena_clf arena_nagoya",
+        "office_willow offices_willow",
+        "school_fontys office_fontys",
+        "corridor_fansaorz lab_fansaorz_final lab_fansaorz_desks",
+        "campus_hgutool corridor_hgubase school_hguoh",
+        "corridor_dgaze hall_dkan",
+        "lab_dingo corridor_dingo",
     )
     for name in group.split()
 }
 """Robots' maps of one building, or of one maker's worlds."""
 
 SINGLE_SPACES = (
+    "arena_multifloor",
     "bookstore_aws",
     "flat_movecare",
+    "home_envinav",
     "house_aws",
     "lab_aalborg",
+    "lab_fansaorz_desks",
     "lab_hv",
     "lab_urjc",
+    "lab_nursing",
     "lecture_hall_ecn",
+    "office_attraclab",
     "warehouse_aws",
+    "warehouse_sendbooster",
     "warehouse_uom",
 )
 UNSURE = {"floor_uom": 0.4, "hall_upo": 0.4, "lab_ecn": 0.4, **dict.fromkeys(SINGLE_SPACES, 0.3)}

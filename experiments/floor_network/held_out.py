@@ -1,5 +1,6 @@
 """Maps labelled with networks that have not seen their buildings, and the shipped networks."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from experiments.floor_network.floors import N_FOLDS, all_floors, fold_of, network_file
 from experiments.floor_network.sheets import LabelledPair, write_sheets
-from experiments.robot_maps.catalogue import robot_maps
+from experiments.robot_maps.catalogue import declared, robot_maps, trained_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source
 from pgm_places import save, trained_labeler
@@ -56,6 +57,30 @@ def with_networks(
         for name, method in labeler.methods_.items()
     }
     return found
+
+
+def shipped_without(data: Path) -> Callable[[str], PlaceLabeler]:
+    """The shipped model for a map of DATA/robots, without the networks that learned its building.
+
+    A map of the training has the one network of its fold left, which sees it from eight sides, and
+    every other map all networks. The folds are those of the maps that the networks were trained on.
+    """
+    labeler, trained = trained_labeler(), trained_maps()
+    floors = [
+        each
+        for each in all_floors(data)
+        if each.source != "robot" or each.name.removeprefix("robot_") in trained
+    ]
+    fold = fold_of(floors)
+    building = {each.name: each.building for each in floors}
+    assert labeler.unary_model_.floor is not None  # the shipped model has networks
+    alone = [
+        with_networks(labeler, [network], _VIEWS_ALONE)
+        for network in labeler.unary_model_.floor.networks
+    ]
+    declaration = declared()
+    of_building = {declaration[name][2]: alone[fold[building[f"robot_{name}"]]] for name in trained}
+    return lambda name: of_building.get(declaration[name][2], labeler)
 
 
 def measure(data: Path, kept: Path, progress: Progress) -> None:

@@ -1,20 +1,23 @@
 """Maps that robots made, by kind of building: ``python -m experiments.robot_maps``.
 
 Every map of DATA/robots is labelled by the shipped model or by ``--model``. The lists of the
-shipped model never saw these buildings, its networks did: ``--lists-alone`` does without networks.
-``--maps floors`` and ``--maps real`` measure the drawn floors and the other real maps, which the
-shipped model has learned from. Halls count as corridors. ``--evidence MODULE:NAME`` puts
-log-probabilities of a map's cells in the place of the model's, before the method smooths them; see
-``experiments/robot_maps/sources.py``. The means of a kind weigh maps by how sure their labels are;
-counts of doors and spaces are sums. ``--out FILE`` keeps the figures of each map as CSV.
-PGM_PLACES_DATA names the folder of the real maps, ``../shared/data`` by default.
+shipped model never saw these buildings, its networks saw some: ``--lists-alone`` does without
+networks, ``--held-out`` leaves out those that learned the building of a map, and ``--maps unseen``
+measures the maps whose building is in no training. ``--maps floors`` and ``--maps real`` measure
+the drawn floors and the other real maps, which the shipped model has learned from. Halls count as
+corridors. ``--evidence MODULE:NAME`` puts log-probabilities of a map's cells in the place of the
+model's, before the method smooths them; see ``experiments/robot_maps/sources.py``. The means of a
+kind weigh maps by how sure their labels are; counts of doors and spaces are sums. ``--out FILE``
+keeps the figures of each map as CSV. PGM_PLACES_DATA names the folder of the real maps,
+``../shared/data`` by default.
 """
 
 import argparse
 from pathlib import Path
 
+from experiments.floor_network.held_out import shipped_without
 from experiments.paper.setting import data_folder
-from experiments.robot_maps.catalogue import GROUPS, robot_maps, training_maps
+from experiments.robot_maps.catalogue import GROUPS, chosen_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.cli.terminal import LineProgress
@@ -32,17 +35,23 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--evidence", metavar="MODULE:NAME", help="log-probabilities of cells")
     parser.add_argument("--maps", choices=GROUPS, default="robots", help="which maps to label")
     parser.add_argument("--out", type=Path, help="a CSV file for the figures of each map")
+    parser.add_argument(
+        "--held-out",
+        action="store_true",
+        help="label each map of DATA/robots without the shipped networks trained on its building",
+    )
     given = parser.parse_args(argv)
     evidence = None if given.evidence is None else evidence_named(given.evidence)
     labeler = trained_labeler(given.model)
     if given.lists_alone:
         labeler = lists_alone(labeler)
-    source = Source(labeler, given.method, evidence)
     data = data_folder() or Path("../shared/data")
-    maps = list(robot_maps(data) if given.maps == "robots" else training_maps(data, given.maps))
+    of_map = shipped_without(data) if given.held_out else lambda _: labeler
+    maps = list(chosen_maps(data, given.maps))
     figures: list[MapFigures] = []
     with LineProgress().stage("maps") as stage:
         for known, weight in maps:
+            source = Source(of_map(known.item.name), given.method, evidence)
             figures.append(measured(known, weight, source.label(known.item.grid)))
             stage.update(len(figures) / len(maps), known.item.name)
     print(table(figures))

@@ -4,6 +4,7 @@ import pytest
 
 from experiments.buildings.maps import GENERATED_STYLES
 from experiments.floor_network.floors import KINDS_TOGETHER, N_FOLDS, all_floors, fold_of
+from experiments.robot_maps.catalogue import declared
 from tests.real_data import real_data_folder
 
 
@@ -20,8 +21,10 @@ def test_maps_of_one_building_are_in_one_fold() -> None:
     fold = fold_of(floors)
     by_name = {floor.name: fold[floor.building] for floor in floors}
     assert len(by_name) == len(floors)
-    for together in (("hospital_aws", "hospital_pal"), ("corridor_uma", "lab_uma")):
-        assert len({by_name[f"robot_{name}"] for name in together}) == 1
+    together_in: dict[str, set[int]] = {}
+    for name, (_, _, building) in declared().items():
+        together_in.setdefault(building, set()).add(by_name[f"robot_{name}"])
+    assert {len(folds) for folds in together_in.values()} == {1}
     for floor in floors:
         if floor.source == "simulated":
             plan = floor.name.removeprefix("simulated_").rpartition("_")[0]

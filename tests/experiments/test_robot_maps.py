@@ -9,12 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from experiments.buildings.maps import KnownMap
+from experiments.floor_network.held_out import shipped_without
 from experiments.robot_maps import __main__ as command
 from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
+from pgm_places.floor.network import FloorNetwork
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -140,10 +142,42 @@ def test_evidence_that_cannot_be_found_is_refused() -> None:
 def test_the_command_prints_the_table(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(command, "robot_maps", lambda _: iter([(known_map(), 1.0)]))
+    monkeypatch.setattr(command, "chosen_maps", lambda *_: iter([(known_map(), 1.0)]))
     monkeypatch.setattr(command, "trained_labeler", lambda _: places())
     command.main(["--out", str(tmp_path / "figures.csv")])
     printed = capsys.readouterr().out
     assert "| homes, robots' maps | 1 |" in printed
     assert "| **all** | 1 |" in printed
     assert len((tmp_path / "figures.csv").read_text().splitlines()) == 2
+
+
+def test_maps_of_buildings_in_no_training_are_declared() -> None:
+    declared, trained, unseen = (
+        catalogue.declared(),
+        catalogue.trained_maps(),
+        catalogue.unseen_maps(),
+    )
+    assert (len(trained), len(unseen)) == (36, 39)
+    assert set(declared) - trained - unseen == {"office_willow"}  # its simulation was learned
+    assert {declared[name][2] for name in trained}.isdisjoint(declared[name][2] for name in unseen)
+
+
+@pytest.mark.real_data
+def test_a_map_of_the_training_has_the_one_network_that_did_not_learn_its_building() -> None:
+    data = real_data_folder("robots").parent
+    labeler_of = shipped_without(data)
+    found = {}
+    for name in ("hospital_aws", "hospital_pal", "offices_willow", "office_willow", "home_mirte"):
+        floor = labeler_of(name).unary_model_.floor
+        assert floor is not None
+        found[name] = floor.networks
+    assert [len(some) for some in found.values()] == [1, 1, 1, 1, 4]
+    for one, other in (("hospital_aws", "hospital_pal"), ("offices_willow", "office_willow")):
+        assert weights(found[one][0]) == weights(found[other][0])
+    of_all = [weights(network) for network in found["home_mirte"]]
+    assert len(set(of_all)) == 4
+    assert weights(found["hospital_aws"][0]) in of_all
+
+
+def weights(network: FloorNetwork) -> bytes:
+    return b"".join(np.asarray(network.weights[name]).tobytes() for name in sorted(network.weights))
