@@ -175,8 +175,9 @@ def fitted_by_mode(
     sequence does not depend on the exponent. Other arguments as of :func:`best_weights`.
 
     Where observation model, weight and shrinkage are all open, a mode must be more accurate than
-    each step by itself beyond chance (:func:`pgm_places.evaluation.paired_lead.is_ahead`); else it
-    takes each step by itself: shrinkage 1, ``posterior`` observations of weight 1.
+    each step by itself beyond chance (:func:`pgm_places.evaluation.paired_lead.is_ahead`), or no
+    less in any stretch; else it takes each step by itself: shrinkage 1, ``posterior`` observations
+    of weight 1.
     """
     model, of_problem = models[0], dict(zip(map(id, problems), models, strict=True))
     weight, balance = model.evidence_weight, model.balance
@@ -249,7 +250,8 @@ def _alone(
 ) -> tuple[tuple[float, float], Callable[[NDArray[np.integer]], bool]]:
     """Accuracy and balanced accuracy of the classifier's best labels on the known steps.
 
-    And whether other labels of these steps are right more often, beyond chance.
+    And whether other labels of these steps are right more often, beyond chance, or no less often
+    in any stretch: where the classifier is always right, nothing can be ahead of it.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
@@ -262,7 +264,7 @@ def _alone(
 
     def is_enough(answers: NDArray[np.integer]) -> bool:
         lead = (answers == true).astype(np.float64) - (said == true)
-        return is_ahead(lead, stretch, counts)
+        return not (np.bincount(stretch, lead) < 0).any() or is_ahead(lead, stretch, counts)
 
     return (float(accuracy(confusion)), float(balanced_accuracy(confusion))), is_enough
 
