@@ -1,4 +1,4 @@
-"""How models with unknown labels are learned: where completing begins, its rounds, the last step.
+"""Learning with missing labels (CCCP).
 
 Leaving unlabelled nodes out takes their edges away too. Where few nodes are labelled, links are
 then learned on a graph of far smaller degree than the one that is to be labelled, on which they add

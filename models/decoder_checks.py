@@ -1,4 +1,4 @@
-"""Whether a decoder keeps its word: tried on small problems whose every labelling is scored."""
+"""Conformance test of decoders against brute force."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""What a decoder gets, and what it answers: all that one has to know to write another."""
+"""Input and output types of decoders."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

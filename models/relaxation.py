@@ -229,9 +229,7 @@ class Relaxation(LearnedNames):
         """
         begin = time.perf_counter()
         if self.compatibility is None:
-            raise NotFittedError(
-                "relaxation has learned no coefficients; call fit first, or give compatibility"
-            )
+            raise NotFittedError("Relaxation is not fitted; call fit first, or give compatibility")
         unary = self.start(problem)
         size = self.compatibility.shape[1]
         if size != problem.n_labels + 1 and not (self._is_given and size == problem.n_labels):

@@ -1,4 +1,4 @@
-"""Labels that are told while a model learns: evidence, not something to get right."""
+"""Observed labels in training: conditioned on, not predicted."""
 
 from collections.abc import Sequence
 from dataclasses import replace

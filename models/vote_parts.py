@@ -1,4 +1,4 @@
-"""What each column adds to a boosted score: the sum over stumps or trees, taken apart exactly."""
+"""Exact contribution of each feature to a boosted score."""
 
 from dataclasses import dataclass
 

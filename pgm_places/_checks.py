@@ -17,7 +17,7 @@ ROWS_AT_ONCE = 262_144
 
 
 def row_blocks(n_rows: int, most: int | None = None) -> Iterator[slice]:
-    """Some rows at a time: those of a huge map fill the memory with every step in between."""
+    """Slices of at most ``most`` rows, to bound the size of temporaries."""
     most = most or ROWS_AT_ONCE
     for first in range(0, n_rows, most):
         yield slice(first, min(first + most, n_rows))

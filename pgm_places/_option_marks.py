@@ -1,7 +1,7 @@
 """Marks of options: what a number or a list may be, written beside its type.
 
-They mean what those of annotated_types mean, which options may have as well. To import that library
-takes a twentieth of the time of a short command, so it is left until pydantic is asked.
+Cheap stand-ins for annotated_types (whose constraints are accepted too), which is imported only
+when pydantic is.
 """
 
 import dataclasses

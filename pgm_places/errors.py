@@ -116,7 +116,7 @@ _shown.maxstring = _shown.maxother = _shown.maxlong = 120
 
 
 def printable(text: str, *, keep: str = "") -> str:
-    r"""Text that does nothing to a terminal, whoever wrote it: control characters are spelled out.
+    r"""``text`` with terminal control characters escaped.
 
     Parameters
     ----------

@@ -220,7 +220,7 @@ _BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
 
 
 def _fits(hint: Any, value: Any) -> bool:
-    """Whether it is plain to see that pydantic would return the value as it is.
+    """Fast path: whether pydantic would accept ``value`` unchanged.
 
     Importing pydantic and preparing its validators takes up to a tenth of a second, and nearly all
     options that are read from models are numbers and names as declared.

@@ -28,7 +28,7 @@ class Progress(Protocol):
 
 
 class Silent:
-    """Progress that nobody looks at, the default everywhere in the library."""
+    """A progress reporter that does nothing; the library's default."""
 
     def update(self, fraction: float, note: str = "") -> None:
         """Do nothing."""
@@ -47,7 +47,7 @@ _listening: ContextVar[Progress] = ContextVar("listening", default=Silent())  # 
 
 @contextmanager
 def reported(progress: Progress | None) -> Iterator[None]:
-    """All stages and warnings of the block are told to ``progress``; None leaves who is told."""
+    """Report stages and warnings of the block to ``progress``; None keeps the current reporter."""
     before = _listening.set(progress or _listening.get())
     try:
         yield
@@ -56,7 +56,7 @@ def reported(progress: Progress | None) -> Iterator[None]:
 
 
 def staged(name: str) -> AbstractContextManager[Stage]:
-    """Announce a stage to whoever is told of progress; its end is that of the ``with`` block."""
+    """Report a stage to the current reporter for the duration of the block."""
     return _listening.get().stage(name)
 
 

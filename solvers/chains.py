@@ -1,4 +1,4 @@
-"""Hidden Markov chains: their checked tables, and beliefs farther apart than floats can tell.
+"""HMM tables, and log-domain filtering where float64 underflows.
 
 A label that fell behind by more than ``exp(700)`` is 0 as a float. That does no harm where every
 label leads to every other one: what is left of it then drowns in what comes to it. Where a

@@ -1,4 +1,4 @@
-"""Iterations: what may be asked of them, and passes until nothing moves."""
+"""Checks of iteration limits; iterating to convergence."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""What sets of nodes say of their members' labels where beliefs are wanted, not one labelling.
+"""Sum-product messages from cliques to their nodes.
 
 Nodes that stand for sets, as :mod:`pgm_places.solvers.set_terms` makes them, are right for the best
 labelling: there the best label of such a node counts. In a sum over labellings all of its labels

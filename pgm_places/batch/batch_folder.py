@@ -64,7 +64,7 @@ def claim_of(out: Path, name: str) -> Path:
 
 
 def tidy_after_the_dead(out: Path) -> None:
-    """Remove what workers left that died on a map: their claims, and files that nobody completes.
+    """Remove lock files and partial output of crashed workers.
 
     Only what a batch leaves there is looked at: a folder of results may come from others.
 

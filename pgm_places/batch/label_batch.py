@@ -54,7 +54,7 @@ class LabelledBatch:
 
 
 def _counted(counts: Mapping[str, int]) -> str:
-    """How many maps there are, and of each kind; the first kind is told even where it has none."""
+    """A line such as "12 maps: 9 labelled, 3 failed"; the first count is always shown."""
     n_all = sum(counts.values())
     listed = [f"{n:,} {words}" for k, (words, n) in enumerate(counts.items()) if n or not k]
     return f"{n_all:,} map{'' if n_all == 1 else 's'}: {', '.join(listed)}"
@@ -191,7 +191,7 @@ def _outcomes(
 
 
 def _outcome(task: MapTask, result: Outcome | Unfinished | None) -> Outcome:
-    """What became of a map, whose worker may have come to grief."""
+    """The outcome of a task, including crashes and timeouts."""
     if isinstance(result, Unfinished):
         return task.failure(TimeIsUpError())
     if result is None:

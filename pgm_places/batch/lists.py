@@ -170,7 +170,7 @@ class Lists:
 
 
 class _FurtherLabelError(Exception):
-    """A row has columns that the table was not begun with."""
+    """A row has a label column that the table lacks."""
 
     def __init__(self, columns: Sequence[str]) -> None:
         super().__init__()

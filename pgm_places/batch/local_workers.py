@@ -1,4 +1,4 @@
-"""Who does the tasks of a batch: processes of this machine, renewed where they die, or others."""
+"""Workers of a batch: local processes, restarted when they crash."""
 
 import multiprocessing
 import os

@@ -1,7 +1,7 @@
 """A command: a function that is run with what a command line says.
 
-Typer takes longer to import than a short command runs, and ``argparse`` takes -1e-3 for an option.
-Neither checks a value as options of a configuration are checked, in the same words.
+Typer imports too slowly and argparse reads -1e-3 as an option; values here share validation and
+messages with configuration files.
 """
 
 import inspect

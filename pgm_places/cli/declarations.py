@@ -188,7 +188,7 @@ def number_in(text: str, kind: type) -> Any:
 
 
 def parameters_of(command: Callable[..., None]) -> list[Parameter]:
-    """What a command, or a class of what several commands take, takes, in order."""
+    """The parameters of a command or of a shared options class, in order."""
     parameters, said = [], described(command)
     for item in inspect.signature(command).parameters.values():
         hint, marks = bare(item.annotation), list(getattr(item.annotation, "__metadata__", ()))
@@ -297,7 +297,7 @@ def grouped(parameter: str, cls: type[Any]) -> Callable[[Command], Command]:
 def _taking(
     call: Command, command: Command, parameter: str, others: Iterable[inspect.Parameter]
 ) -> Command:
-    """The call, said to take what the command takes, but other things for a parameter."""
+    """``call`` with the command's signature, ``parameter`` replaced by ``others``."""
     own = inspect.signature(command)
     flags = [item.replace(kind=inspect.Parameter.KEYWORD_ONLY) for item in others]
     taken = (flags if name == parameter else [item] for name, item in own.parameters.items())

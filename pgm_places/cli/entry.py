@@ -86,7 +86,7 @@ def _run() -> None:
 
     # Importing makes objects that stay; searching them for garbage again and again takes time.
     gc.set_threshold(100_000, 50, 50)
-    # At the end of the process the system takes everything back; Python need not look at it all.
+    # Skip the final garbage collection; the OS reclaims the memory.
     atexit.register(gc.freeze)
     # No plugin of pydantic is wanted; to look for some is to read what every installed package says
     # of itself.
@@ -101,7 +101,7 @@ def _run() -> None:
 
 
 def _open_streams() -> None:
-    """Let nobody read what goes to streams that were closed (``>&-``), as on ``/dev/null``.
+    """Reopen closed standard streams (``>&-``) on ``/dev/null``.
 
     Otherwise the first files that are opened would get their numbers, and whatever libraries and
     other processes print there.

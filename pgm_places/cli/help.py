@@ -75,7 +75,7 @@ def _name(item: Parameter) -> str:
 
 
 def _line(item: Parameter) -> str:
-    """What is said of a parameter, and what holds if it is not given."""
+    """A parameter's help and its default."""
     text = item.declared.help
     if item.is_required:
         return f"{text} [required]" if item.flags else text
@@ -93,7 +93,7 @@ def _filled(text: str, *, indent: str = "  ") -> str:
 
 
 def _table(title: str, rows: Iterable[tuple[str, str]], widest: int = 0) -> str:
-    """Names and what is said of them beside each other, below a title; nothing without rows."""
+    """A titled two-column help section; empty if there are no rows."""
     listed = list(rows)
     width = min(max([widest, *(len(name) for name, _ in listed)]), _WIDEST_NAME) + 4
     lines = [f"{title}:"] if listed else []

@@ -278,7 +278,9 @@ def label(
         _label_one(asked, options, progress)
         return
     if asked.corrections is not None:
-        raise InputError("--corrections are those of one map; label it by itself, not in a batch")
+        raise InputError(
+            "--corrections applies to a single map and cannot be combined with a batch"
+        )
     _read(options, progress)
     label_many(asked, options, workers, batch, progress)
 

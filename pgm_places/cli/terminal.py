@@ -1,4 +1,4 @@
-"""What the commands print, which does nothing to a terminal, whoever named the places; progress."""
+"""Console output with control characters escaped, and progress bars."""
 
 import contextlib
 import sys

@@ -1,4 +1,4 @@
-"""What training and test have in common, which makes figures too good."""
+"""Detecting overlap of training and test data."""
 
 import hashlib
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Pieces of labelled floors as no two robots would map them: what the network is trained on."""
+"""Augmented training crops of labelled floors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

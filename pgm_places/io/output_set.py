@@ -1,4 +1,4 @@
-"""The files of one run as a set: written aside, then swapped in at once; the user's own stay."""
+"""Transactional output: files are staged, then moved into place together; others are kept."""
 
 import contextlib
 import json

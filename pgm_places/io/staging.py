@@ -77,7 +77,7 @@ def remove_leftovers(parent: Path, name: str) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """A lock: nobody else changes the folder, or creates one at this path."""
+    """Hold an exclusive lock on ``folder``, or on its parent if it does not exist."""
     lock = None
     while folder.parent.is_dir():
         held = folder if folder.is_dir() else folder.parent
@@ -95,7 +95,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
-    """Whether nobody else holds the claim that a file stands for; it is held during the block.
+    """Try to hold the lock file for the duration of the block; yields whether we got it.
 
     The claim ends with the process, whatever ends that, and the file with the block; until then it
     holds the note. Where a file system knows no locks, nothing is held, and everybody gets it.

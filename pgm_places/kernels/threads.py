@@ -24,7 +24,7 @@ _wanted: ContextVar[int | None] = ContextVar("wanted", default=None)
 
 @contextmanager
 def threads(n_threads: int | None) -> Iterator[None]:
-    """All work in the block is spread over so many threads; None leaves that as it is outside.
+    """Limit work in the block to ``n_threads`` threads; None keeps the outer limit.
 
     Examples
     --------

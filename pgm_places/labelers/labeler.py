@@ -102,7 +102,7 @@ def _what_is_learned(backend: Any) -> Hashable | None:
 
 @public_options
 class Labeler:
-    """The base of labelers: options by name, what was learned, and a text that shows the options.
+    """Base class: scikit-learn parameters, fitted state, repr.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class Labeler:
     # ------------------------------------------------------------------ what was learned
 
     def set_learned(self, **learned: Any) -> Self:
-        """The labeler with these learned attributes and no others: nothing of before is left."""
+        """Replace all fitted attributes."""
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
         vars(self).update(learned)

@@ -190,8 +190,7 @@ def infer_further(
 ) -> Labeling:
     """The same, with log-likelihoods (N, K) of further observations.
 
-    A backend with a model of its observations is told them apart; for others they are part of the
-    unary.
+    Backends with an observation model get them separately; for others they are added to the unary.
     """
     if "further" in inspect.signature(backend.infer).parameters:
         labeling: Labeling = backend.infer(problem, further=further)

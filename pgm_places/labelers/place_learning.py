@@ -136,7 +136,7 @@ class LabelledNodes:
 def learn_places(
     labeler: Any, maps: list[LabelledMap], with_scores: bool, feature_cache: FeatureTables | None
 ) -> tuple[LearnedUnary, dict[str, Any]]:
-    """What a PlaceLabeler, which imports this module, learns from maps; its attributes by name."""
+    """Train a PlaceLabeler: the unary model and the fitted attributes."""
     names, space = tuple(labeler.label_names), labeler.space
     require_examples(maps, names)
     maps, names, halls = without_halls(maps, names)

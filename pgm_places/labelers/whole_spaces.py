@@ -22,8 +22,7 @@ in nats times square metres: the evidence of a cell counts by its area. Chosen o
 buildings (docs/spaces.md)."""
 
 _BESIDE_KNOWN = 8.0
-"""The same along known cells, where no doorway lies between: who paints a corridor means the strip
-along it, too. A room that is as open to it is larger, and stays."""
+"""Border cost beside known cells without a doorway between: a painted part means all of it."""
 
 _ROOM_IN_RIBBON = 0.1
 """What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed

@@ -34,7 +34,7 @@ AGAIN_S = 10.0
 """How long a complaint of one kind is not repeated."""
 
 NO_MAP_AFTER_S = 5.0
-"""How long scans come before a missing map is worth a word."""
+"""Seconds of scans before a missing map is reported."""
 
 FIT_SCANS = 100
 """Latest scans of which the share on free cells of the map is watched."""

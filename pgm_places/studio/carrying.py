@@ -1,4 +1,4 @@
-"""Carrying: the paint of a map on to the map as it is now, grown, shifted or changed in places."""
+"""Migrating paint to a changed map."""
 
 import os
 from contextlib import closing

@@ -115,7 +115,7 @@ def _moved(
 
 
 def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
-    """Whether nobody can walk around a doorway nearby without passing another one.
+    """Whether a doorway separates its two sides locally.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class LaserList:
         self.scores = np.empty((n_nodes, n_labels), dtype)
 
     def expect(self, columns: NDArray[np.int64]) -> None:
-        """Say which columns the blocks will have, its own among them."""
+        """Set the columns of the blocks to come."""
         self.expected, self.part = columns, self.fitted.restricted(columns)
 
     def take(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
@@ -121,7 +121,7 @@ class SpaceList:
         run_parts(score, len(nodes), _CELLS_PER_TASK)
 
     def take_kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> None:
-        """Score the nodes whose row or spaces are not those of before; weigh all by their gates."""
+        """Rescore nodes whose features or spaces changed, then apply gate weights to all."""
 
         def score(part: slice) -> None:
             some = nodes[part]

@@ -1,4 +1,4 @@
-"""The floor networks beside the boosted lists: both scores of a cell as one.
+"""Fusing floor-network and boosted-list scores.
 
 Shares and weights were chosen on buildings held out (docs/floor.md).
 """
@@ -80,7 +80,7 @@ class FloorModel:
         return np.asarray(mixed - total)
 
     def with_more(self, n_labels: int) -> "FloorModel":
-        """The same beside so many more labels that the networks do not know."""
+        """A copy with ``n_labels`` further labels unknown to the networks."""
         return replace(self, columns=(*self.columns, *(-1,) * n_labels))
 
     def evidence(self, seen: FloorScores, cells_rc: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -201,7 +201,7 @@ _EVERY_M = 0.5
 
 
 class LocalFloor:
-    """The networks' word on the places of a robot on its way.
+    """Floor-network scores along a robot's path.
 
     They take turns, so that a look takes no longer than that of one, and the steps of a few metres
     hear all of them.

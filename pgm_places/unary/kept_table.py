@@ -1,4 +1,4 @@
-"""KeptTable: features of the cells of map after map, and what lists have said of them."""
+"""Cell features and classifier scores, cached across updates of a map."""
 
 from collections.abc import Callable
 from typing import Self, TypeVar
@@ -130,7 +130,7 @@ class KeptTable:
     def floor_of(
         self, grid: OccupancyGrid, look: Callable[[OccupancyGrid], FloorScores]
     ) -> FloorScores:
-        """What networks see of a map: looked at again only where it is not the map of before."""
+        """Floor-network scores, recomputed only if the map changed."""
         if self._seen is None or not _same(self._seen[0], grid):
             self._seen = grid, look(grid)
         return self._seen[1]
@@ -141,7 +141,7 @@ class KeptTable:
 
 
 class _Said:
-    """What a list has said of each row, when the row was written, and what was beside it."""
+    """Cached scores per row, with the row version and extra inputs they belong to."""
 
     def __init__(self, n_beside: int, n_scores: int) -> None:
         self.kind = (n_beside, n_scores)

@@ -52,7 +52,7 @@ class Halls:
 
 @dataclass(frozen=True, eq=False)
 class LearnedUnary:
-    """A fitted unary model, and the scores that whatever comes behind it learns from.
+    """A fitted unary model and the out-of-fold scores to train structured methods on.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Boosted lists on rows of features: fitted, held out fold by fold, and as sure as they may be."""
+"""Fitting, cross-fitting and calibrating boosted decision lists."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any

@@ -66,7 +66,7 @@ def log_mean(
 
 @dataclass(frozen=True, eq=False)
 class CellScores:
-    """What is known of each node before its neighbours are asked.
+    """Per-node scores, before graph inference.
 
     Parameters
     ----------

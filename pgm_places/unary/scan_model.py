@@ -299,7 +299,7 @@ class ScanModel:
 class ScanScorer:
     """What a model says of one scan after the other: the bits of :meth:`ScanModel.log_proba`.
 
-    It works in room of its own, which saves time: two threads must not share one.
+    Reuses buffers; not thread-safe.
     """
 
     def __init__(self, model: ScanModel) -> None:
