@@ -11,14 +11,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.batch.far_maps import results_of
+from pgm_places.batch.far_maps import fetch_results
 from pgm_places.batch.found_maps import FoundMap
-from pgm_places.batch.lists import LISTS, Lists
+from pgm_places.batch.lists import LISTS, Lists, lists_of
 from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import atomic_file, write_json
-from pgm_places.io.far_files import address_of
+from pgm_places.io.far_files import FarFolder, address_of, temporary_folder
 from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
 from pgm_places.io.output_set import claim
 from pgm_places.io.places.result_folder import (
@@ -42,8 +42,16 @@ _MAX_BYTES = 1 << 16
 
 def recorded_root(out: Path) -> Path | None:
     """The folder that the names in ``out`` start from; None where it is unknown, or has moved."""
+    if not is_address(out):
+        return _root_in(out)
+    with temporary_folder() as here:
+        FarFolder.at(out).fetch(_RECORD, here / _RECORD)
+        return _root_in(here)
+
+
+def _root_in(folder: Path) -> Path | None:
     try:
-        record = read_json(out / _RECORD, InputError, "a batch's record", max_bytes=_MAX_BYTES)
+        record = read_json(folder / _RECORD, InputError, "a batch's record", max_bytes=_MAX_BYTES)
         root = Path(record["root"])
     except (InputError, LookupError, TypeError):
         return None
@@ -51,10 +59,21 @@ def recorded_root(out: Path) -> Path | None:
 
 
 def write_root(out: Path, root: Path) -> None:
-    """Keep the root for later runs."""
-    if recorded_root(out) != root:
-        record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
-        write_json(out / _RECORD, record, indent=1)
+    """Keep the root for later runs.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written, as where the bucket of an address does not exist.
+    """
+    record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
+    if not is_address(out):
+        if recorded_root(out) != root:
+            write_json(out / _RECORD, record, indent=1)
+        return
+    with temporary_folder() as here:
+        write_json(here / _RECORD, record, indent=1)
+        FarFolder.at(out, OutputError).put(here, [_RECORD], OutputError)
 
 
 def claim_of(out: Path, name: str) -> Path:
@@ -136,12 +155,10 @@ def index_folder(
         places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
         wanted = (Path(MANIFEST_FILE).name, *places)
         shown = address_of(folder)
-        with results_of(folder, wanted, LISTS) as (here, put):
-            _check_holds_results(shown, here)
-            lists = Lists(here, put=put)
-            index = _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
-            put()  # the table of places as well
-        return index
+        with lists_of(folder) as lists:
+            fetch_results(folder, wanted, lists.out)
+            _check_holds_results(shown, lists.out)
+            return _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
     out = user_path(folder, InputError)
     if file_kind(out) != "folder":
         raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
@@ -161,15 +178,13 @@ def _check_holds_results(shown: str, out: Path) -> None:
 def _listed(lists: Lists, shown: str, parquet: bool, *, force: bool, progress: Progress) -> Index:
     """Make the lists of a folder on this machine, which is called as shown."""
     lists.begin(force=force)
-    with progress.stage("labelled maps"):
-        overview = lists.rebuild(lambda: _labelled(lists.out))
-        lists.write_page(overview)
-    written = [path.name for path in lists.files()]
     if parquet:
         with progress.stage("places"):
             names = (row.name for row, _ in _labelled(lists.out))
             write_place_table(lists.out / PLACE_TABLE, lists.out, names)
-            written.append(PLACE_TABLE)
+    with progress.stage("labelled maps"):
+        overview = lists.end(lambda: lists.rebuild(lambda: _labelled(lists.out)))
+    written = [path.name for path in lists.files()] + [PLACE_TABLE] * parquet
     return Index(overview, tuple(f"{shown}/{name}" for name in written))
 
 

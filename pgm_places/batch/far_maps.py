@@ -2,20 +2,23 @@
 
 import os
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+import time
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from pgm_places.batch.limits import is_full
 from pgm_places.batch.map_task import (
     Elsewhere,
     LabelledRow,
     MapTask,
+    NoSpaceError,
     Outcome,
     label_one,
 )
 from pgm_places.errors import InputError, MapError, OutputError
-from pgm_places.io.far_files import FarFolder
+from pgm_places.io.far_files import FarFolder, address_of, is_there, temporary_folder
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import RECORD_FILE, written_names
 from pgm_places.io.places.result_folder import MANIFEST_FILE, NAMES_FILE
@@ -42,11 +45,32 @@ def label_anywhere(task: MapTask) -> Outcome:
     """
     if not is_address(task.map) and not is_address(task.folder):
         return label_one(task)
-    with tempfile.TemporaryDirectory(prefix="pgm-places-") as temporary:
-        try:
-            return _label_far(task, Path(temporary))
-        except _FarError as error:
-            return task.failure(error.reason)
+    try:
+        with temporary_folder() as here:
+            return _label_far(task, here)
+    except _FarError as error:
+        if is_full(error.reason):
+            raise _no_space() from None
+        return task.failure(error.reason, of_worker=True)
+    except OutputError as error:
+        raise (_no_space() if is_full(error) else error) from None
+
+
+def _no_space() -> NoSpaceError:
+    return NoSpaceError(f"{tempfile.gettempdir()}: no space left for temporary files; set TMPDIR")
+
+
+_VISIBLE_WITHIN_S = (0.0, 0.1, 0.4, 1.5)
+"""A network file system shows a file of another machine after some time."""
+
+
+def is_visible(task: MapTask) -> bool:
+    """Whether this process sees the result of a map that another one has labelled."""
+    for wait_s in _VISIBLE_WITHIN_S:
+        time.sleep(wait_s)
+        if any(is_there(task.folder / name) for name in _MANIFESTS):
+            return True
+    return False
 
 
 def is_done(task: MapTask) -> bool:
@@ -56,11 +80,15 @@ def is_done(task: MapTask) -> bool:
 
 
 class _FarError(Exception):
-    """Something could not be fetched or put, which is this map's fault at most."""
+    """Something could not be fetched or put."""
 
     def __init__(self, reason: Exception) -> None:
         super().__init__()
         self.reason = reason
+
+
+class _NotAMapError(_FarError):
+    """What was fetched is no map."""
 
 
 @contextmanager
@@ -76,11 +104,15 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
     if task.only_look and not _has_manifest(task):
         return Elsewhere()
     if is_address(task.map):
-        with _between_machines():
-            near = replace(near, map=_fetched_map(task, here / "map"))
+        near = replace(near, map=here / "map" / task.map.name)
+        try:
+            _fetch_map(task, near.map)
+        except _NotAMapError as error:
+            return near.failure(error.reason)
     if not is_address(task.folder):
         return label_one(replace(near, claim=task.claim))
-    near = replace(near, folder=here / "result" / task.folder.name)
+    folder = here / "result" / task.folder.name
+    near = replace(near, folder=folder, target=address_of(task.folder))
     with _between_machines():
         far = FarFolder.at(task.folder, OutputError)
         _look_at(far, near.folder)
@@ -105,66 +137,36 @@ def _has_manifest(task: MapTask) -> bool:
         return any(FarFolder.at(task.folder / name, OutputError).exists() for name in _MANIFESTS)
 
 
-@contextmanager
-def lists_to_read(out: Path, names: tuple[str, ...]) -> Iterator[Path]:
-    """The folder with the lists of all results: itself, or a local one with those of a far one."""
-    if not is_address(out):
-        yield out
-        return
-    with lists_of(out, names) as (here, _):
-        yield here
-
-
-@contextmanager
-def results_of(
-    out: Path, wanted: Collection[str], lists: tuple[str, ...]
-) -> Iterator[tuple[Path, Callable[[], None]]]:
-    """A local folder with the lists of a far one and its results' files of the wanted names.
-
-    They are as old as there. What puts the lists back comes with the folder.
-    """
+def fetch_results(out: Path, wanted: Collection[str], here: Path) -> None:
+    """Copy a far folder's results into a local one: their files of the wanted names, as old."""
     far = FarFolder.at(out, InputError)
-    with lists_of(out, lists) as (here, put):
-        for name in far.names():
-            parts = PurePosixPath(name).parts
-            if parts[-1] in wanted and not any(part.startswith(".") for part in parts):
-                far.fetch(name, here / name)
-                when = far.modified_s(name)
-                os.utime(here / name, (when, when))
-        yield here, put
-
-
-@contextmanager
-def lists_of(out: Path, names: tuple[str, ...]) -> Iterator[tuple[Path, Callable[[], None]]]:
-    """A local folder with the lists of a far one, and what puts them back there."""
-    far = FarFolder.at(out, OutputError)
-    with tempfile.TemporaryDirectory(prefix="pgm-places-") as temporary:
-        here = Path(temporary)
-        for name in names:
+    for name in far.names():
+        parts = PurePosixPath(name).parts
+        if parts[-1] in wanted and not any(part.startswith(".") for part in parts):
             far.fetch(name, here / name)
-
-        def put() -> None:
-            there = [name for name in names if (here / name).exists()]
-            far.put(here, there, OutputError)
-            far.remove((name for name in names if name not in there), OutputError)
-
-        yield here, put
+            when = far.modified_s(name)
+            os.utime(here / name, (when, when))
 
 
-def _fetched_map(task: MapTask, here: Path) -> Path:
-    """The map's YAML file and its image, side by side as they were."""
+def _fetch_map(task: MapTask, local: Path) -> None:
+    """Copy the map's YAML file and its image, side by side as they were."""
     source = FarFolder.at(task.map, MapError)
-    local = here / task.map.name
-    if not source.parent.fetch(task.map.name, local):
-        raise MapError(f"{source.address}: no such file; expected a map description (YAML)")
-    image = PurePosixPath(read_yaml(local, MapError, "map description").text("image"))
+    with _between_machines():
+        if not source.parent.fetch(task.map.name, local):
+            raise MapError(f"{source.address}: no such file; expected a map description (YAML)")
+    try:
+        image = PurePosixPath(read_yaml(local, MapError, "map description").text("image"))
+    except MapError as error:
+        raise _NotAMapError(error) from error
     if image.is_absolute() or ".." in image.parts:
-        raise MapError(
-            f"{source.address}: its image {str(image)!r} lies outside its folder, where no image "
-            "is fetched from; put it beside the map"
+        raise _NotAMapError(
+            MapError(
+                f"{source.address}: its image {str(image)!r} lies outside its folder, where no "
+                "image is fetched from; put it beside the map"
+            )
         )
-    source.parent.fetch(str(image), here / image)  # what is missing, reading the map will say
-    return local
+    with _between_machines():  # what is missing, reading the map will say
+        source.parent.fetch(str(image), local.parent / image)
 
 
 def _look_at(far: FarFolder, here: Path) -> None:

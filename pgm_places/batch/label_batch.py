@@ -1,21 +1,29 @@
 """Labelling many maps: tasks for workers, and the lists of what became of them."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from pgm_places.batch import batch_folder
-from pgm_places.batch.far_maps import is_done, label_anywhere, lists_of, lists_to_read
+from pgm_places.batch.far_maps import is_done, is_visible, label_anywhere
 from pgm_places.batch.found_maps import FoundMap, FoundMaps, Shard
 from pgm_places.batch.limits import TimeIsUpError
-from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.local_workers import Unfinished, Workers
-from pgm_places.batch.map_task import Elsewhere, Failure, LabelledRow, MapTask, Outcome
+from pgm_places.batch.lists import Lists, lists_of
+from pgm_places.batch.local_workers import Fault, Unfinished, Workers
+from pgm_places.batch.map_task import (
+    Elsewhere,
+    Failure,
+    LabelledRow,
+    MapTask,
+    NoSpaceError,
+    Outcome,
+)
 from pgm_places.batch.overview import Overview
-from pgm_places.errors import OutputError
-from pgm_places.io.far_files import address_of
+from pgm_places.errors import InputError, OutputError
+from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import claim
 from pgm_places.io.staging import claimed
@@ -61,12 +69,12 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def maps_to_do(
-    found: FoundMaps, out: Path, *, shard: Shard | None = None, only_failed: bool = False
+    found: FoundMaps, lists: Lists, *, shard: Shard | None = None, only_failed: bool = False
 ) -> list[FoundMap]:
     """The maps of a shard, or only those of them that failed last."""
     maps = [item for item in found.maps if shard is None or shard.has(item.name)]
     if only_failed:
-        failed = Lists(out).failed()
+        failed = lists.failed()
         maps = [item for item in maps if item.name in failed]
     return maps
 
@@ -117,7 +125,7 @@ def label_batch(
     sha256 = LoadedModel.load(options).sha256
     tally = _Tally()
     with _lists(found, out, force=force) as lists:
-        maps = maps_to_do(found, lists.out, shard=shard, only_failed=only_failed)
+        maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
         tally.n_all = len(maps)
         refused = {failure.name: failure for failure in batch_folder.names_in_the_way(found.maps)}
         for failure in (refused[item.name] for item in maps if item.name in refused):
@@ -140,44 +148,72 @@ def label_batch(
             if item.name not in refused
         )
         with progress.stage("labelling maps") as stage:
-            for outcome in _outcomes(tasks, workers, tally, limit_s):
-                tally.count(outcome)
-                lists.add(outcome)
-                stage.update(tally.share, tally.note())
-        overview = lists.settle(at_the_end=True)
-        lists.write_page(overview)
-        shown = address_of(out) if is_address(out) else str(out)
-        written = tuple(f"{shown}/{path.name}" for path in lists.files())
+            outcomes = _outcomes(tasks, workers, tally, limit_s, _Judge(progress))
+            with closing(outcomes):  # workers end at once, whatever ends this
+                for outcome in outcomes:
+                    tally.count(outcome)
+                    lists.add(outcome)
+                    stage.update(tally.share, tally.note())
+        overview = lists.end()
+        written = tuple(f"{shown_path(out)}/{path.name}" for path in lists.files())
     return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, written)
 
 
 @contextmanager
 def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
-    """The lists of a folder, which becomes ours; those of a far one by way of a local one."""
+    """The lists of a folder, which becomes ours, wherever it is."""
     names = (item.name for item in found.maps)
-    if is_address(out):
-        with lists_of(out, LISTS) as (here, put):
-            lists = Lists(here, names, put)
-            lists.begin(force=force)
-            yield lists
-        return
-    target = claim(out, force=force).absolute()
+    target = out if is_address(out) else claim(out, force=force).absolute()
     batch_folder.write_root(target, found.root)
-    batch_folder.tidy_after_the_dead(target)
-    lists = Lists(target, names)
-    lists.begin(force=force)
-    yield lists
-    batch_folder.tidy_after_the_dead(target)
+    with ExitStack() as ends:
+        if not is_address(out):
+            batch_folder.tidy_after_the_dead(target)
+            ends.callback(batch_folder.tidy_after_the_dead, target)
+        lists = ends.enter_context(lists_of(target, names))
+        lists.begin(force=force)
+        yield lists
+
+
+class _Judge:
+    """Tells what a worker of a cluster gets wrong from what is wrong with a map."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def fault(self, task: MapTask, result: Any, worker: str) -> Fault | None:
+        """See :class:`pgm_places.batch.local_workers.Judge`."""
+        where = f"worker {worker}"
+        if isinstance(result, NoSpaceError | InputError):
+            kind = NoSpaceError if isinstance(result, NoSpaceError) else InputError
+            return Fault(kind(f"{result} ({where})"), is_certain=True)
+        if isinstance(result, Failure) and result.of_worker:
+            return Fault(replace(result, message=f"{result.message} ({where})"))
+        if isinstance(result, LabelledRow) and not is_visible(task):
+            message = (
+                f"{shown_path(task.folder)}: {where} labelled the map, but its result cannot be "
+                "seen here; mount the folder of the results there, too"
+            )
+            return Fault(task.failure(OutputError(message)))
+        return None
+
+    def left_out(self, worker: str, result: Any) -> None:
+        """See :class:`pgm_places.batch.local_workers.Judge`."""
+        message = result.message if isinstance(result, Failure) else str(result)
+        self._progress.warn(f"worker {worker} gets no more maps in this run: {message}")
 
 
 def _outcomes(
-    tasks: Iterable[MapTask], workers: Workers, tally: "_Tally", limit_s: float | None
-) -> Iterator[LabelledRow | Failure]:
+    tasks: Iterable[MapTask],
+    workers: Workers,
+    tally: "_Tally",
+    limit_s: float | None,
+    judge: _Judge,
+) -> Generator[LabelledRow | Failure, None, None]:
     """What becomes of each map; those that somebody else is labelling come last."""
     while True:
         others: list[MapTask] = []
         tally.n_elsewhere = 0
-        for task, result in workers.run(label_anywhere, tasks, limit_s=limit_s):
+        for task, result in workers.run(label_anywhere, tasks, limit_s=limit_s, judge=judge):
             outcome = _outcome(task, result)
             if isinstance(outcome, Elsewhere):
                 others.append(task)
@@ -295,8 +331,9 @@ def plan(
         The model is refused.
     """
     sha256 = LoadedModel.load(options).sha256
-    with lists_to_read(out, LISTS) as lists:
-        failed = Lists(lists).failed()
+    with lists_of(out) as lists:
+        lists.take_others()
+        failed = lists.failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
     in_the_way = {failure.name for failure in batch_folder.names_in_the_way(found.maps)}
     done, refused, to_label = [], [], []

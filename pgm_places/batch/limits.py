@@ -1,6 +1,7 @@
 """Limits of the work on a map: memory, time, and an end with the parent process."""
 
 import ctypes
+import errno
 import gc
 import os
 import re
@@ -111,3 +112,17 @@ def limit_memory(n_bytes: int) -> None:
     if most != resource.RLIM_INFINITY:
         n_bytes = min(n_bytes, most)
     resource.setrlimit(resource.RLIMIT_DATA, (n_bytes, most))
+
+
+def causes_of_system(error: BaseException) -> Iterator[OSError]:
+    """What the system refused, at any step on the way to an error."""
+    step: BaseException | None = error
+    while step is not None:
+        if isinstance(step, OSError):
+            yield step
+        step = step.__cause__ or step.__context__
+
+
+def is_full(error: BaseException) -> bool:
+    """Whether no space was left."""
+    return any(item.errno in (errno.ENOSPC, errno.EDQUOT) for item in causes_of_system(error))

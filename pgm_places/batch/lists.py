@@ -3,18 +3,22 @@
 import heapq
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from functools import partial
 from itertools import groupby, islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.batch.far_lists import FarLists, far_lists
 from pgm_places.batch.growing_table import GrowingTable, Row, sort_key
 from pgm_places.batch.map_task import Failure, LabelledRow
 from pgm_places.batch.overview import PAGE_MARK, Overview, overview_page
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.far_files import is_there
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import is_as_written
 from pgm_places.io.places.result_folder import MANIFEST_FILE, detail_path
@@ -47,14 +51,14 @@ class Lists:
         The folder of all results.
     names : iterable of str, optional
         The maps of the input; without it, a map is of the input as long as its file is there.
-    put : callable, optional
-        What copies the lists to another machine, where the results are.
+    far : FarLists, optional
+        Where the results are on another machine, the lists there; ``out`` is its local folder.
     """
 
     def __init__(
-        self, out: Path, names: Iterable[str] | None = None, put: Callable[[], None] | None = None
+        self, out: Path, names: Iterable[str] | None = None, far: FarLists | None = None
     ) -> None:
-        self.out, self._put = out, put
+        self.out, self._far = out, far
         self._summary = GrowingTable(out / SUMMARY_FILE, _FIRST, _LAST)
         self._failures = GrowingTable(out / FAILURE_FILE, _FAILURE)
         self._input = None if names is None else _sorted_hashes(names)
@@ -77,6 +81,7 @@ class Lists:
             )
         for table in (self._summary, self._failures):
             table.check()
+        self.take_others()
         self.settle()
         rows = (row for table in (self._summary, self._failures) for row in table.rows())
         self._known = _sorted_hashes(map(_content, rows))
@@ -98,16 +103,61 @@ class Lists:
         """The maps that failed last, and their files."""
         return {row["name"]: row["map"] for row in self._failures.rows()}
 
+    def take_others(self) -> None:
+        """Merge what other runs have put on the other machine since the last time."""
+        for folder in [] if self._far is None else self._far.others():
+            theirs = Lists(folder)
+            with suppress(OutputError):  # tables of another version
+                theirs._summary.check()
+                theirs._failures.check()
+                middle = dict.fromkeys((*self._summary.middle(), *theirs._summary.middle()))
+                both = (
+                    _tagged(table, is_row=is_row)
+                    for item in (self, theirs)
+                    for table, is_row in ((item._summary, True), (item._failures, False))
+                )
+                self._write(_merged(*both), tuple(middle), at_the_end=False)
+
     def write_page(self, overview: Overview) -> Path:
-        """Write the page; its path."""
-        here = None if self._put else self.out
-        path = write_text(self.out / INDEX_FILE, overview_page(overview, here))
-        if self._put is not None:
-            self._put()
+        """Write the page, and all lists to the other machine if it takes them now; its path."""
+        path = self._written_page(overview)
+        if self._far is not None:
+            with suppress(OutputError):  # a busy server: next time, or in the end
+                self._far.put_tables(ended=False, patient=False)
+                self._far.put(patient=False)
         now = time.monotonic()
         took = now - self._written_s
         self._next_s = now + max(_LEAST_PAUSE_S, _PAUSES * took)
         return path
+
+    def end(self, settle: Callable[[], Overview] | None = None) -> Overview:
+        """Write all lists for the last time; ``settle`` sorts them, by default as a batch does.
+
+        Raises
+        ------
+        OutputError
+            The other machine does not take the lists, for as long as one may wait for it.
+        """
+        settle = settle or partial(self.settle, at_the_end=True)
+        if self._far is None:
+            overview = settle()
+            self._written_page(overview)
+            return overview
+        self._far.put_tables(ended=True)  # before it is looked for those of others
+        while True:
+            self.take_others()
+            overview = settle()
+            self._written_page(overview)
+            self._far.put()
+            if not self._far.has_others():
+                break
+        self._far.put_tables(ended=True)
+        self._far.remove_merged()
+        return overview
+
+    def _written_page(self, overview: Overview) -> Path:
+        here = None if self._far else self.out
+        return write_text(self.out / INDEX_FILE, overview_page(overview, here))
 
     def files(self) -> list[Path]:
         """Those that are there."""
@@ -159,14 +209,26 @@ class Lists:
     def _stays(self, row: Row, *, is_row: bool) -> bool:
         """Whether a row is still true; notes whether its map is in the input."""
         given = self._input is not None and _is_in(self._input, row["name"])
-        if self._put is not None or is_address(row["map"]):  # asking for each takes long
-            row["in_input"] = "yes" if given or self._input is None else "no"
-            return is_row or given or self._input is None
-        is_there = given or Path(row["map"]).exists()
+        if self._far is not None or is_address(row["map"]):  # asking for each takes long
+            given = given or self._input is None
+            if is_row:
+                row["in_input"] = "yes" if given else "no"
+            return is_row or given or is_there(row["map"])
+        exists = given or Path(row["map"]).exists()
         if not is_row:
-            return is_there
-        row["in_input"] = "yes" if is_there else "no"
+            return exists
+        row["in_input"] = "yes" if exists else "no"
         return given or detail_path(self.out / row["name"], MANIFEST_FILE).exists()
+
+
+@contextmanager
+def lists_of(out: Path, names: Iterable[str] | None = None) -> Iterator[Lists]:
+    """The lists of a folder, wherever it is; those of a far one in a local folder meanwhile."""
+    if not is_address(out):
+        yield Lists(out, names)
+        return
+    with far_lists(out, LISTS, (SUMMARY_FILE, FAILURE_FILE)) as far:
+        yield Lists(far.here, names, far)
 
 
 class _FurtherLabelError(Exception):

@@ -28,6 +28,34 @@ OVERDUE: Literal[Unfinished.OVERDUE] = Unfinished.OVERDUE
 """The result of a task that took longer than it may: its process was killed."""
 
 
+@dataclass(frozen=True)
+class Fault:
+    """A result that is the fault of a worker rather than of its task.
+
+    Parameters
+    ----------
+    result : object
+        What the result becomes where no other worker does better; an exception is raised.
+    is_certain : bool
+        Whether the worker would do no better with any other task.
+    """
+
+    result: Any
+    is_certain: bool = False
+
+
+class Judge(Protocol):
+    """Tells the faults of workers from those of tasks."""
+
+    def fault(self, task: Any, result: Any, worker: str) -> Fault | None:
+        """The worker's fault, if the result or the exception is one; asked in several threads."""
+        ...
+
+    def left_out(self, worker: str, result: Any) -> None:
+        """Take note that a worker gets no more tasks after this result."""
+        ...
+
+
 class Workers(Protocol):
     """Processes that apply a function to tasks."""
 
@@ -37,6 +65,7 @@ class Workers(Protocol):
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
+        judge: Judge | None = None,
     ) -> Iterator[tuple[Any, Any]]:
         """Each task with what the function returned, as they come to an end.
 
@@ -45,7 +74,8 @@ class Workers(Protocol):
 
         A worker that dies is replaced, and its task begun again, a few times at most. An exception
         of the function ends everything and is raised here. A task that takes ``limit_s`` and some
-        seconds more is ended with its process, whatever that is doing.
+        seconds more is ended with its process, whatever that is doing. Where workers are on several
+        machines, a judge may send tasks from one to another.
         """
         ...
 
@@ -112,12 +142,12 @@ class OwnProcess:
         return None
 
     def end(self) -> None:
-        """End the process, whatever it is doing, and take no more tasks."""
+        """End the process, whatever it is doing, and take no more tasks; it is gone then."""
         with self._lock:
             self._ended = True
         if self._future is not None:
             _wait_until_taken(self._future)
-        self._kill()
+        self._kill(wait=True)
 
     def _submitted(self, function: Callable[[Any], Any], task: Any) -> Any:
         """The future of a task; None where the process was ended."""
@@ -129,11 +159,11 @@ class OwnProcess:
             self._future = self._executor.submit(function, task)
             return self._future
 
-    def _kill(self) -> None:
+    def _kill(self, *, wait: bool = False) -> None:
         with self._lock:
             executor, self._executor = self._executor, None
         if executor is not None:
-            executor.shutdown(wait=False, kill_workers=True)
+            executor.shutdown(wait=wait, kill_workers=True)
 
     def _started(self) -> Any:
         from joblib.externals.loky import ProcessPoolExecutor
@@ -253,6 +283,7 @@ class LocalWorkers:
         tasks: Iterable[Task],
         *,
         limit_s: float | None = None,
+        judge: Judge | None = None,  # noqa: ARG002  all of them are on one machine
     ) -> Generator[tuple[Any, Any], None, None]:
         """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
         start_trackers()

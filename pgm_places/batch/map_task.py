@@ -1,22 +1,21 @@
 """The work on one map of a batch, what becomes of it, and the manifest that says what is done."""
 
-import errno
 import json
 import os
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from pgm_places._version import __version__
-from pgm_places.batch.limits import TimeIsUpError, time_limit
+from pgm_places.batch.limits import TimeIsUpError, causes_of_system, is_full, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.far_files import address_of
-from pgm_places.io.input_file import is_address, read_json, sha256_of
+from pgm_places.io.far_files import shown_path
+from pgm_places.io.input_file import read_json, sha256_of
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.output_set import has_all_files, output_set
 from pgm_places.io.places.result_folder import (
@@ -111,12 +110,15 @@ class Failure:
         The class of the error, such as ``MapError``.
     message : str
         One line.
+    of_worker : bool
+        Whether it may be the fault of the worker, so that another one could label the map.
     """
 
     name: str
     map: str
     kind: str
     message: str
+    of_worker: bool = False
 
 
 @dataclass(frozen=True)
@@ -246,8 +248,9 @@ class MapTask:
         The file that stands for the right to label this map.
     limit_s : float, optional
         How long it may take.
-    source : str
-        What the map is called in lists and messages, if not by its path.
+    source, target : str
+        What the map and the folder of its results are called in lists, results and messages, if not
+        by their paths.
     only_look : bool
         Say whether it is done, and leave it to others if not.
     version : str
@@ -264,15 +267,23 @@ class MapTask:
     claim: Path | None = None
     limit_s: float | None = None
     source: str = ""
+    target: str = ""
     only_look: bool = False
     version: str = __version__
 
     @property
     def shown(self) -> str:
         """What the map is called in lists and messages."""
-        return self.source or (address_of(self.map) if is_address(self.map) else str(self.map))
+        return self.source or shown_path(self.map)
 
-    def failure(self, error: BaseException) -> Failure:
+    def as_called(self, text: str) -> str:
+        """A text with the names that the user knows in place of local paths."""
+        if self.source:
+            text = text.replace(str(self.map), self.source)
+            text = text.replace(f"{self.map.parent}/", f"{self.source.rpartition('/')[0]}/")
+        return text.replace(str(self.folder), self.target) if self.target else text
+
+    def failure(self, error: BaseException, *, of_worker: bool = False) -> Failure:
         """What the error makes of this map."""
         name = type(error).__name__
         if isinstance(error, PgmPlacesError):
@@ -286,7 +297,8 @@ class MapTask:
             frame = traceback.extract_tb(error.__traceback__)[-1:]
             where = f" ({Path(frame[0].filename).name}:{frame[0].lineno})" if frame else ""
             message = f"{error}{where}"
-        return Failure(self.name, self.shown, name, printable(message))
+        message = printable(self.as_called(message))
+        return Failure(self.name, self.shown, name, message, of_worker)
 
 
 def label_one(task: MapTask) -> Outcome:
@@ -315,11 +327,11 @@ def label_one(task: MapTask) -> Outcome:
             with time_limit(task.limit_s):
                 return _labelled(task, model)
     except OutputError as error:
-        if _is_full(error):
-            raise NoSpaceError(str(error)) from None
-        return task.failure(error)
+        if is_full(error):
+            raise NoSpaceError(task.as_called(str(error))) from None
+        return task.failure(error, of_worker=any(causes_of_system(error)))
     except (Exception, TimeIsUpError) as error:  # noqa: BLE001  one bad map must not end a night's work
-        return task.failure(error)
+        return task.failure(error, of_worker=not os.path.lexists(task.map))
 
 
 def _same_model(task: MapTask) -> LoadedModel:
@@ -350,6 +362,9 @@ def _labelled(task: MapTask, model: LoadedModel) -> LabelledRow:
     names = (*output_file_names(model.labeler.label_names, outputs), THUMBNAIL_FILE, MANIFEST_FILE)
     with output_set(task.folder, "label", names=names, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
+        if task.source:
+            warnings = tuple(map(task.as_called, source.warnings))
+            source = replace(source, yaml_path=Path(task.source), warnings=warnings)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
         labelled = label_file(
             model,
@@ -383,13 +398,3 @@ def _row(task: MapTask, model: LoadedModel, labelled: WrittenMap, seconds: float
         warnings=labelled.warnings,
         seconds=round(seconds, 3),
     )
-
-
-def _is_full(error: BaseException) -> bool:
-    """Whether the system said that no space is left, at any step on the way to this error."""
-    step: BaseException | None = error
-    while step is not None:
-        if isinstance(step, OSError) and step.errno in (errno.ENOSPC, errno.EDQUOT):
-            return True
-        step = step.__cause__ or step.__context__
-    return False

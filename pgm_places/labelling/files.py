@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import row_blocks
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_bytes, write_json
+from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
@@ -230,7 +231,7 @@ def write_labels(
     if outputs.pictures:
         written.append(_write_overview(result, source, folder, packing or Packing()))
     record = {
-        "map": str(source.yaml_path),
+        "map": shown_path(source.yaml_path),
         "method": result.method,
         "status": str(result.labeling.status),
         "status_meaning": result.labeling.status.meaning,

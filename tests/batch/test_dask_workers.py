@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers
-from pgm_places.batch.local_workers import OVERDUE
+from pgm_places.batch.local_workers import OVERDUE, Fault
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
 
@@ -111,6 +111,71 @@ def test_a_limit_of_memory_is_that_of_its_run_alone(address: str) -> None:
             run = patient(address, limit).run(memory_limit, range(8), limit_s=seconds)
             assert {result for _, result in run} == {none if limit is None else limit}
     assert set(distributed.Client(address, set_as_default=False).run(os.getpid).values()) == before
+
+
+class Strict:
+    """A judge for whom what the tasks call bad is the fault of the worker."""
+
+    def __init__(self) -> None:
+        self.out: list[str] = []
+
+    def fault(self, task: int, result: object, worker: str) -> Fault | None:
+        if isinstance(result, ValueError):
+            return Fault(result, is_certain=True)
+        return Fault(f"bad at {task}") if result == "bad" else None
+
+    def left_out(self, worker: str, result: object) -> None:
+        self.out.append(worker)
+
+
+def bad_on_first(number: int) -> str:
+    """Bad at once on one worker, good after a while on the others; bad anywhere for some."""
+    name = distributed.get_worker().name
+    if name == 0 or number % 50 == 7:
+        return "bad"
+    time.sleep(0.02)
+    return f"{name}"
+
+
+def refused_on_first(_: int) -> int:
+    name = int(distributed.get_worker().name)
+    if name == 0:
+        raise ValueError("another version")
+    return name
+
+
+def bad_everywhere(_: int) -> str:
+    return "bad"
+
+
+def refused_everywhere(_: int) -> int:
+    raise ValueError("another version")
+
+
+def test_one_bad_worker_costs_no_task_and_is_left_out(address: str) -> None:
+    judge = Strict()
+    found = dict(patient(address).run(bad_on_first, range(60), judge=judge))
+    good = {number: "1" for number in range(60) if number % 50 != 7}
+    assert found == good | {7: "bad at 7", 57: "bad at 57"}
+    [first] = judge.out
+    workers = distributed.Client(address, set_as_default=False).scheduler_info()["workers"]
+    assert workers[first]["name"] == 0
+
+
+def test_a_worker_that_is_certainly_wrong_is_left_out_at_once(address: str) -> None:
+    judge = Strict()
+    found = dict(patient(address).run(refused_on_first, range(20), judge=judge))
+    assert found == dict.fromkeys(range(20), 1)
+    assert len(judge.out) == 1
+
+
+def test_tasks_that_are_bad_everywhere_leave_no_worker_out(address: str) -> None:
+    judge = Strict()
+    found = dict(patient(address).run(bad_everywhere, range(20), judge=judge))
+    assert found == {number: f"bad at {number}" for number in range(20)}
+    assert judge.out == []
+    with pytest.raises(ValueError, match="another version"):
+        list(patient(address).run(refused_everywhere, range(20), judge=judge))
 
 
 def test_no_scheduler_is_one_line() -> None:

@@ -1,22 +1,29 @@
 """Maps and results behind addresses are labelled as if they were files of this machine."""
 
 import csv
+import errno
 import io
 import json
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pgm_places.batch.batch_folder import index_folder
-from pgm_places.batch.found_maps import find_maps
+from pgm_places.batch import lists
+from pgm_places.batch.batch_folder import index_folder, recorded_root
+from pgm_places.batch.far_lists import FarLists
+from pgm_places.batch.far_maps import label_anywhere
+from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
+from pgm_places.batch.map_task import Failure, MapTask, NoSpaceError
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder, address_of
+from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.test_label_batch import Here
+from tests.batch.test_label_batch import Here, failures
 
 fsspec = pytest.importorskip("fsspec")
 
@@ -174,6 +181,157 @@ def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_p
     assert table.column("name").to_pylist() == [place["name"] for place in places]
     with pytest.raises(InputError, match=r"memory://none: no labelled map below it"):
         index_folder(Path("memory://none"), progress=Silent())
+
+
+def far_rows(bucket: Any, name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(bucket.cat_file(f"/out/{name}").decode())))
+
+
+class Meanwhile(Here):
+    """This process; another run comes in when the first map is done."""
+
+    def __init__(self, other: Callable[[], object]) -> None:
+        self._other: Callable[[], object] | None = other
+
+    def run(
+        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
+    ) -> Iterator[tuple[Any, Any]]:
+        for done in super().run(function, tasks):
+            yield done
+            if self._other is not None:
+                self._other()
+                self._other = None
+
+
+def label_shard(model: Path, number: int, workers: Here, *maps: str) -> LabelledBatch:
+    return label_batch(
+        find_maps(maps or ["memory://maps"]),
+        Path("memory://out"),
+        LabelOptions(model=str(model)),
+        workers,
+        shard=Shard(number, 2),
+        progress=Silent(),
+    )
+
+
+@pytest.mark.parametrize("first", [1, 2])
+def test_the_lists_of_several_runs_lose_no_row(bucket: Any, model: Path, first: int) -> None:
+    label_shard(model, first, Meanwhile(lambda: label_shard(model, 3 - first, Here())))
+    names = [row["name"] for row in far_rows(bucket, "summary.csv")]
+    assert names == ["floor1/map", "floor2/map"]
+    assert [row["name"] for row in far_rows(bucket, "failures.csv")] == ["torn"]
+    tables = {Path(name).parent.name for name in bucket.find("/out/.pgm-places-lists")}
+    assert len(tables) == 1  # what other runs had is in the last one's
+
+
+def test_lists_that_were_put_at_the_same_moment_are_merged(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other run reads before, and writes after, whatever the first one puts at its end."""
+    put, other = FarLists.put, [lambda: label_shard(model, 2, Here())]
+
+    def in_between(self: FarLists, *, patient: bool = True) -> None:
+        if other and patient:
+            other.pop()()
+        put(self, patient=patient)
+
+    monkeypatch.setattr(FarLists, "put", in_between)
+    label_shard(model, 1, Here())
+    assert len(far_rows(bucket, "summary.csv")) == 2
+    assert len(far_rows(bucket, "failures.csv")) == 1
+
+
+def test_failures_are_restored_by_listing_anew(bucket: Any, model: Path) -> None:
+    label(model, "memory://out")
+    before = bucket.cat_file("/out/failures.csv")
+    bucket.rm_file("/out/failures.csv")
+    assert index_folder(Path("memory://out"), progress=Silent()).overview.n_failures == 1
+    assert bucket.cat_file("/out/failures.csv") == before
+
+
+def test_lists_that_cannot_be_written_now_are_written_later(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lists, "_LEAST_PAUSE_S", 0.0)
+    monkeypatch.setattr(lists, "_PAUSES", 0)
+    put_file, refused = type(bucket).put_file, list[str]()
+
+    def busy(self: Any, local: str, target: str, **options: Any) -> None:
+        if target.endswith("out/index.html") and not refused:
+            refused.append(target)
+            raise OSError(errno.EBUSY, "Please reduce your request rate.")
+        put_file(self, local, target, **options)
+
+    monkeypatch.setattr(type(bucket), "put_file", busy)
+    assert label(model, "memory://out").n_labelled == 2
+    assert refused and bucket.exists("/out/index.html")
+    assert len(far_rows(bucket, "summary.csv")) == 2
+
+
+def test_a_far_folder_keeps_the_root_of_its_names(bucket: Any, model: Path) -> None:
+    label(model, "memory://out")
+    out = Path("memory://out")
+    root = recorded_root(out)
+    assert root == Path("memory://maps")
+    found = find_maps(["memory://maps/floor1"], out, root=root)
+    done = label_batch(found, out, LabelOptions(model=str(model)), Here(), progress=Silent())
+    assert (done.n_kept, done.n_labelled) == (1, 0)
+    assert [row["name"] for row in far_rows(bucket, "failures.csv")] == ["torn"]
+    bucket.rm_file("/maps/torn.yaml")
+    label_batch(found, out, LabelOptions(model=str(model)), Here(), progress=Silent())
+    assert not bucket.exists("/out/failures.csv")
+
+
+def test_results_name_addresses_and_no_local_folder(
+    bucket: Any, model: Path, tmp_path: Path
+) -> None:
+    bucket.pipe_file("/maps/cut.yaml", b"image: [")
+    bucket.pipe_file("/maps/wrong.yaml", b"image: cut.yaml\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    label(model, "memory://out")
+    label(model, tmp_path / "near")
+    names = bucket.find("/out/floor1/map")
+    assert len(names) > 10
+    for name in names:
+        here = tmp_path / "near" / Path(name).relative_to("/out")
+        if here.name not in ("manifest.json", ".pgm-places.json"):  # the seconds that it took
+            assert bucket.cat_file(name) == here.read_bytes()
+    summary = json.loads(bucket.cat_file("/out/floor1/map/details/summary.json"))
+    assert summary["map"] == "memory://maps/floor1/map.yaml"
+    far, near = far_rows(bucket, "failures.csv"), failures(tmp_path / "near")
+    assert [row["name"] for row in far] == ["cut", "torn", "wrong"]
+    for row in far:
+        assert row["message"].startswith(f"memory://maps/{row['name']}.yaml: ")
+        assert row["message"] == near[row["name"]]["message"]
+        assert tempfile.gettempdir() not in row["message"]
+
+
+def test_a_full_temporary_disk_is_told_from_a_map_that_is_wrong(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(type(bucket), "get_file", full)
+    with pytest.raises(NoSpaceError, match="no space left for temporary files; set TMPDIR"):
+        label_anywhere(task_of(model, "memory://maps/floor1/map.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("torn.yaml", False), ("none.yaml", True), ("cut.yaml", False)]
+)
+def test_what_may_be_the_fault_of_a_worker(
+    bucket: Any, model: Path, name: str, expected: bool
+) -> None:
+    bucket.pipe_file("/maps/cut.yaml", b"image: [")
+    found = label_anywhere(task_of(model, f"memory://maps/{name}"))
+    assert isinstance(found, Failure)
+    assert found.of_worker is expected
+
+
+def task_of(model: Path, address: str) -> MapTask:
+    options = LabelOptions(model=str(model))
+    sha256 = LoadedModel.load(options).sha256
+    return MapTask("floor1/map", Path(address), Path("memory://out/floor1/map"), options, sha256)
 
 
 def test_an_image_elsewhere_is_not_fetched(bucket: Any, model: Path, tmp_path: Path) -> None:

@@ -368,6 +368,59 @@ def test_a_claim_is_made_though_another_batch_removes_the_folder_of_claims(
         assert is_ours and file.exists()
 
 
+def test_an_interrupted_batch_leaves_no_claim_and_no_stage(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
+        changed.setattr("pgm_places.batch.lists.Lists.add", interrupt)
+        batch(Hanging(2))
+    out = maps.parent / "out"
+    assert not claim_of(out, "floor1/map").parent.exists()
+    assert not [path for path in out.rglob(".*") if path.suffix == ".tmp"]
+
+
+class Elsewhere(Here):
+    """This process in the place of a worker that the judge asks about."""
+
+    def __init__(self, spoil: Callable[[Any], None]) -> None:
+        self._spoil = spoil
+
+    def run(
+        self, function: Callable[[Any], Any], tasks: Iterable[Any], *, judge: Any = None, **_: Any
+    ) -> Iterator[tuple[Any, Any]]:
+        for task, result in super().run(function, tasks):
+            self._spoil(task)
+            fault = judge.fault(task, result, "tcp://b:1")
+            yield task, result if fault is None else fault.result
+
+
+def test_a_result_that_cannot_be_seen_here_is_not_labelled(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+    found = batch(Elsewhere(lambda task: shutil.rmtree(task.folder, ignore_errors=True)))
+    assert (found.n_labelled, found.n_failed, found.overview.n_rows) == (0, 3, 0)
+    failed = failures(maps.parent / "out")
+    assert "worker tcp://b:1 labelled the map, but its result" in failed["floor1/map"]["message"]
+    assert "tcp://b:1" not in failed["torn"]["message"]  # the map's own fault
+    assert batch(Elsewhere(lambda _: None)).n_labelled == 2
+
+
+def test_what_a_worker_cannot_write_may_be_its_own_fault(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise OutputError("cannot write") from PermissionError()
+
+    monkeypatch.setattr(map_task, "label_file", refuse)
+    batch(Elsewhere(lambda _: None))
+    failed = failures(maps.parent / "out")
+    assert failed["floor1/map"]["message"] == "cannot write (worker tcp://b:1)"
+
+
 def test_shards_share_all_maps_and_never_move_one(batch: Batch, maps: Path) -> None:
     counts = [batch(how={"shard": Shard(number, 3)}) for number in (1, 2, 3)]
     assert sum(found.n_labelled + found.n_failed for found in counts) == 3
