@@ -2,6 +2,7 @@
 
 import ast
 import io
+import json
 import runpy
 import tokenize
 from pathlib import Path
@@ -60,3 +61,15 @@ def test_the_learned_network_beats_its_unary_and_bounds_its_score(
     assert accuracy["learned AMN"] == max(accuracy.values())
     assert names["labeling"].gap < 1e-3 * names["labeling"].score
     names["plt"].close("all")
+
+
+def test_the_notebook_is_a_page_of_the_gallery_with_its_outputs() -> None:
+    root = EXAMPLES[0].parents[1]
+    cells = runpy.run_path(str(root / "tools" / "notebook.py"))["cells"]
+    page = (root / "examples" / "plot_notebook.py").read_text(encoding="utf-8")
+    notebook = json.loads((root / "examples" / "notebook.ipynb").read_text(encoding="utf-8"))
+    found = [(cell["cell_type"], "".join(cell["source"])) for cell in notebook["cells"]]
+    assert found == cells(page)
+    outputs = [output for cell in notebook["cells"] for output in cell.get("outputs", ())]
+    assert {"image/png"} <= {kind for output in outputs for kind in output.get("data", {})}
+    assert "error" not in {output["output_type"] for output in outputs}
