@@ -321,28 +321,33 @@ def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")
 
 def split(
     folder: Places,
-    place: Place,
+    place: Annotated[str | None, Argument("PLACE")] = None,
     points: Annotated[list[float] | None, Argument("[X Y [X2 Y2]]")] = None,
 ) -> None:
-    """Split a place: along a line, at a point, or into its rooms.
+    """Split a place: along a line, at a point, or into its rooms. Without a place, split all.
 
-    A point splits it where it is narrowest. The rooms are those that 'label' and check.csv tell of.
+    A line is a plain cut: the parts touch, without a doorway between. A point splits the place
+    where it is narrowest. The rooms are those that 'label' and check.csv propose.
 
     Parameters
     ----------
+    place
+        Its id or name; none to split every place that could be several rooms.
     points
         A point, or the ends of a line (m); none to split it into the rooms that it looks like.
     """
     from pgm_places.io.places.topology_files import load_named_topology
-    from pgm_places.topology.place_edits import split_across, split_apart, split_at
+    from pgm_places.topology import place_edits
 
     topology = load_named_topology(folder)
-    if not points:
-        edited = split_apart(topology, _key(place))
+    if place is None:
+        edited = place_edits.split_all_apart(topology)
+    elif not points:
+        edited = place_edits.split_apart(topology, _key(place))
     elif len(points) == 2:
-        edited = split_at(topology, _key(place), points)
+        edited = place_edits.split_at(topology, _key(place), points)
     elif len(points) == 4:
-        edited = split_across(topology, _key(place), points[:2], points[2:])
+        edited = place_edits.split_across(topology, _key(place), points[:2], points[2:])
     else:
         raise InputError(
             f"split takes a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"

@@ -1,4 +1,4 @@
-"""The places of a map in a few lines: counts, doubt, and places that look like several rooms."""
+"""The places of a map in a few lines: counts, doubt, and places that could be several rooms."""
 
 import shlex
 from pathlib import Path
@@ -15,7 +15,7 @@ _MOST_SPLITS = 5
 def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
     """How many places of each class, connections and corrections; what is in doubt, if known.
 
-    With the ``folder`` that they lie in, also the places that look like several rooms.
+    With the ``folder`` that they lie in, also the places that could be several rooms.
     """
     n = len(topology.corrections)
     lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
@@ -25,18 +25,21 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
         lines += [hidden_line(item) for item in found[:_MOST_SPLITS]]
         more = len(found) - _MOST_SPLITS
         lines += [f"and {more} more place{'' if more == 1 else 's'}"] if more > 0 else []
-        example = shlex.join(["pgm-places", "split", str(folder), str(found[0].place.id)])
-        lines.append(f"to split one along the lines in topology.png: {example}")
+        command = shlex.join(["pgm-places", "split", str(folder)])
+        lines.append(
+            f"to split along the lines in topology.png: {command}, or one place: "
+            f"{command} {found[0].place.id}"
+        )
     return "\n".join(lines)
 
 
 def hidden_line(item: HiddenRooms) -> str:
-    """How many rooms a place looks like, how large they are, and how wide its openings."""
+    """How many rooms a place could be, how large they are, and how wide the openings between."""
     sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
     widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)
-    return (
-        f"{item.place.name} looks like {item.count} rooms ({sizes} m²), with openings of {widths} m"
-    )
+    openings = "an opening" if len(item.lines_m) == 1 else "openings"
+    rooms = f"{item.count} rooms ({sizes} m²)"
+    return f"{item.place.name} could be {rooms}, joined by {openings} of {widths} m"
 
 
 def doubt_summary(topology: TopologicalMap) -> str | None:

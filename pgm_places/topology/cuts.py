@@ -28,6 +28,9 @@ _LEAST_PART_M2 = 0.1
 
 _N_DIRECTIONS = 24
 
+_BESIDE_M, _JAMB_M = (0.2, 0.35), 0.15
+"""A jamb is at most twice as thick as where it is looked behind, and stands out by this much."""
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -94,6 +97,38 @@ def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float
 def line_width_m(line: Line) -> float:
     """The length of a line."""
     return float(np.hypot(*np.subtract(*line)))
+
+
+def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:
+    """Whether a line ends at a jamb on one side, and at a jamb or a corner on the other.
+
+    The place goes on beyond an end by at least 0.15 m on both sides of a jamb and on one side of a
+    corner, 0.2 or 0.35 m from the line.
+    """
+    ends = np.array(line)
+    along = (ends[1] - ends[0]) / max(line_width_m(line), 1e-9)
+    across = np.array([-along[1], along[0]])
+    n_beyond = []
+    for end, way in zip(ends, (-along, along), strict=True):
+        inside = end - _JAMB_M * way
+        beyond_m = [
+            [
+                _beyond_m(topology, place, inside + side * away_m * across, way)
+                for away_m in _BESIDE_M
+            ]
+            for side in (-1, 1)
+        ]
+        n_beyond.append(int((np.max(beyond_m, axis=1) >= _JAMB_M).sum()))
+    return min(n_beyond) >= 1 and max(n_beyond) == 2
+
+
+def _beyond_m(
+    topology: TopologicalMap, place: Region, start: NDArray[np.float64], way: NDArray[np.float64]
+) -> float:
+    """How far a place goes on from a point in a direction, beyond the depth of a jamb."""
+    if topology.region_at(*start.tolist()) != place:
+        return 0.0
+    return float(_reach(topology, place.id, start, way[np.newaxis])[0, 0]) - _JAMB_M
 
 
 def opening_cuts(

@@ -8,16 +8,19 @@ import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
-from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
+from pgm_places.topology.cuts import Line, cut_along, has_jambs, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
 WIDEST_M, DEEPEST_M = 1.9, 0.75
-"""Wider openings are parts of a room; what is narrow for longer than any wall is thick lies between
-a wall and a bed, or a counter."""
+"""Wider openings without jambs are parts of a room; what is narrow for longer than any wall is
+thick lies between a wall and a bed, or a counter."""
 
 DOOR_WIDTH_M, DOOR_DEPTH_M = 1.2, 0.55
 """Openings up to this size are doors even where a room is hardly broader."""
+
+CASED_WIDTH_M = 2.5
+"""So are single openings up to this width between jambs, as those between the rooms of homes."""
 
 LEAST_PART_M2 = 4.0
 """What is smaller is a niche, or lies between furniture."""
@@ -60,7 +63,8 @@ def hidden_rooms(topology: TopologicalMap) -> tuple[HiddenRooms, ...]:
     An opening parts rooms if it is no wider than 1.9 m and no deeper than a thick wall (0.75 m),
     leaves at least 4 m² on either side, and is narrow for what lies there: narrower than 0.75 of
     four times the mean clearance, which is the width of a strip, or than 1.15 of it where the
-    opening has the size of a door, 1.2 m and 0.55 m deep. Two or three openings between the same
+    opening has the size of a door, 1.2 m and 0.55 m deep. A cased opening, a single one up to 2.5 m
+    wide and 0.55 m deep between jambs, counts like a door. Two or three openings between the same
     two parts count as one. Corridors and halls, which narrow at each joint, are left out, as are
     doorways.
 
@@ -95,7 +99,7 @@ def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
     """The lines of all cuts that part rooms; where two overlap, those of the narrower one."""
     cuts = [
         cut
-        for cut, depth_m in opening_cuts(topology, place, WIDEST_M)
+        for cut, depth_m in opening_cuts(topology, place, CASED_WIDTH_M)
         if depth_m <= DEEPEST_M and _parts_rooms(topology, place, cut, depth_m)
     ]
     chosen: tuple[Line, ...] = ()
@@ -121,9 +125,13 @@ def _parts_rooms(
     clearance_m = np.sqrt(squared[tuple(inside.T)]) * topology.grid.resolution_m
     breadth_m = 4 * np.bincount(parts.number, clearance_m) / np.bincount(parts.number)
     width_m = max(map(line_width_m, cut))
-    is_door = width_m <= DOOR_WIDTH_M and depth_m <= DOOR_DEPTH_M
-    share = DOOR_SHARE if is_door else OTHER_SHARE
-    return width_m <= share * float(breadth_m.min())
+    share = width_m / float(breadth_m.min())
+    if width_m <= WIDEST_M and share <= OTHER_SHARE:
+        return True
+    has_door_size = width_m <= DOOR_WIDTH_M or (
+        len(cut) == 1 and has_jambs(topology, place, cut[0])
+    )
+    return depth_m <= DOOR_DEPTH_M and share <= DOOR_SHARE and has_door_size
 
 
 def propose_splits(

@@ -130,6 +130,26 @@ def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
     return _split(topology, place, cuts.cut_along(topology, place, found[0].lines_m))
 
 
+def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
+    """The map with every place split into the rooms that it looks like; the largest keeps the id.
+
+    Raises
+    ------
+    InputError
+        Every place looks like one room.
+    """
+    found = hidden_rooms(topology)
+    if not found:
+        raise InputError(
+            "every place looks like one room, so there is nothing to split; name a place and give "
+            "a point in an opening, or both ends of a line from wall to wall"
+        )
+    for item in found:
+        parts = cuts.cut_along(topology, topology.place(item.place.id), item.lines_m)
+        topology = _split(topology, item.place, parts)
+    return topology
+
+
 def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) -> TopologicalMap:
     """The map with a place split at a point, across its narrowest way there.
 

@@ -17,7 +17,7 @@ from pgm_places.report.places_summary import places_summary
 from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.hidden_rooms import hidden_rooms
-from pgm_places.topology.place_edits import split_apart
+from pgm_places.topology.place_edits import split_all_apart, split_apart
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.test_cuts import two_rooms
 
@@ -70,7 +70,7 @@ def test_four_rooms_in_one_are_told_of_and_made_places_by_the_command() -> None:
 )
 def test_what_is_one_place_is_left_alone(found: TopologicalMap) -> None:
     assert hidden_rooms(found) == ()
-    assert "looks like" not in places_summary(found, Path("out"))
+    assert "could be" not in places_summary(found, Path("out"))
 
 
 @pytest.mark.parametrize(("depth_m", "n_rooms"), [(0.2, 2), (0.4, 2), (0.9, 1)])
@@ -106,7 +106,8 @@ def cluttered_rooms(side: int, shelves: int, width: int, depth: int) -> Topologi
     [
         pytest.param(cluttered_rooms(28, 40, 10, 4), 2, id="a door, nearly as wide as the aisles"),
         pytest.param(cluttered_rooms(28, 40, 10, 6), 1, id="deeper than a door"),
-        pytest.param(cluttered_rooms(36, 40, 13, 4), 1, id="wider than a door"),
+        pytest.param(cluttered_rooms(36, 40, 13, 4), 2, id="wider than a door, with jambs"),
+        pytest.param(cluttered_rooms(36, 40, 20, 4), 1, id="with jambs, but wide for its rooms"),
         pytest.param(cluttered_rooms(36, 20, 13, 4), 2, id="wider, but narrow for its rooms"),
     ],
 )
@@ -114,6 +115,44 @@ def test_only_an_opening_of_the_size_of_a_door_may_be_wide_for_its_rooms(
     found: TopologicalMap, count: int
 ) -> None:
     assert [item.count for item in hidden_rooms(found)] == [count] * (count > 1)
+
+
+def open_rooms(width: int, stub: int, *, depth: int = 2) -> TopologicalMap:
+    """Two rooms of 2.4 x 4 m, joined by an opening beside which walls stand out, in 0.1 m cells.
+
+    A stub of wall stands at one end of the opening and ``stub`` cells of wall at the other.
+    """
+    cells = np.full((width + stub + 12, 84 + depth), OCCUPIED, np.int8)
+    cells[2:-2, 2:-2] = FREE
+    cells[2:10, 42 : 42 + depth] = cells[10 + width : -2, 42 : 42 + depth] = OCCUPIED
+    grid = OccupancyGrid(cells, 0.1)
+    return topological_map(grid, np.where(cells == FREE, 0, -1), NAMES)
+
+
+@pytest.mark.parametrize(
+    ("found", "count"),
+    [
+        pytest.param(open_rooms(23, 16), 2, id="2.3 m"),
+        pytest.param(open_rooms(23, 0), 1, id="a single jamb and a wall that goes on"),
+        pytest.param(open_rooms(27, 16), 1, id="2.7 m"),
+        pytest.param(open_rooms(23, 16, depth=8), 1, id="deeper than a wall"),
+    ],
+)
+def test_a_cased_opening_up_to_two_and_a_half_metres_joins_rooms(
+    found: TopologicalMap, count: int
+) -> None:
+    assert [item.count for item in hidden_rooms(found)] == [count] * (count > 1)
+
+
+def test_all_places_are_split_at_once() -> None:
+    cells = np.hstack([four_rooms().grid.cells] * 2)
+    labels = np.where(cells == FREE, 0, -1)
+    found = topological_map(OccupancyGrid(cells, 0.1), labels, NAMES)
+    assert [(item.place.id, item.count) for item in hidden_rooms(found)] == [(1, 4), (2, 4)]
+    apart = split_all_apart(found)
+    assert [item.id for item in apart.regions] == [1, 2, 3, 4, 5, 6, 7, 8]
+    with pytest.raises(InputError, match="every place looks like one room"):
+        split_all_apart(apart)
 
 
 def test_two_doors_between_the_same_rooms_count_as_one() -> None:
@@ -124,8 +163,10 @@ def test_two_doors_between_the_same_rooms_count_as_one() -> None:
 def test_it_is_said_in_a_line_the_table_and_the_picture() -> None:
     found = four_rooms()
     lines = places_summary(found, Path("my maps/out")).splitlines()
-    assert lines[-2].startswith("room 1 looks like 4 rooms (16.")
-    assert lines[-1].endswith("topology.png: pgm-places split 'my maps/out' 1")
+    assert lines[-2].startswith("room 1 could be 4 rooms (16.")
+    assert lines[-2].endswith(" m²), joined by openings of 0.95, 0.95, 0.95 m")
+    command = "pgm-places split 'my maps/out'"
+    assert lines[-1].endswith(f"topology.png: {command}, or one place: {command} 1")
     [row] = csv.DictReader(io.StringIO(check_table(found)))
     assert (row["rooms"], row["to_split"]) == ("4", "pgm-places split . 1")
     [other] = csv.DictReader(io.StringIO(check_table(four_rooms(opening=30))))

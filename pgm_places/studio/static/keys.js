@@ -8,7 +8,7 @@ const LISTED = [
   ...TOOLS.map((tool) => [tool.words.split(":")[0], tool.key.toUpperCase()]),
   ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter, Shift Enter"], ["Take back a corner", "Backspace"], ["Cancel, close “Why”", "Esc"],
   ["Undo", "Ctrl Z"], ["Redo", "Ctrl Shift Z"],
-  ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"],
+  ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"], ["Split the place into the rooms that it could be", "A"],
   ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Side by side", "Shift S"], ["Show errors", "X"],
   ["Move the map", "Shift arrows, Space"], ["Move the cross of a tool", "Arrows"], ["Set a point, begin and end a stroke", "Enter"], ["Zoom", "+  −"], ["Show all", "Home"], ["This list", "?"],
 ];
@@ -52,6 +52,7 @@ export class Keys {
     const commands = {
       n: () => studio.review.next(event.shiftKey ? -1 : 1),
       c: () => studio.confirm(),
+      a: () => studio.review.split(),
       s: () => studio.swipe.toggle(event.shiftKey ? "side" : "divider"),
       x: () => studio.layers.flip("errors"),
       "[": () => studio.resize(1 / 1.25),

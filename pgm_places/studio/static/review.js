@@ -63,8 +63,9 @@ export class Review {
     }
     const parts = this.#partsOf(region);
     if (parts > 1) {
-      const split = h("button", { className: "button", type: "button" }, `Split into ${parts}`);
-      split.addEventListener("click", () => studio.edit({ kind: "split", region: region.id }));
+      const title = `${region.name} could be ${parts} places`;
+      const split = h("button", { className: "button", type: "button", title }, `Split into ${parts}`, h("kbd", {}, "A"));
+      split.addEventListener("click", () => this.split());
       first.push(split);
     }
     const chips = state.classes.map((item, k) => {
@@ -90,6 +91,12 @@ export class Review {
     this.parts.set(key, found.parts);
     this.key = null;
     this.studio.changed();
+  }
+
+  /** Split the chosen place into the places that it could be. */
+  split() {
+    const region = this.studio.places.byId.get(this.studio.chosen);
+    if (region && this.#partsOf(region) > 1) this.studio.edit({ kind: "split", region: region.id });
   }
 
   next(step) {
