@@ -231,6 +231,22 @@ def test_a_region_is_split_by_a_doorway_and_merged_with_another(
     assert labels[15, 25] >= 0
 
 
+def test_a_place_that_could_be_two_rooms_is_split_by_a_key(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    page.keyboard.press("r")
+    for key, left, right in (("2", (5, 5), (46, 25)), ("1", (5, 5), (8, 8))):
+        page.keyboard.press(key)  # a corner keeps the other class alive
+        drag(page, left, right)
+    wait_taught(page, 2)
+    page.evaluate("studio.goTo(studio.places.regions.find((region) => region.area_m2 > 20).id)")
+    until(page, "document.body.textContent.includes('Split into 2')")
+    page.keyboard.press("a")
+    wait_taught(page, 3)
+    until(page, "studio.places.regions.some((region) => region.class === 'doorway')")
+
+
 PIXEL = """([x, y, pane]) => {
     const { view, stage } = studio;
     const at = view.toScreen(x, studio.state.map.rows - y);
