@@ -174,8 +174,9 @@ def _listed(argument: str, out: Path | None) -> list[str] | None:
         # Path.glob takes no absolute patterns. Neither finds hidden folders by a wildcard.
         below = map(Path, glob.iglob(str(path), recursive=True))  # noqa: PTH207
         below = (file for file in below if file.suffix in (".yaml", ".yml"))
+    # What is no file (a dangling link, a folder) is listed, too, so that it is reported.
     whole = (file.absolute() for file in below)
-    return sorted({str(file) for file in whole if file.is_file() and out not in file.parents})
+    return sorted({str(file) for file in whole if out not in (file, *file.parents)})
 
 
 def _listed_far(folder: FarFolder) -> list[str]:
@@ -197,6 +198,8 @@ def _describes_map(path: Path) -> bool:
     """Whether it has a key ``image``; a file that cannot be read counts, so that it is reported."""
     if is_address(path):
         return _DESCRIBES_MAP.search(FarFolder.at(path, MapError).head(_HEAD)) is not None
+    if file_kind(path) != "file":  # a pipe would never end
+        return True
     try:
         with path.open("rb") as file:
             return _DESCRIBES_MAP.search(file.read(_HEAD)) is not None

@@ -1,4 +1,4 @@
-"""The overview of all maps of a batch, and its page: a table that can be sorted."""
+"""The overview of all maps of a batch, and its page: sums by folder, a table to sort and search."""
 
 import heapq
 from collections.abc import Iterator
@@ -17,16 +17,47 @@ MOST_ROWS = 2000
 
 
 @dataclass
+class FolderSums:
+    """Sums over the maps of a folder.
+
+    Parameters
+    ----------
+    n_rows, n_failures, n_places : int
+    area_m2, known_m2, doubtful_m2 : float
+        The area of all maps, of those whose doubt is known, and what is in doubt of it.
+    """
+
+    n_rows: int = 0
+    n_failures: int = 0
+    n_places: int = 0
+    area_m2: float = 0.0
+    known_m2: float = 0.0
+    doubtful_m2: float = 0.0
+
+    def count(self, row: Row) -> None:
+        """Take a map into account."""
+        area_m2 = _number(row["area_m2"])
+        self.n_rows += 1
+        self.n_places += int(_number(row["places"]))
+        self.area_m2 += area_m2
+        if row["doubtful_m2"]:
+            self.known_m2 += area_m2
+            self.doubtful_m2 += _number(row["doubtful_m2"])
+
+
+@dataclass
 class Overview:
     """Sums over all maps, and the rows that the page has room for.
 
     Parameters
     ----------
     labels : tuple of str
-    n_rows, n_failures, n_places, n_gone : int
-        Maps that are labelled, failures, places, and labelled maps that are no longer in the input.
-    area_m2, known_m2, doubtful_m2 : float
-        The area of all maps, of those whose doubt is known, and what is in doubt of it.
+    total : FolderSums
+        Of all maps.
+    folders : dict of str to FolderSums
+        Of the maps by the first folder of their names; those in none are under "".
+    n_gone : int
+        Labelled maps that are no longer in the input.
     failures : list of Row
         The first ones.
     gone : list of str
@@ -34,30 +65,21 @@ class Overview:
     """
 
     labels: tuple[str, ...]
-    n_rows: int = 0
-    n_failures: int = 0
-    n_places: int = 0
+    total: FolderSums = field(default_factory=FolderSums)
+    folders: dict[str, FolderSums] = field(default_factory=dict)
     n_gone: int = 0
-    area_m2: float = 0.0
-    known_m2: float = 0.0
-    doubtful_m2: float = 0.0
     failures: list[Row] = field(default_factory=list)
     gone: list[str] = field(default_factory=list)
     _most: list[tuple[float, int, Row]] = field(default_factory=list)
 
     def count(self, row: Row) -> None:
         """Take a map into account."""
-        area_m2, doubtful_m2 = _number(row["area_m2"]), _number(row["doubtful_m2"])
-        self.n_rows += 1
-        self.n_places += int(_number(row["places"]))
-        self.area_m2 += area_m2
-        if row["doubtful_m2"]:
-            self.known_m2 += area_m2
-            self.doubtful_m2 += doubtful_m2
+        self.total.count(row)
+        self._folder(row).count(row)
         if row["in_input"] == "no":
             self.n_gone += 1
             self.gone += [row["name"]] if self.n_gone <= MOST_ROWS else []
-        item = (doubtful_m2, -self.n_rows, row)
+        item = (_number(row["doubtful_m2"]), -self.n_rows, row)
         if len(self._most) < MOST_ROWS:
             heapq.heappush(self._most, item)
         else:
@@ -65,8 +87,24 @@ class Overview:
 
     def count_failure(self, row: Row) -> None:
         """Take a failure into account."""
-        self.n_failures += 1
+        for sums in (self.total, self._folder(row)):
+            sums.n_failures += 1
         self.failures += [row] if self.n_failures <= MOST_ROWS else []
+
+    @property
+    def n_rows(self) -> int:
+        """Maps that are labelled."""
+        return self.total.n_rows
+
+    @property
+    def n_failures(self) -> int:
+        """Maps that could not be labelled."""
+        return self.total.n_failures
+
+    def _folder(self, row: Row) -> FolderSums:
+        return self.folders.setdefault(
+            row["name"].rpartition("/")[0].partition("/")[0], FolderSums()
+        )
 
     @property
     def rows(self) -> list[Row]:
@@ -114,6 +152,8 @@ def overview_page(overview: Overview, out: Path | None) -> str:
         rows=rows,
         pictured=any(row["picture"] for row in rows),
         n_rows=overview.n_rows,
+        folders=_folders(overview),
+        n_folders=len(overview.folders),
         failures=overview.failures,
         n_failures=overview.n_failures,
         gone=[(name, quote(name)) for name in overview.gone],
@@ -137,13 +177,37 @@ def _figure(text: str, times: float = 1.0) -> str:
         return "–"
 
 
+def _folders(overview: Overview) -> list[tuple[str, list[str]]]:
+    """The folders with most area in doubt, each with its figures; none where there is only one."""
+    if len(overview.folders) < 2:
+        return []
+    most = heapq.nsmallest(
+        MOST_ROWS, overview.folders.items(), key=lambda item: (-item[1].doubtful_m2, item[0])
+    )
+    return [
+        (
+            name,
+            [
+                str(sums.n_rows),
+                str(sums.n_failures),
+                str(sums.n_places),
+                f"{sums.area_m2:.1f}",
+                f"{100 * sums.doubtful_m2 / sums.known_m2:.1f}" if sums.known_m2 else "–",
+                f"{sums.doubtful_m2:.1f}" if sums.known_m2 else "–",
+            ],
+        )
+        for name, sums in most
+    ]
+
+
 def _cards(overview: Overview) -> Iterator[tuple[str, str]]:
     """The figures most readers come for."""
     yield f"{overview.n_rows:,}", f"map{'' if overview.n_rows == 1 else 's'} labelled"
     if overview.n_failures:
         yield f"{overview.n_failures:,}", "failed"
-    yield f"{overview.area_m2:,.0f} m²", "free area"
-    yield f"{overview.n_places:,}", "places"
-    if overview.known_m2:
-        share = overview.doubtful_m2 / overview.known_m2
+    total = overview.total
+    yield f"{total.area_m2:,.0f} m²", "free area"
+    yield f"{total.n_places:,}", "places"
+    if total.known_m2:
+        share = total.doubtful_m2 / total.known_m2
         yield f"{100 * share:.1f} %", "of the area in doubt"

@@ -256,6 +256,30 @@ def test_a_map_whose_folder_is_in_the_way_is_refused_alone(
     assert sum(message in text and "rename the map" in text for text in texts) == 1
 
 
+def test_what_only_looks_like_a_map_gets_a_row(batch: Batch, maps: Path) -> None:
+    (maps / "dangling.yaml").symlink_to("gone.yaml")
+    (maps / "folder.yml").mkdir()
+    found = batch()
+    assert (found.n_labelled, found.n_failed) == (2, 3)
+    failed = failures(maps.parent / "out")
+    assert "dangling.yaml: no such file" in failed["dangling"]["message"]
+    assert "folder.yml: is a folder" in failed["folder.yml"]["message"]
+
+
+def test_the_overview_has_sums_by_folder_and_a_search(batch: Batch, maps: Path) -> None:
+    found = batch()
+    folders, total = found.overview.folders, found.overview.total
+    assert list(folders) == ["floor1", "floor2", ""]
+    assert [folders[name].n_rows for name in folders] == [1, 1, 0]
+    assert folders[""].n_failures == total.n_failures == 1
+    for name in ("n_places", "area_m2", "known_m2", "doubtful_m2"):
+        assert sum(getattr(item, name) for item in folders.values()) == getattr(total, name) > 0
+    page = (maps.parent / "out" / "index.html").read_text()
+    assert '<input type="search">' in page
+    assert '<a href="#maps" data-search="floor1/">' in page
+    assert '<tr data-name="floor1/map">' in page
+
+
 def test_what_is_no_longer_in_the_input_is_listed(batch: Batch, maps: Path) -> None:
     batch()
     out = maps.parent / "out"

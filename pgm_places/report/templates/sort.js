@@ -1,4 +1,5 @@
 // Sort a table by the heading that is selected; selecting it again turns the order round.
+// Show the rows whose names contain what is searched for.
 (() => {
   const valueOf = (row, column) => row.cells[column].textContent.trim();
   const numberOf = (text) => (text === '–' ? -Infinity : Number(text.replaceAll(',', '')));
@@ -29,4 +30,26 @@
       body.append(...rows);
     });
   }
+
+  const field = document.querySelector('.search input');
+  if (!field) return;
+  const rows = [...document.querySelectorAll('table.maps tbody tr')];
+  const search = () => {
+    const wanted = field.value.trim().toLowerCase();
+    let n = 0;
+    for (const row of rows) {
+      row.hidden = !row.dataset.name.toLowerCase().includes(wanted);
+      n += !row.hidden;
+    }
+    document.querySelector('.search output').textContent =
+      wanted && `${n.toLocaleString('en')} of ${rows.length.toLocaleString('en')}`;
+  };
+  field.addEventListener('input', search);
+  for (const link of document.querySelectorAll('a[data-search]')) {
+    link.addEventListener('click', () => {
+      field.value = link.dataset.search;
+      search();
+    });
+  }
+  search(); // browsers keep what was typed when a page is loaded again
 })();
