@@ -155,7 +155,7 @@ class FarFolder:
 
     def head(self, size: int) -> bytes:
         """The first bytes of a file."""
-        return bytes(self._asked(self.system.cat_file, self.path, 0, size))
+        return bytes(self._asked(partial(self.system.cat_file, start=0, end=size), self.path))
 
     def put(self, local: Path, names: Iterable[str], error: type[PgmPlacesError]) -> None:
         """Copy files into it, in this order."""

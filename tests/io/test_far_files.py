@@ -98,6 +98,21 @@ def test_what_passes_by_itself(problem: Exception, expected: bool) -> None:
     assert is_passing(wrapped) is expected
 
 
+def test_the_first_bytes_are_asked_for_by_name(tmp_path: Path) -> None:
+    """The third argument of cat_file is a version with some systems, and the start with others."""
+
+    class Versioned(memory.MemoryFileSystem):  # type: ignore[misc,name-defined]
+        def cat_file(
+            self, path: str, version: object = None, start: Any = None, end: Any = None, **_: Any
+        ) -> bytes:
+            assert version is None
+            return bytes(super().cat_file(path, start=start, end=end))
+
+    system = Versioned(skip_instance_cache=True)
+    system.pipe_file("/b/hall.yaml", b"image: hall.png")
+    assert FarFolder("s3://b/hall.yaml", system, "/b/hall.yaml").head(6) == b"image:"
+
+
 def test_folders_of_this_machine_are_made(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("ours")
     FarFolder.at(f"file://{tmp_path}/new/er").put(tmp_path, ["a"], OutputError)
