@@ -18,6 +18,7 @@ from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.models.decoding_task import Damping
+from pgm_places.models.evidence import Evidence, divided_share, without_prior
 from pgm_places.options import AtLeastZero, Options, Positive, Whole
 
 # Weights that are tried on labelled nodes, in units of the default, which wins among equals.
@@ -46,13 +47,14 @@ class PottsField(Options):
         The name of a decoder (docs/inference.md): ``graph-cut``, ``trw-s``, ...
     certify : bool
         Whether to add an upper bound of the best score where the decoder has none.
-    evidence : {"posterior", "likelihood"}
+    evidence : {"posterior", "likelihood"} or float
         What the unary is taken for: the logarithm of posteriors, or, with ``likelihood``, of
-        posteriors from which the labels' ``shares`` are divided. A posterior holds them already,
-        and neighbours count them again: where a label is rare, smoothing posteriors loses it.
+        posteriors divided by the labels' ``shares``; a number from 0 to 1 is the exponent of the
+        shares. A posterior holds them already, and neighbours count them again: where a label is
+        rare, smoothing posteriors loses it.
     shares : list of K float, optional
-        Share of each label, for ``evidence="likelihood"``: those of the labelled nodes by default,
-        which labelers of problems and of trajectories fill in (:meth:`with_shares`).
+        Share of each label, to divide by: those of the labelled nodes by default, which labelers
+        fill in (:meth:`with_shares`).
     edge_weights : {"equal", "given"}
         Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
         strength of a tie, likeness of two ends.
@@ -85,7 +87,7 @@ class PottsField(Options):
     weight: float | Literal["auto"] = "auto"
     inference: Decoder = "graph-cut"
     certify: bool = False
-    evidence: Literal["posterior", "likelihood"] = "posterior"
+    evidence: Evidence = "posterior"
     shares: tuple[Positive, ...] | None = None
     edge_weights: Literal["equal", "given"] = "equal"
     clique_weight: AtLeastZero = 0.5
@@ -104,7 +106,7 @@ class PottsField(Options):
 
         One node of each label is added, so that none has the share 0.
         """
-        if self.evidence == "posterior" or self.shares is not None:
+        if not divided_share(self.evidence) or self.shares is not None:
             return self
         known = np.concatenate([labels[labels >= 0] for labels in labelings])
         counts = np.bincount(known, minlength=n_labels) + 1.0
@@ -171,19 +173,17 @@ class PottsField(Options):
         self, problem: LabelingProblem, unary: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """The unary as it is taken: nodes of which nothing was observed stay as they are."""
-        if self.evidence == "posterior":
+        share = divided_share(self.evidence)
+        if not share:
             return unary
         if self.shares is None or len(self.shares) != problem.n_labels:
             came = "none" if self.shares is None else f"{len(self.shares)}"
             raise InputError(
-                f"evidence='likelihood' divides by the share of each of {problem.n_labels} labels, "
-                f"got {came}; give shares=[...], or label with a StructuredLabeler, which learns "
-                "them"
+                f"evidence={self.evidence!r} divides by the share of each of {problem.n_labels} "
+                f"labels, got {came}; give shares=[...], or label with a StructuredLabeler, which "
+                "learns them"
             )
-        likelihood = unary - np.log(np.asarray(self.shares) / np.sum(self.shares))
-        if problem.unseen is None:
-            return likelihood
-        return np.where(problem.unseen[:, None], unary, likelihood)
+        return without_prior(problem, unary, np.asarray(self.shares) / np.sum(self.shares), share)
 
 
 def _by_degree(graph: LabelGraph) -> float:

@@ -19,8 +19,9 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models import relaxation_choice as on_held_out
+from pgm_places.models.evidence import Evidence, divided_share, without_prior
 from pgm_places.models.labelled_examples import labelled_parts
-from pgm_places.options import AtLeastZero, Probability, Whole, check_options
+from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
     edge_pair_counts,
@@ -65,12 +66,13 @@ class Relaxation(LearnedNames):
     floor : float
         Smallest probability at the start of a label that is not forbidden: the update multiplies,
         so that it moves no label whose classifier was absolutely sure.
-    prior_share : float or "auto"
-        How much of the labels' prior is divided out of the scores at the start, from 0 (the
-        paper's) to 1: scores of a sure classifier hold the prior, and so does every neighbour.
-        ``auto`` is chosen together with ``max_iterations``: of what labels held-out nodes no less
-        accurately than the scores alone, the best mean of accuracy and balanced accuracy. It is 0
-        where ``max_iterations`` is given.
+    evidence : {"auto", "posterior", "likelihood"} or float
+        What the scores at the start are taken for: posteriors (the paper's), or, with
+        ``likelihood``, posteriors divided by the labels' shares in training; a number from 0 to 1
+        is the exponent of the shares. Posteriors hold the prior, and so does every neighbour.
+        ``auto`` is an exponent chosen together with ``max_iterations``: of what labels held-out
+        nodes no less accurately than the scores alone, the best mean of accuracy and balanced
+        accuracy. It is 0 where ``max_iterations`` is given.
 
     Examples
     --------
@@ -93,7 +95,7 @@ class Relaxation(LearnedNames):
     diagonal_weight: AtLeastZero = 1.0
     smoothing: AtLeastZero = 1.0
     floor: Annotated[float, Ge(0), Lt(1)] = 1e-6
-    prior_share: Probability | Literal["auto"] = "auto"
+    evidence: Evidence | Literal["auto"] = "auto"
     pair_counts: NDArray[np.int64] | None = learned()
     """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
     of the L = K + 1 labels is the wall."""
@@ -126,7 +128,7 @@ class Relaxation(LearnedNames):
         if self.held_out is None:
             return {}
         rows = on_held_out.rows_of(self.held_out)
-        return {"max_iterations": self._iterations, "prior_share": self._share, "held_out": rows}
+        return {"max_iterations": self._iterations, "evidence": self._share, "held_out": rows}
 
     @property
     def choices(self) -> Mapping[str, str]:
@@ -141,8 +143,8 @@ class Relaxation(LearnedNames):
 
     @property
     def _share(self) -> float:
-        if self.prior_share != "auto":
-            return self.prior_share
+        if self.evidence != "auto":
+            return divided_share(self.evidence)
         if self.choice is None or self.max_iterations != "auto":
             return 0.0
         return float(self.choice[1])
@@ -265,8 +267,14 @@ class Relaxation(LearnedNames):
         """
         unary = evident_unary(problem, "relaxation", single=True)
         start = unary
-        if self._share and self.label_prior is not None and len(self.label_prior) == unary.shape[1]:
-            start = unary - (self._share * np.log(self.label_prior)).astype(unary.dtype)
+        if self._share:
+            if self.label_prior is None:
+                raise InputError(
+                    f"evidence={self.evidence!r} divides by the labels' shares in training, and "
+                    "coefficients of one's own come without them; take evidence='posterior'"
+                )
+            if len(self.label_prior) == unary.shape[1]:  # infer has a message for other numbers
+                start = without_prior(problem, unary, self.label_prior, self._share)
         if problem.unseen is None or self.pair_counts is None:
             return start
         shares = self.pair_counts.sum(axis=(0, 2))[:-1] + 1.0

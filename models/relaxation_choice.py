@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import learned_number
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import evident_unary
+from pgm_places.models.evidence import divided_share
 from pgm_places.models.held_out_choice import held_out_words
 from pgm_places.models.labelled_examples import Example, held_out_parts
 
@@ -46,11 +47,11 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
             return None
     ends = np.cumsum([len(truth) for _, truth in examples])[:-1]
     parts = np.split(held_out_parts(examples, N_PARTS), ends)
-    shares = SHARES if method.prior_share == "auto" else (method.prior_share,)
+    shares = SHARES if method.evidence == "auto" else (divided_share(method.evidence),)
     k = examples[0][0].n_labels
     rows = [(0, 0.0), *product(ITERATIONS, shares)]
     counts = {row: np.zeros((k, k)) for row in rows}
-    plain = replace(method, max_iterations=ITERATIONS[-1], prior_share=0.0, tolerance=0.0)
+    plain = replace(method, max_iterations=ITERATIONS[-1], evidence=0.0, tolerance=0.0)
     for part in range(N_PARTS):
         rest = _among(examples, [where != part for where in parts])
         asked = _among(examples, [where == part for where in parts])
@@ -63,7 +64,7 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
             alone = evident_unary(problem, "relaxation", single=True).argmax(axis=1)
             counts[0, 0.0] += confusion_matrix(truth, alone, k)
             for share in shares:
-                run = replace(fitted, prior_share=share)
+                run = replace(fitted, evidence=share)
                 found = {n: counts[n, share] for n in ITERATIONS}
                 end = run.relaxed(problem.graph, run.start(problem), _adds(truth, found))
                 labels = end.beliefs.argmax(axis=1)  # nothing changes after its last iteration
@@ -103,15 +104,15 @@ def label_shares(examples: Sequence[Example]) -> NDArray[np.float64]:
 
 def rows_of(table: NDArray[np.float64]) -> list[dict[str, float]]:
     """The rows of :func:`compared` by name."""
-    names = ("max_iterations", "prior_share", "accuracy", "balanced_accuracy")
+    names = ("max_iterations", "evidence", "accuracy", "balanced_accuracy")
     return [dict(zip(names, row, strict=True)) for row in table.tolist()]
 
 
 def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
     """What was chosen, in words by option, from a summary with the ``held_out`` rows."""
-    taken = summary["max_iterations"], summary["prior_share"]
+    taken = summary["max_iterations"], summary["evidence"]
     rows = summary["held_out"]
-    [best] = [row for row in rows if (row["max_iterations"], row["prior_share"]) == taken]
+    [best] = [row for row in rows if (row["max_iterations"], row["evidence"]) == taken]
     start = f"{taken[0]} from the scores without {taken[1]:g} of the prior"
     alone = held_out_words(rows[0])
     return {"max_iterations": f"{start} ({held_out_words(best)}; scores alone, {alone})"}

@@ -11,6 +11,7 @@ from typing import Any
 
 from pgm_places.errors import ConfigError, ModelFileError, OutputError, nearest_name
 from pgm_places.options import from_mapping, option_hints
+from pgm_places.progress import warn
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Registry:
         Values that models saved by earlier versions have for a name's option, and those now.
     retired : mapping of str to str
         Names that earlier versions had, and what to do instead.
+    former : mapping of str to mapping
+        Options by earlier names that are read everywhere for one more release, with a warning.
     """
 
     kind: str
@@ -39,6 +42,7 @@ class Registry:
     renamed: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
     replaced: Mapping[tuple[str, str, str], str] = dataclasses.field(default_factory=dict)
     retired: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    former: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
 
     def names(self) -> list[str]:
         """All names, built in or installed."""
@@ -86,6 +90,10 @@ class Registry:
         options = dict(options or {})
         arrays = [item.name for item in dataclasses.fields(cls) if item.metadata.get("given")]
         given = {key: options.pop(key) for key in arrays if key in options}
+        for old, now in self.former.get(name, {}).items():
+            if old in options and now not in options:
+                warn(f"{self.kind} {name!r}: {old} is called {now}; the next release refuses {old}")
+                options[now] = options.pop(old)
         for key in options:
             if key not in known:
                 hint = nearest_name(key, known) if known else "It has none"

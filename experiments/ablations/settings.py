@@ -14,8 +14,10 @@ from experiments.paper.setting import Setting
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
-from pgm_places.experiment.runs import Trained, compare, compare_fitted
+from pgm_places.experiment.runs import compare, compare_fitted
 from pgm_places.experiment.setup import make_labeler
+from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.tasks import learned, task_of
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.kernels.threads import threads
 from pgm_places.maps.labelled_map import LabelledMap
@@ -174,10 +176,7 @@ def _compare_on(setting: Setting, train: LabelledMap) -> Comparison:
     experiment = setting.experiment(CONFIG)
     kept = tuple(item for item in experiment.config.methods if item.id != "amn")
     experiment = replace(experiment, config=replace(experiment.config, methods=kept))
-    labeler = make_labeler(experiment.config).fit(
-        [train], n_threads=setting.n_threads, progress=setting.progress
-    )
-    trained = Trained(experiment, dict.fromkeys(labeler.methods_, labeler))
+    trained = learned(task_of(experiment.config), experiment, Sources([train]))
     return compare_fitted(trained, load_maps(experiment, "test"))
 
 

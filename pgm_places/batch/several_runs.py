@@ -98,7 +98,7 @@ def compare_several(
     OutputError
         A worker died on a run each time.
     """
-    task_of(experiment.config).check(experiment.config)
+    task_of(experiment.config)  # refuses bad options before anything is read
     wants_splits = by_building or n_folds is not None or bool(experiment.config.splits)
     splits = splits_of(experiment, n_folds=n_folds) if wants_splits else []
     tasks = run_tasks(experiment, splits, seeds, n_threads=n_threads)

@@ -11,12 +11,12 @@ from pgm_places.cli.declarations import Argument, grouped
 from pgm_places.cli.label import WorkerOptions, make_workers
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
-from pgm_places.errors import ConfigError, InputError
+from pgm_places.errors import InputError
 from pgm_places.options import Seed
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
-    from pgm_places.experiment.runs import Trained
+    from pgm_places.experiment.tasks import Trained
 
 
 def _experiment(
@@ -173,18 +173,12 @@ def train(
 ) -> None:
     """Train a model on labelled maps and save it as a folder."""
     from pgm_places.experiment.runs import train as train_labeler
-    from pgm_places.experiment.setup import make_labeler
     from pgm_places.persistence.model_folder import check_target
-    from pgm_places.persistence.place_labeler import check_savable
     from pgm_places.persistence.stored import save
 
     experiment = _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet)
     check_target(out)
-    if experiment.config.nodes != "cells":
-        _require_one_method(experiment)
-    elif experiment.config.base_model is None:
-        check_savable(make_labeler(experiment.config))  # not after hours of training
-    trained = train_labeler(experiment)
+    trained = train_labeler(experiment, to_save=True)
     save(trained.labeler, out, record=_training_record(trained))
     for option, words in getattr(trained.labeler, "choices", {}).items():
         say(f"{option}: {words}")
@@ -203,16 +197,6 @@ def _choices(trained: "Trained") -> dict[str, str]:
         chosen |= getattr(trained.labelers[name], "method_choices", {})
         found |= {f"{name}: {option}": words for option, words in chosen.items()}
     return found
-
-
-def _require_one_method(experiment: "Experiment") -> None:
-    if len(experiment.config.methods) > 1:
-        what = "graphs" if experiment.config.nodes == "graph" else "drives"
-        ids = ", ".join(item.id for item in experiment.config.methods)
-        raise ConfigError(
-            f"a model of {what} has one method, and the configuration has {ids}; keep the one to "
-            "train in a file of its own ('compare' takes them all)"
-        )
 
 
 def _training_record(trained: "Trained") -> dict[str, Any]:

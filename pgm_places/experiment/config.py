@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -114,6 +115,11 @@ class MethodConfig:
                 f"digit, got {self.id!r}",
             )
 
+    @cached_property
+    def backend(self) -> Any:
+        """The unfitted method, built once; names, types and values of options are checked."""
+        return METHODS.build(self.name, self.options)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
@@ -160,7 +166,7 @@ class ExperimentConfig:
             raise ConfigError("give [[splits]] of [[train]] or [[test]], not both")
         build_features(self)
         for method in self.methods:
-            build_method(method)
+            _ = method.backend
 
 
 def _check_teaching(config: ExperimentConfig) -> None:
@@ -340,11 +346,6 @@ def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list
         options = {name: value for name, value in item.items() if name not in own}
         split.append({**own, "options": options})
     return split
-
-
-def build_method(method: MethodConfig) -> Any:
-    """The backend that a method's table describes; names, types and values are checked."""
-    return METHODS.build(method.name, method.options)
 
 
 def build_features(config: ExperimentConfig) -> tuple[Any, ...]:

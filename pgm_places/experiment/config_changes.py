@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pgm_places.errors import ConfigError, nearest_name
-from pgm_places.experiment.config import ExperimentConfig, build_method, validated_config
+from pgm_places.experiment.config import ExperimentConfig, validated_config
 from pgm_places.options import option_values, plain_values
 
 
@@ -98,6 +98,6 @@ def seeded_config(config: ExperimentConfig, seed: int) -> ExperimentConfig:
     if config.nodes in ("steps", "both"):
         changes["steps.seed"] = seed
     for method in config.methods:
-        if "seed" in option_values(build_method(method)):
+        if "seed" in option_values(method.backend):
             changes[f"methods.{method.id}.seed"] = seed
     return changed_config(config, changes)

@@ -1,7 +1,7 @@
 """Experiments on the nodes of graphs of one's own."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,31 +11,13 @@ from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.labelled_items import TestGraph
-from pgm_places.experiment.setup import GraphMethod, graph_labelers
+from pgm_places.experiment.setup import GraphMethod, graph_labelers, one_method
 from pgm_places.experiment.sources import Sources
-from pgm_places.experiment.task import Evidence, Task
+from pgm_places.experiment.task import ScoredTest, Tested
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.unary.list_learning import with_explicit_order
-
-
-def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
-    """A fitted labeler for each method of the configuration; they share their classifier."""
-    problems = [item.problem for item in sources.graphs]
-    truths = [item.truth for item in sources.graphs]
-    labelers = graph_labelers(experiment.config)
-    learned: dict[str, StructuredLabeler] = {}
-    with experiment.learning():
-        for alone in (False, True):  # methods with unary = "none" see no classifier
-            chosen = {n: item for n, item in labelers.items() if (item.classifier is None) == alone}
-            if not chosen:
-                continue
-            shared = next(iter(chosen.values()))
-            shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
-            methods = {name: item.backend for name, item in chosen.items()}
-            learned |= shared.fit_methods(methods, problems, truths)
-    return {name: learned[name] for name in labelers}
 
 
 def _classifier(
@@ -54,19 +36,53 @@ def _classifier(
     return with_explicit_order(given, truth[truth >= 0])
 
 
-def _evidence(
-    _experiment: Experiment, labelers: Mapping[str, StructuredLabeler], item: SourceGraph
-) -> Evidence:
-    def label(name: str) -> Sequence[Labeling]:
-        return [labelers[name].label(item.problem, truth=item.truth)]
+class GraphTask:
+    """The nodes of graphs of one's own."""
 
-    tested = TestGraph(item.name, item.problem.graph, item.truth, item.building)
-    return Evidence([tested], label)
+    tested: ClassVar[Tested] = "graphs"
 
+    def __init__(self, config: ExperimentConfig) -> None:
+        self.config, self.labelers = config, graph_labelers(config)
 
-def _method(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
-    [unary] = [method.unary for method in config.methods if method.id == name]
-    return GraphMethod(labeler.backend_, unary)
+    def check_savable(self) -> None:
+        """A model has one method."""
+        one_method(self.config, "graphs")
 
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
+        """The labelers share their classifier; methods with ``unary = "none"`` have none."""
+        problems = [item.problem for item in sources.graphs]
+        truths = [item.truth for item in sources.graphs]
+        learned: dict[str, StructuredLabeler] = {}
+        with experiment.learning():
+            for alone in (False, True):
+                chosen = {
+                    name: item
+                    for name, item in self.labelers.items()
+                    if (item.classifier is None) == alone
+                }
+                if not chosen:
+                    continue
+                shared = next(iter(chosen.values()))
+                shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
+                methods = {name: item.backend for name, item in chosen.items()}
+                learned |= shared.fit_methods(methods, problems, truths)
+        return {name: learned[name] for name in self.labelers}
 
-GRAPHS = Task(graph_labelers, _learn, "graphs", _evidence, _method)
+    def scored(
+        self,
+        _experiment: Experiment,
+        labelers: Mapping[str, StructuredLabeler],
+        source: SourceGraph,
+    ) -> ScoredTest:
+        """A graph, which each labeler scores by itself."""
+
+        def label(name: str) -> Sequence[Labeling]:
+            return [labelers[name].label(source.problem, truth=source.truth)]
+
+        item = TestGraph(source.name, source.problem.graph, source.truth, source.building)
+        return ScoredTest([item], label)
+
+    def method(self, name: str, labeler: StructuredLabeler) -> GraphMethod:
+        """The labeler's only one."""
+        [unary] = [method.unary for method in self.config.methods if method.id == name]
+        return GraphMethod(labeler.backend_, unary)

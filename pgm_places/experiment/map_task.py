@@ -1,6 +1,7 @@
 """Experiments on the cells of maps, and labelers taught further on each of them."""
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -9,15 +10,16 @@ from pgm_places.experiment.doors import door_scores, gate_scores
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.floor_teaching import taught_floor
 from pgm_places.experiment.labelled_items import TestMap
-from pgm_places.experiment.setup import check_labeler, make_labeler
+from pgm_places.experiment.setup import make_labeler
 from pgm_places.experiment.sources import Sources
-from pgm_places.experiment.task import Evidence, Task
+from pgm_places.experiment.task import ScoredTest, Tested
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.input_file import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.model_folder import MANIFEST
+from pgm_places.persistence.place_labeler import check_savable
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.teacher import Teacher
@@ -64,55 +66,64 @@ def _base_model(experiment: Experiment) -> PlaceLabeler | None:
     return found
 
 
-def _learn(experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:
-    """The labeler of all methods, fitted on the maps, or trained further on them."""
-    maps = sources.maps
-    if experiment.config.base_model is not None:
-        labeler = taught_labeler(experiment, maps)
-        return dict.fromkeys(labeler.methods_, labeler)
-    labeler = make_labeler(experiment.config)
-    with experiment.learning():
-        if labeler.floor is not None:
-            names, options = labeler.label_names, experiment.config.floor
-            labeler.floor = taught_floor(labeler.floor, maps, names, options)
-        labeler.fit(maps, feature_cache=experiment.feature_cache)
-    return dict.fromkeys(labeler.methods_, labeler)
-
-
-def _evidence(
-    experiment: Experiment, labelers: Mapping[str, PlaceLabeler], item: LabelledMap
-) -> Evidence:
-    labeler = next(iter(labelers.values()))
-    hall_names = HallNames.among(experiment.config.labels.names)
-    if hall_names is not None:
-        item = hall_names.fold(item, labeler.halls)
-    with experiment.timed("score cells"):
-        graph, scores = labeler.scores(item.grid, mask=item.cells)
-    tested, truth = tested_map(item, graph.grid_layout), item.truth(graph)
-
-    def label(name: str) -> Sequence[Labeling]:
-        return [labeler.infer(graph, scores, method=name, truth=truth)]
-
-    def doors(_name: str, found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
-        return (door_scores(tested, found[0], doorway),)
-
-    def gates(doorway: int) -> tuple[DoorScores, ...]:
-        model = labeler.unary_model_.space
-        if model is None or model.gates is None or scores.spaces is None:
-            return ()
-        return (gate_scores(tested, scores.spaces, doorway),)
-
-    return Evidence([tested], label, doors, gates)
-
-
 def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> TestMap:
     """A map whose cells are labelled, under its own or another name."""
     window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
     return TestMap(name or item.name, item.grid, item.labels, layout, window, item.building)
 
 
-def _method(_config: ExperimentConfig, name: str, labeler: PlaceLabeler) -> PlaceMethod:
-    return labeler.method(name)
+class CellTask:
+    """The cells of maps."""
 
+    tested: ClassVar[Tested] = "maps"
 
-CELLS = Task(check_labeler, _learn, "maps", _evidence, _method)
+    def __init__(self, config: ExperimentConfig) -> None:
+        self.labeler = make_labeler(config) if config.base_model is None else None
+
+    def check_savable(self) -> None:
+        """A base model has been saved before."""
+        if self.labeler is not None:
+            check_savable(self.labeler)
+
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:
+        """The labeler of all methods, fitted on the maps, or trained further on them."""
+        maps, labeler = sources.maps, self.labeler
+        if labeler is None:
+            labeler = taught_labeler(experiment, maps)
+            return dict.fromkeys(labeler.methods_, labeler)
+        with experiment.learning():
+            if labeler.floor is not None:
+                names, options = labeler.label_names, experiment.config.floor
+                labeler.floor = taught_floor(labeler.floor, maps, names, options)
+            labeler.fit(maps, feature_cache=experiment.feature_cache)
+        return dict.fromkeys(labeler.methods_, labeler)
+
+    def scored(
+        self, experiment: Experiment, labelers: Mapping[str, PlaceLabeler], source: LabelledMap
+    ) -> ScoredTest:
+        """A map, its cells scored by the lists."""
+        labeler = next(iter(labelers.values()))
+        hall_names = HallNames.among(experiment.config.labels.names)
+        if hall_names is not None:
+            source = hall_names.fold(source, labeler.halls)
+        with experiment.timed("score cells"):
+            graph, scores = labeler.scores(source.grid, mask=source.cells)
+        item, truth = tested_map(source, graph.grid_layout), source.truth(graph)
+
+        def label(name: str) -> Sequence[Labeling]:
+            return [labeler.infer(graph, scores, method=name, truth=truth)]
+
+        def doors(found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+            return (door_scores(item, found[0], doorway),)
+
+        def gates(doorway: int) -> tuple[DoorScores, ...]:
+            model = labeler.unary_model_.space
+            if model is None or model.gates is None or scores.spaces is None:
+                return ()
+            return (gate_scores(item, scores.spaces, doorway),)
+
+        return ScoredTest([item], label, doors, gates)
+
+    def method(self, name: str, labeler: PlaceLabeler) -> PlaceMethod:
+        """One of the labeler's methods."""
+        return labeler.method(name)

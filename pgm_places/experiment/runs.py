@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from pgm_places._version import __version__
@@ -18,8 +18,8 @@ from pgm_places.experiment.overlap import warn_of_overlap
 from pgm_places.experiment.selection import select, selected_words
 from pgm_places.experiment.setup import AnyMethod, resolved_config
 from pgm_places.experiment.sources import Source, Sources, load_sources
-from pgm_places.experiment.task import Labelers
-from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests_of
+from pgm_places.experiment.task import Task
+from pgm_places.experiment.tasks import Trained, label_tests, learned, task_of, tests_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.labeler import learned_with
 from pgm_places.options import option_values
@@ -27,56 +27,27 @@ from pgm_places.options import option_values
 REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "cvxpy", "osqp", "networkx")
 
 
-@dataclass(frozen=True, eq=False)
-class Trained:
-    """Fitted methods, and the experiment with the options of their training.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    labelers : mapping of str to labeler
-        By the id of the method. A labeler of maps has all methods and stands at each of them.
-    """
-
-    experiment: Experiment
-    labelers: Labelers
-
-    @property
-    def labeler(self) -> Any:
-        """The first method's: of maps the only one."""
-        return next(iter(self.labelers.values()))
-
-    @property
-    def methods(self) -> dict[str, AnyMethod]:
-        """The fitted methods, with what each one sees."""
-        config = self.experiment.config
-        method = task_of(config).method
-        return {name: method(config, name, item) for name, item in self.labelers.items()}
-
-    @property
-    def label_names(self) -> tuple[str, ...]:
-        """The labels of results."""
-        return label_names(self.labelers)
-
-
-def train(experiment: Experiment) -> Trained:
+def train(experiment: Experiment, *, to_save: bool = False) -> Trained:
     """The methods of the configuration, fitted on its training data, or trained further on them.
 
     If the configuration has a table ``[select]``, options are first chosen on the training data
     alone: the returned experiment has the chosen configuration, and its ``selection`` records the
-    candidates.
+    candidates. What is ``to_save`` as a model is refused before training if it cannot be saved.
     """
-    task_of(experiment.config).check(experiment.config)
-    return _trained(experiment, load_sources(experiment, "train"))
+    task = task_of(experiment.config)
+    if to_save:
+        task.check_savable()
+    return _trained(task, experiment, load_sources(experiment, "train"))
 
 
-def _trained(experiment: Experiment, sources: Sources) -> Trained:
+def _trained(task: Task, experiment: Experiment, sources: Sources) -> Trained:
     if experiment.config.select is not None:
         with experiment.timed("select"):
             selection = select(experiment, sources)
         config = changed_config(experiment.config, selection.chosen.options)
         experiment = replace(experiment, config=config, selection=selection.to_dict())
-    return Trained(experiment, task_of(experiment.config).learn(experiment, sources))
+        task = task_of(config)
+    return learned(task, experiment, sources)
 
 
 def compare(experiment: Experiment) -> Comparison:
@@ -91,18 +62,18 @@ def compare(experiment: Experiment) -> Comparison:
         raise ConfigError(
             "a comparison needs at least one [[test]] map, drive or graph; there is none"
         )
-    task_of(experiment.config).check(experiment.config)
+    task = task_of(experiment.config)
     # What is tested is read before anything is learned, so that errors in it show at once.
     sources = load_sources(experiment, "train")
     tests = load_sources(experiment, "test", like=sources)
     warn_of_overlap(experiment, sources.all, tests.all)
-    return compare_fitted(_trained(experiment, sources), tests_of(experiment.config, tests))
+    return compare_fitted(_trained(task, experiment, sources), tests_of(experiment.config, tests))
 
 
 def compare_fitted(trained: Trained, tests: Sequence[Source]) -> Comparison:
     """All fitted methods on maps, drives or graphs with their labels."""
     experiment, methods, names = trained.experiment, trained.methods, trained.label_names
-    labelled = label_tests(experiment, trained.labelers, tests)
+    labelled = label_tests(trained, tests)
     shared = learned_with({name: (item.backend, item.unary) for name, item in methods.items()})
     results = []
     for name, method in methods.items():

@@ -23,7 +23,7 @@ from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.sources import Source, Sources
-from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests_of
+from pgm_places.experiment.tasks import label_tests, learned, task_of, tests_of
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Silent
 
@@ -245,11 +245,11 @@ def _candidates(
 
 def _score(trial: Experiment, learn: Sources, held_out: Sources) -> Evaluation:
     """The one method of a configuration, trained on some sources and scored on others."""
-    labelers = task_of(trial.config).learn(trial, learn)
-    labelled = label_tests(trial, labelers, tests_of(trial.config, held_out))
+    trained = learned(task_of(trial.config), trial, learn)
+    labelled = label_tests(trained, tests_of(trial.config, held_out))
     [labelings] = labelled.labelings.values()
     parts = [
-        evaluate(item.node_truth, labeling.labels, label_names(labelers))
+        evaluate(item.node_truth, labeling.labels, trained.label_names)
         for item, labeling in zip(labelled.items, labelings, strict=True)
     ]
     return Evaluation.merged(parts)

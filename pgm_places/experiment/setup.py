@@ -1,16 +1,11 @@
 """The labelers that a configuration describes, and the fully resolved configuration."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from pgm_places.errors import ConfigError
-from pgm_places.experiment.config import (
-    ExperimentConfig,
-    MethodConfig,
-    build_features,
-    build_method,
-)
+from pgm_places.experiment.config import ExperimentConfig, MethodConfig, build_features
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.method import Unary, check_labels_maps
@@ -25,7 +20,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     """The unfitted labeler that a configuration describes."""
     names, settings = tuple(config.labels.names), config.classifier
     methods = {
-        method.id: PlaceMethod(build_method(method), _of_maps(method)) for method in config.methods
+        method.id: PlaceMethod(method.backend, _of_maps(method)) for method in config.methods
     }
     labeler = PlaceLabeler(
         names,
@@ -53,10 +48,20 @@ def _of_maps(method: MethodConfig) -> Unary:
     return method.unary
 
 
-def check_labeler(config: ExperimentConfig) -> None:
-    """Refuse bad options of a labeler that is to be trained, before any map is read."""
-    if config.base_model is None and config.nodes != "graph":
-        make_labeler(config)
+def one_method(config: ExperimentConfig, what: str) -> None:
+    """Refuse to train a model of drives or graphs with several methods.
+
+    Raises
+    ------
+    ConfigError
+        The configuration has several.
+    """
+    if len(config.methods) > 1:
+        ids = ", ".join(item.id for item in config.methods)
+        raise ConfigError(
+            f"a model of {what} has one method, and the configuration has {ids}; keep the one to "
+            "train in a file of its own ('compare' takes them all)"
+        )
 
 
 def step_methods(config: ExperimentConfig) -> dict[str, Any]:
@@ -71,14 +76,14 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
     for method in config.methods:
         if method.unary != "auto" and config.nodes == "steps":
             raise ConfigError(f"methods.{method.id}: unary is for cells of maps; remove it")
-        methods[method.id] = build_method(method)
+        methods[method.id] = method.backend
         if config.nodes == "both":
             check_labels_maps(f"method {method.id!r}", methods[method.id])
     return methods
 
 
-def step_labeler(config: ExperimentConfig, extra_names: Sequence[str] = ()) -> TrajectoryLabeler:
-    """The unfitted labeler of drives that a configuration describes, with further columns."""
+def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
+    """The unfitted labeler of drives that a configuration describes."""
     names, steps, settings = tuple(config.labels.names), config.steps, config.classifier
     labeler = TrajectoryLabeler(
         names,
@@ -92,7 +97,6 @@ def step_labeler(config: ExperimentConfig, extra_names: Sequence[str] = ()) -> T
         n_runs=steps.n_runs,
         seed=steps.seed,
         features=build_features(config),
-        extra_names=tuple(extra_names),
     )
     labeler.check_options()
     return labeler
@@ -117,7 +121,7 @@ def graph_labelers(config: ExperimentConfig) -> dict[str, StructuredLabeler]:
     for method in config.methods:
         classifier = settings.classifier(config.labels.names) if method.unary != "none" else None
         labelers[method.id] = StructuredLabeler(
-            build_method(method), classifier, learn_on=settings.learn_on, n_folds=settings.n_folds
+            method.backend, classifier, learn_on=settings.learn_on, n_folds=settings.n_folds
         )
         labelers[method.id].check_options()
     return labelers

@@ -10,7 +10,7 @@ from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.source_config import SourceConfig, SplitConfig
 from pgm_places.experiment.sources import load_sources
-from pgm_places.experiment.tasks import task_of, tests_of
+from pgm_places.experiment.tasks import TASKS, tests_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class _Buildings:
         """Each building held out in turn, or groups of them."""
         n_buildings, wanted = len(self.tested), n_folds or len(self.tested)
         if n_buildings < 2:
-            kind = task_of(self.config).tests
+            kind = TASKS[self.config.nodes].tested
             table = ", or buildings = 'table.csv'" if kind == "maps" else ""
             raise ConfigError(
                 f"holding buildings out needs {kind} of two buildings in [[train]], and there is "

@@ -1,8 +1,7 @@
-"""What a kind of node needs for an experiment: checks, learning, and labels for what is tested."""
+"""What a kind of node needs for an experiment: labelers, learning, and labels for tests."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
@@ -21,8 +20,8 @@ Labelers = Mapping[str, AnyLabeler]
 """The fitted labeler of each method by its id; one of maps serves all of its methods."""
 
 
-class Evidence(NamedTuple):
-    """A source to test on with what is computed once, whatever the number of methods.
+class ScoredTest(NamedTuple):
+    """A source to test on with the scores of its nodes, computed once for all methods.
 
     Parameters
     ----------
@@ -31,38 +30,42 @@ class Evidence(NamedTuple):
     label : callable
         From the id of a method to its labelling of each item.
     doors : callable
-        From a method's id and its labellings to its doors on each item, of a label for doorways;
-        () where doors are not counted.
+        From a method's labellings and the label for doorways to its doors on each item; () where
+        doors are not counted.
     gates : callable
-        From a label for doorways to the doors that gates match on each item; () without gates.
+        From the label for doorways to the doors that gates match on each item; () without gates.
     """
 
     items: Sequence[TestItem]
     label: Callable[[str], Sequence[Labeling]]
-    doors: Callable[[str, Sequence[Labeling], int], tuple[DoorScores, ...]] = lambda *_: ()
+    doors: Callable[[Sequence[Labeling], int], tuple[DoorScores, ...]] = lambda *_: ()
     gates: Callable[[int], tuple[DoorScores, ...]] = lambda _: ()
 
 
-@dataclass(frozen=True)
-class Task:
-    """A kind of node to label.
+Tested = Literal["maps", "drives", "graphs"]
 
-    Parameters
-    ----------
-    check : callable
-        Refuses bad options before anything is read.
-    learn : callable
-        A fitted labeler for each method.
-    tests : {"maps", "drives", "graphs"}
-        Which of the sources are tested on.
-    evidence : callable
-        A source to test on, ready for every method.
-    method : callable
-        A fitted method by its id, with what it sees.
+
+class Task(Protocol):
+    """A kind of node to label, as one configuration describes it.
+
+    It is made from the configuration: that builds the labelers and refuses bad options, before
+    anything is read. It learns once.
     """
 
-    check: Callable[[ExperimentConfig], object]
-    learn: Callable[[Experiment, Sources], Labelers]
-    tests: Literal["maps", "drives", "graphs"]
-    evidence: Callable[[Experiment, Any, Any], Evidence]
-    method: Callable[[ExperimentConfig, str, Any], AnyMethod]
+    tested: ClassVar[Tested]
+    """Which of the sources are tested on."""
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        """Build the labelers."""
+
+    def check_savable(self) -> None:
+        """Refuse to train what cannot be saved as one model."""
+
+    def learn(self, experiment: Experiment, sources: Sources) -> Labelers:
+        """A fitted labeler for each method."""
+
+    def scored(self, experiment: Experiment, labelers: Any, source: Any, /) -> ScoredTest:
+        """A source to test on, scored for every method."""
+
+    def method(self, name: str, labeler: Any, /) -> AnyMethod:
+        """A fitted method by its id, with its unary."""

@@ -95,7 +95,7 @@ BACKENDS: Mapping[str, str] = {
 
 # Options by the names that models saved by earlier versions use, and their names now.
 RENAMED = {
-    "relaxation": {"iterations": "max_iterations"},
+    "relaxation": {"iterations": "max_iterations", "prior_share": "evidence"},
     "amn": {"tolerance": "learning_tolerance"},
 }
 
@@ -105,7 +105,12 @@ REPLACED = {("amn", "learner", "frank-wolfe"): "cutting-plane"}
 # Methods of earlier versions, and what to use instead.
 RETIRED = {"space_field": "use 'potts' with unary = 'space', which labels as well"}
 
-METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED, REPLACED, RETIRED)
+# Options that configurations may still call by these names, in this release for the last time.
+FORMER = {"relaxation": {"prior_share": "evidence"}}
+
+METHODS = Registry(
+    "method", "pgm_places.inference.backends", BACKENDS, RENAMED, REPLACED, RETIRED, FORMER
+)
 """Where methods are looked up; packages add theirs to the entry points of that group."""
 
 

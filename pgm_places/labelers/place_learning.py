@@ -18,7 +18,7 @@ from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.labeler import as_fitted, learned_with
-from pgm_places.labelers.method import PlaceMethod, with_unary
+from pgm_places.labelers.method import PlaceMethod, with_shares, with_unary
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
@@ -232,7 +232,7 @@ def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
 def learn_methods(
     methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, held_out: bool
 ) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
-    """The methods fitted, those that learn nothing as they are; and how long each took, in s.
+    """The methods fitted, and how long each took, in s; those that learn nothing get the shares.
 
     Methods that learn the same are fitted once, and the first of them has the seconds. With scores
     that were held out, beliefs are calibrated, too.
@@ -249,6 +249,9 @@ def learn_methods(
                 start = time.perf_counter()
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start
+            fitted[name] = replace(method, backend=backend)
+        else:
+            backend = with_shares(method.backend, nodes.truths, len(nodes.label_names))
             fitted[name] = replace(method, backend=backend)
     for name, method in fitted.items() if held_out else ():
         backend = calibrated(method.backend, nodes.problems(method.unary), nodes.truths)

@@ -19,6 +19,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.persistence.model_folder import load_folder
 from pgm_places.persistence.stored import load, save
+from pgm_places.plugins import Registry
 from pgm_places.report.comparison_files import write_comparison
 from pgm_places.spaces.door_truth import match_doors, match_painted
 
@@ -59,6 +60,20 @@ def test_relaxation_labels_a_test_map_once_and_tells_its_accuracy(
     assert len(history["accuracy"]) == len(history["change"])
     assert history["accuracy"][-1] == pytest.approx(found.evaluation.accuracy, rel=1e-12)
     assert found.seconds["infer"] > 0
+
+
+def test_each_method_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    build = Registry.build
+
+    def noted(self: Registry, name: str, options: Any = None) -> Any:
+        built.append(name)
+        return build(self, name, options)
+
+    monkeypatch.setattr(Registry, "build", noted)
+    names = ["independent", "potts", "relaxation"]
+    compare(Experiment(config(methods=[{"name": name} for name in names]), Path()))
+    assert built == names
 
 
 def test_options_are_chosen_into_a_new_experiment() -> None:

@@ -8,12 +8,30 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
-from pgm_places.errors import InputError
-from pgm_places.inference.backends import build
+from pgm_places.datasets.building import generate_building
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.inference.backends import METHODS, build
+from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
+from pgm_places.models.relaxation import Relaxation
+from pgm_places.progress import Silent, reported
 
 NAMES = ["ground", "object", "other"]
 SIDE = 48
+SMALL = DecisionListClassifier(n_rounds=3)
+
+
+class Listening(Silent):
+    """Notes the warnings."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)
 
 
 def image(seed: int) -> tuple[LabelingProblem, Any]:
@@ -53,6 +71,61 @@ def test_likelihoods_keep_the_rare_labels_that_posteriors_lose(
     kept = scores(PottsField(evidence="likelihood"), images)
     assert lost[0] < alone[0]
     assert kept[0] > alone[0] + 0.1 and kept[1] > lost[1] + 0.3
+
+
+def test_relaxation_divides_by_the_shares_in_training(images: tuple[list[Any], list[Any]]) -> None:
+    alone = scores("independent", images)
+    lost = scores(Relaxation(evidence="posterior", max_iterations=10), images)
+    kept = scores(Relaxation(evidence="likelihood", max_iterations=10), images)
+    assert lost[0] < alone[0]
+    assert kept[0] > alone[0] + 0.1 and kept[1] > lost[1] + 0.3
+
+
+@pytest.mark.parametrize("name", ["amn", "crf"])
+def test_dividing_changes_no_label_of_methods_that_learn_a_bias(
+    name: str, images: tuple[list[Any], list[Any]]
+) -> None:
+    problems, truths = images
+    classifier = LogisticRegression().fit(problems[0].node_features, truths[0])
+    unary = [classifier.predict_log_proba(item.node_features) for item in problems[:2]]
+    found = []
+    for shift in (0.0, np.log([0.67, 0.12, 0.21])):
+        first, second = (
+            LabelingProblem(item.graph, NAMES, scored - shift)
+            for item, scored in zip(problems[:2], unary, strict=True)
+        )
+        found.append(build(name, C=100.0).fit([first], truths[:1]).infer(second).labels)
+    assert len(np.unique(found[0])) == 3
+    assert (found[0] == found[1]).all()
+
+
+def test_the_earlier_name_is_read_with_a_warning() -> None:
+    heard = Listening()
+    with reported(heard):
+        method = build("relaxation", prior_share=0.25)
+    assert method.evidence == 0.25
+    assert heard.warnings == [
+        "method 'relaxation': prior_share is called evidence; the next release refuses prior_share"
+    ]
+    assert METHODS.restored("relaxation", {"prior_share": "auto"}).evidence == "auto"
+    with pytest.raises(ConfigError, match="no option 'prior_share'"):
+        build("relaxation", prior_share=0.25, evidence=0.5)
+
+
+def test_own_coefficients_come_without_shares() -> None:
+    problem = LabelingProblem(LabelGraph.from_edges(2, [(0, 1)]), ["a", "b"], np.zeros((2, 2)))
+    given = Relaxation(compatibility=np.eye(2), evidence="likelihood")
+    with pytest.raises(InputError, match="take evidence='posterior'"):
+        given.infer(problem)
+
+
+def test_labelers_of_maps_fill_in_the_shares() -> None:
+    item = generate_building(1, size="small")
+    known = LabelledMap(item.grid, item.labels)
+    method = PlaceMethod(PottsField(evidence="likelihood"), "laser")
+    labeler = PlaceLabeler(item.label_names, {"field": method}, classifier=SMALL).fit([known])
+    shares = np.bincount(item.labels[known.labelled_cells], minlength=3) + 1.0
+    assert labeler.method("field").backend.shares == pytest.approx(shares / shares.sum())
 
 
 def test_likelihoods_divide_by_the_shares(images: tuple[list[Any], list[Any]]) -> None:

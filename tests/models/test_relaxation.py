@@ -68,7 +68,7 @@ def test_it_keeps_the_contract_of_backends() -> None:
         "diagonal_weight",
         "smoothing",
         "floor",
-        "prior_share",
+        "evidence",
     ]
 
 

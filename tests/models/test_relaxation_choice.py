@@ -29,8 +29,8 @@ def test_iterations_end_before_they_cost_what_is_narrow() -> None:
     fitted = Relaxation().fit([problem], [truth])
     found = fitted.summary
     assert found["max_iterations"] < 50
-    rows = {(row["max_iterations"], row["prior_share"]): row for row in found["held_out"]}
-    alone, taken = rows[0, 0.0], rows[found["max_iterations"], found["prior_share"]]
+    rows = {(row["max_iterations"], row["evidence"]): row for row in found["held_out"]}
+    alone, taken = rows[0, 0.0], rows[found["max_iterations"], found["evidence"]]
     assert taken["accuracy"] >= alone["accuracy"]
     assert taken["balanced_accuracy"] > alone["balanced_accuracy"]
     assert taken["balanced_accuracy"] > rows[50, 0.0]["balanced_accuracy"]
@@ -46,7 +46,7 @@ def test_held_out_counts_are_those_of_relaxing_each_part_by_itself() -> None:
     for part in range(4):
         rest, asked = parts != part, parts == part
         for n in right:
-            method = Relaxation(max_iterations=n, prior_share=0.5, tolerance=0.0)
+            method = Relaxation(max_iterations=n, evidence=0.5, tolerance=0.0)
             method = method.fit([problem.subproblem(rest)], [truth[rest]])
             labels = method.infer(problem.subproblem(asked)).labels
             right[n] += int((labels == truth[asked]).sum())
@@ -59,9 +59,9 @@ def test_iterations_that_are_given_start_from_the_scores_as_they_are() -> None:
     problem, truth = narrow()
     ten = Relaxation(max_iterations=10).fit([problem], [truth])
     assert ten.summary == {}
-    same = Relaxation(max_iterations=10, prior_share=0.0).fit([problem], [truth])
+    same = Relaxation(max_iterations=10, evidence=0.0).fit([problem], [truth])
     np.testing.assert_array_equal(beliefs(ten.infer(problem)), beliefs(same.infer(problem)))
-    half = Relaxation(max_iterations=10, prior_share=0.5).fit([problem], [truth]).infer(problem)
+    half = Relaxation(max_iterations=10, evidence=0.5).fit([problem], [truth]).infer(problem)
     assert half.beliefs is not None
     assert (half.labels == 2).sum() > (ten.infer(problem).labels == 2).sum()
 

@@ -11,7 +11,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import Trained, compare_fitted
+from pgm_places.experiment.runs import compare_fitted
+from pgm_places.experiment.tasks import Trained, task_of
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -106,7 +107,8 @@ def test_a_comparison_takes_true_halls_for_what_they_are_to_be_labelled(
             "methods": [{"name": "potts"}],
         }
     )
-    trained = Trained(Experiment(config, Path()), dict.fromkeys(labeler.methods_, labeler))
+    labelers = dict.fromkeys(labeler.methods_, labeler)
+    trained = Trained(task_of(config), Experiment(config, Path()), labelers)
     *_, found = compare_fitted(trained, [foyer]).methods
     assert found.evaluation.label_names == labeler.label_names_
     assert found.evaluation.accuracy > 0.9
