@@ -12,6 +12,7 @@ from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.judgement import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_json
+from pgm_places.report.comparison_tables import comparison_tables
 from pgm_places.spaces.door_truth import DoorScores
 
 SCHEMA = 1
@@ -50,7 +51,8 @@ def comparison_record(comparison: Comparison, *, marginals: bool = False) -> dic
     difference has those of each. ``choices`` of the whole and of each method say what was chosen on
     training data. ``splits`` has what each split tested on, ``by_split`` of each
     method its accuracies there. ``gates`` counts the doors that accepted gates match. With
-    ``marginals``, ``info`` of each map has the ``node_marginals`` of linear programs.
+    ``marginals``, ``info`` of each map has the ``node_marginals`` of linear programs. ``tables``
+    has the tables of the report, with the texts that stand there.
     """
     record = {
         "schema": SCHEMA,
@@ -78,6 +80,7 @@ def comparison_record(comparison: Comparison, *, marginals: bool = False) -> dic
         "differences": [_difference_record(item) for item in comparison.judgement.differences],
         "gates": _door_record(DoorScores.total(comparison.gates)) if comparison.gates else None,
         "best": {figure: comparison.judgement.best(figure) for figure in TESTED},
+        "tables": {name: item.to_dict() for name, item in comparison_tables(comparison).items()},
     } | {name: getattr(comparison, name) for name in _AS_THEY_ARE}
     plain: dict[str, Any] = _plain(record)
     return plain

@@ -1,27 +1,20 @@
 """A comparison as one self-contained HTML file: to read, to print, to send."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from pgm_places.evaluation.bootstrap import Interval
-from pgm_places.evaluation.evaluation import Evaluation
-from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config_presets import preset_record
-from pgm_places.experiment.judgement import Difference
 from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
-from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.labeling import Status
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
+from pgm_places.report.comparison_tables import comparison_tables
 from pgm_places.report.glance import glance_of
 from pgm_places.report.line_chart import Chart, Line, line_chart
 from pgm_places.report.map_layers import label_layers, probability_layers
 from pgm_places.report.page import render
-from pgm_places.spaces.door_truth import DoorScores
 
 _SHARED_QUANTITIES = ("accuracy", "balanced_accuracy", "change", "residual")
 """Quantities that mean the same for every method: drawn in one chart. Energies are not."""
@@ -91,11 +84,6 @@ _BLOCKS = {
 
 _MIXED_BLOCKS = f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths"
 
-_CERTIFIED = {"objective", "lower_bound", "certified_objective", "certified_gap"}
-"""What methods that learn by optimisation say of their weights."""
-
-_STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
-
 
 def write_report(comparison: Comparison, path: Path | str) -> Path:
     """The path, once the file holds the whole report.
@@ -115,8 +103,9 @@ def report_page(comparison: Comparison) -> str:
     anything else. Every text from configurations, maps and label names is escaped.
     """
     labels = label_swatches(comparison.label_names)
-    units, certificates = [item.unit for item in comparison.maps], [*_certificates(comparison)]
-    ended = {item.labeling.status for item in certificates}
+    units, tables = [item.unit for item in comparison.maps], comparison_tables(comparison)
+    ended = {found.status for method in comparison.methods for found in method.labelings}
+    most = max(tables["truth"].rows, key=lambda row: float(row.cells[-1].text))
     config = json.dumps(comparison.config, indent=2, ensure_ascii=False, default=str)
     return render(
         "comparison.html",
@@ -131,166 +120,16 @@ def report_page(comparison: Comparison) -> str:
         n_nodes=comparison.n_evaluated,
         seeds=comparison.seeds,
         all_choices=comparison.all_choices,
-        by_split=_by_split(comparison),
         glance=glance_of(comparison),
-        differences=_differences(comparison),
-        figures=_FIGURES,
-        results=[(method, _row(method, comparison)) for method in comparison.methods],
-        results_by_label=[(item, _row_by_label(item, comparison)) for item in comparison.methods],
-        doors=[
-            (name, DoorScores.total(by_map), by_map)
-            for name, by_map in (
-                *((method.id, method.doors) for method in comparison.methods),
-                ("gates, before any method", comparison.gates),
-            )
-            if by_map
-        ],
-        by_unit=[
-            (method, comparison.by_unit(method))
-            for method in comparison.methods
-            if comparison.is_mixed
-        ],
+        tables=tables,
+        swatches={item.name: item for item in labels},
         blocks=_MIXED_BLOCKS if comparison.is_mixed else _BLOCKS[comparison.unit],
-        truth=_truth(comparison, labels),
+        most=most,
         legend=(*labels, Swatch("error", ERROR), *(GROUND_SWATCHES if {*units} - {"node"} else ())),
         map_layers=label_layers(comparison),
         reliability=reliability_chart(comparison),
         histories=history_charts(comparison),
         gradients=_GRADIENTS,
         beliefs=probability_layers(comparison),
-        certificates=certificates,
         statuses=[(str(item), item.meaning) for item in Status if item in ended],
-        learned_certificates=[
-            (method.id, method.learned)
-            for method in comparison.methods
-            if method.learned.keys() >= _CERTIFIED
-        ],
     )
-
-
-def _mean_iou(evaluation: Evaluation) -> float | None:
-    defined = [value for value in evaluation.iou.values() if value is not None]
-    return float(np.mean(defined)) if defined else None
-
-
-Figure = Callable[[Evaluation], float | None]
-
-_FIGURES: dict[str, tuple[str, Figure]] = {
-    "Accuracy": ("accuracy", lambda found: found.accuracy),
-    "Balanced": ("balanced_accuracy", lambda found: found.balanced_accuracy),
-    "Macro F1": ("macro_f1", lambda found: found.macro_f1),
-    "Mean IoU": ("mean_iou", _mean_iou),
-    "MCC": ("mcc", lambda found: found.mcc),
-}
-
-
-@dataclass(frozen=True)
-class _Cell:
-    """A figure of a method, with whether it is better than that of all others beyond chance."""
-
-    value: float | None
-    best: bool
-    interval: Interval | None = None
-    spread: float | None = None
-
-
-def _row(method: MethodResult, comparison: Comparison) -> list[_Cell]:
-    best = comparison.judgement.best
-    return [
-        _Cell(
-            figure(method.evaluation),
-            best(key) == method.id,
-            method.intervals.get(key),
-            method.spread(figure),
-        )
-        for key, figure in _FIGURES.values()
-    ]
-
-
-def _row_by_label(method: MethodResult, comparison: Comparison) -> list[_Cell]:
-    """Recall, precision and IoU of each label in turn."""
-    best = comparison.judgement.best
-    return [
-        _Cell(getattr(method.evaluation, kind)[name], best(f"{kind} of {name}") == method.id)
-        for name in comparison.label_names
-        for kind in ("recall", "precision", "iou")
-    ]
-
-
-def _by_split(comparison: Comparison) -> list[tuple[str, list[tuple[Evaluation, bool]]]]:
-    """By split, each method's evaluation and whether no other one is more accurate there."""
-    found = {method.id: comparison.by_split(method) for method in comparison.methods}
-    rows = []
-    for name in comparison.splits:
-        top = max(of[name].accuracy for of in found.values())
-        rows.append((name, [(of[name], of[name].accuracy == top) for of in found.values()]))
-    return rows
-
-
-_MOST_PAIRS = 15
-"""Of more methods, each one is compared with the most accurate alone."""
-
-
-def _differences(comparison: Comparison) -> list[tuple[Difference, Difference]]:
-    """Accuracy and balanced accuracy of pairs of methods: the more accurate one first."""
-    ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
-    pairs = list(combinations([item.id for item in ranked], 2))
-    if len(pairs) > _MOST_PAIRS:
-        pairs = pairs[: len(ranked) - 1]
-    between = comparison.judgement.between
-    return [(between(*pair), between(*pair, "balanced_accuracy")) for pair in pairs]
-
-
-@dataclass(frozen=True)
-class _Share:
-    """How much of the ground truth is one label."""
-
-    label: Swatch
-    n_nodes: int
-    area_m2: float
-    share: float
-
-
-def _truth(comparison: Comparison, labels: Sequence[Swatch]) -> list[_Share]:
-    """The score of a constant labelling."""
-    counts = np.zeros(len(labels), np.int64)
-    areas_m2 = np.zeros(len(labels))
-    for item in comparison.maps:
-        truth = item.node_truth
-        on_map = np.bincount(truth[truth >= 0], minlength=len(counts))
-        counts += on_map
-        areas_m2 += on_map * item.grid.resolution_m**2
-    total = max(int(counts.sum()), 1)
-    return [
-        _Share(label, int(count), float(area), count / total)
-        for label, count, area in zip(labels, counts, areas_m2, strict=True)
-    ]
-
-
-@dataclass(frozen=True)
-class _Certificate:
-    """How far from the best a labelling may be."""
-
-    name: str
-    labeling: Labeling
-
-    @property
-    def gap_percent(self) -> str:
-        """The gap as a share of the score."""
-        found = self.labeling
-        if found.gap is None or found.score is None:
-            return "–"
-        return f"{100 * found.gap / max(abs(found.score), 1e-12):.3g}"
-
-    @property
-    def iterations(self) -> str:
-        """How many there were, whatever the method calls them."""
-        info = self.labeling.info
-        return str(next((info[key] for key in _STEP_COUNTS if key in info), "–"))
-
-
-def _certificates(comparison: Comparison) -> Iterator[_Certificate]:
-    for method in comparison.methods:
-        for item, labeling in zip(comparison.maps, method.labelings, strict=True):
-            name = f"{method.id}, {item.name}" if len(comparison.maps) > 1 else method.id
-            yield _Certificate(name, labeling)

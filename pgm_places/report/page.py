@@ -11,7 +11,6 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pgm_places._version import __version__
-from pgm_places.experiment.judgement import points
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _NONE = "–"
@@ -66,14 +65,10 @@ def _environment(folder: Path) -> Environment:
     )
     environment.filters |= {
         "counted": lambda number, noun: f"{number:,} {noun}{'' if number == 1 else 's'}",
-        "figure": lambda value: _or_dash(value, ",.3f"),
-        "percent": _percent,
-        "spent": lambda value: (
-            "< 0.01" if value and value < 0.01 else _or_dash(value or None, ".2f")
-        ),
+        "percent": percent,
+        "spent": spent,
         "plain": _plain,
         "seconds": lambda value: _or_dash(value, ".2f" if value is None or value < 10 else ".1f"),
-        "signed": lambda share: points(share).replace("-", "−"),  # a difference, in points
     }
     return environment
 
@@ -82,9 +77,19 @@ def _or_dash(value: float | None, form: str) -> str:
     return _NONE if value is None else f"{value:{form}}"
 
 
-def _percent(share: float | None, digits: int = 1) -> str:
+def percent(share: float | None, digits: int = 1) -> str:
     """A share in percent, a dash where there is none."""
     return _or_dash(None if share is None else 100 * share, f".{digits}f")
+
+
+def decimals(value: float | None) -> str:
+    """A number with three decimals, a dash where there is none."""
+    return _or_dash(value, ",.3f")
+
+
+def spent(seconds: float | None) -> str:
+    """Seconds, a dash for none."""
+    return "< 0.01" if seconds and seconds < 0.01 else _or_dash(seconds or None, ".2f")
 
 
 def _plain(value: Any) -> str:

@@ -100,8 +100,8 @@ def test_seeds_and_splits_are_reported(found: Comparison) -> None:
     assert set(cut["by_seed"]) == {"1", "2", "3"} and set(cut["by_split"]) == {"fold 1", "fold 2"}
     assert all("spread" in item and len(item["by_seed"]) == 3 for item in record["differences"])
     table = comparison_table(found)
-    assert "±: standard deviation over 3 seeds" in table and "seeds A/E/B" in table
-    assert "tested on" in table and "\nfold 2" in table
+    assert "±: standard deviation over 3 seeds" in table and "Seeds: ahead" in table
+    assert "Tested on" in table and "\nfold 2" in table
     page = report_page(found)
     assert "Accuracy / balanced accuracy by split" in page
     assert "with each of 3 seeds" in page and "Seeds: ahead / even / behind" in page
