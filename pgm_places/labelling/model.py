@@ -83,15 +83,16 @@ class LoadedModel:
         labels = _given(halls=options.halls, doorway_depth_m=options.doorway_depth_m)
         if labels:
             labeler = labeler.with_options(**labels)
+        entered = with_given(
+            stored.entered,
+            {"disc_radius_m": options.disc_radius_m, "unentered": options.unentered},
+        )
+        rules = with_given(stored.rules, {"doorways": options.doorways})
+        if not entered.unentered:  # no place that the robot cannot be in
+            least = max(rules.min_clearance_m, entered.disc_radius_m)
+            rules = with_given(rules, {"min_clearance_m": least})
         return cls(
-            labeler,
-            options.method or "",
-            with_given(stored.rules, {"doorways": options.doorways}),
-            with_given(
-                stored.entered,
-                {"disc_radius_m": options.disc_radius_m, "unentered": options.unentered},
-            ),
-            sha256_of(options.folder / MANIFEST),
+            labeler, options.method or "", rules, entered, sha256_of(options.folder / MANIFEST)
         )
 
     @property

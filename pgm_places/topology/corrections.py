@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.rules import CorrectionRules
@@ -24,7 +25,8 @@ LabelType = TypeVar("LabelType", np.int16, np.int32)
 class Correction:
     """One region that took the label of a neighbour.
 
-    ``cell_rc`` is a cell of the region. ``reason`` is ``"too small"``, ``"joins nothing"``, or
+    ``cell_rc`` is a cell of the region. ``reason`` is ``"too small"``, ``"no room"`` for a disc of
+    ``min_clearance_m``, ``"joins nothing"``, or
     ``"touches nothing"`` if it lost its label; ``became`` is then empty. Painted doorways
     that no gate touches have the reason ``"no gate"`` and an empty ``became``: they are filled with
     the nearest labels.
@@ -44,6 +46,7 @@ def correct_regions(
     rules: CorrectionRules | None = None,
     *,
     fixed_doorways: bool = False,
+    free: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[LabelType], list[Correction]]:
     """The corrected label raster and the corrections.
 
@@ -64,12 +67,20 @@ def correct_regions(
     rules : CorrectionRules, optional
     fixed_doorways : bool
         Regions become part of a doorway only if they touch nothing else.
+    free : (H, W) bool, optional
+        Where a disc of ``min_clearance_m`` may be; cells with a label if not given.
 
     Every correction merges regions, so the procedure ends.
     """
     rules = rules or CorrectionRules()
     pieces = connected_components(np.asarray(labels))
-    merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways)
+    has_room = np.ones(pieces.count, np.bool_)
+    if rules.min_clearance_m > 0:
+        least = rules.min_clearance_m / resolution_m + 0.5  # from centre to centre
+        squared = squared_clearance(labels < 0 if free is None else ~free)
+        inside = (squared >= least**2 - 1e-9) & (pieces.piece >= 0)
+        has_room[:] = np.bincount(pieces.piece[inside], minlength=pieces.count) > 0
+    merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways, has_room)
     log = list(chain(merging.run(), merging.drop_islands()))
     label = merging.final_labels().astype(labels.dtype)
     same = label.dtype == pieces.piece.dtype  # a huge map has no room for another raster
@@ -86,7 +97,9 @@ class _Merging:
         cell_m2: float,
         rules: CorrectionRules,
         fixed_doorways: bool,
+        has_room: NDArray[np.bool_],
     ) -> None:
+        self.has_room: list[bool] = has_room.tolist()
         self.names, self.cell_m2, self.rules = names, cell_m2, rules
         self.fixed_doorways, self.width = fixed_doorways, pieces.piece.shape[1]
         self.label: list[int] = pieces.label.tolist()
@@ -146,6 +159,8 @@ class _Merging:
         limit = rules.min_doorway_area_m2 if is_doorway else rules.min_area_m2
         if self.size[region] * self.cell_m2 < limit:
             return "too small"
+        if not (is_doorway or self.has_room[region]):
+            return "no room"
         idle = is_doorway and rules.doorways_join_two and len(self.borders[region]) < 2
         return "joins nothing" if idle else ""
 
@@ -166,6 +181,7 @@ class _Merging:
             self.borders[member] = {}
             self.parent[member] = root
             self.size[root] += self.size[member]
+            self.has_room[root] |= self.has_room[member]
             self.first[root] = min(self.first[root], self.first[member])
         return sorted(touched)
 

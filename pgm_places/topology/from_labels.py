@@ -254,7 +254,9 @@ def _labelled_pieces(
     raster = np.where(grid.free, labels, np.int16(-1))
     corrections: list[Correction] = []
     if correct:
-        raster, corrections = correct_regions(raster, names, grid.resolution_m, rules)
+        raster, corrections = correct_regions(
+            raster, names, grid.resolution_m, rules, free=grid.free
+        )
     pieces = connected_components(raster)
     return GatePieces(pieces, np.full(pieces.count, -1), tuple(corrections))
 

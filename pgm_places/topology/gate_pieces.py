@@ -62,9 +62,10 @@ def pieces_between(
     doorways : Doorways
         Those of the map, possibly at another resolution.
     rules : CorrectionRules
-        Pieces of places below ``min_area_m2`` take the label and place of the neighbour with the
-        longest border, of a gate only if they touch nothing else. Nothing else is corrected: a
-        doorway is where its gate is.
+        Pieces of places below ``min_area_m2``, or without room for a disc of
+        ``min_clearance_m``, take the label and place of the neighbour with the longest border, of
+        a gate only if they touch nothing else. Nothing else is corrected: a doorway is where its
+        gate is.
     correct : bool
         Whether to apply these corrections.
     """
@@ -78,7 +79,9 @@ def pieces_between(
     if correct:
         # Gates stay whatever their size; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
-        key, corrected = correct_regions(key, names, grid.resolution_m, bare, fixed_doorways=True)
+        key, corrected = correct_regions(
+            key, names, grid.resolution_m, bare, fixed_doorways=True, free=grid.free
+        )
         log += corrected
     return _pieces(key, first_gate, n_labels, doorway, tuple(log))
 

@@ -23,6 +23,10 @@ class CorrectionRules(Options):
         Minimum area of a room or corridor (m²); smaller ones are errors (the paper: 1 m²).
     min_doorway_area_m2 : float
         Minimum area of a doorway (m²); smaller ones are errors (the paper: 0.1 m²).
+    min_clearance_m : float
+        Radius of a disc that a room or corridor must have room for (m); where it fits nowhere, the
+        region is an error. 0 asks for none; ``label``, ``live`` and the studio take the robot's
+        (``disc_radius_m`` of :class:`~pgm_places.spaces.entered_options.EnteredOptions`).
     doorways_join_two : bool
         Relabel doorways that touch fewer than two regions.
     doorway_label : str
@@ -31,6 +35,7 @@ class CorrectionRules(Options):
 
     min_area_m2: AtLeastZero = 1.0
     min_doorway_area_m2: AtLeastZero = 0.1
+    min_clearance_m: AtLeastZero = 0.0
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
 

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from pgm_places.errors import ConfigError
-from pgm_places.labelling.model import with_given
+from pgm_places.labelling.model import LoadedModel, with_given
+from pgm_places.labelling.options import ModelOptions
 from pgm_places.persistence.stored import _options_of
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
@@ -39,3 +40,13 @@ def test_what_counts_as_entered_is_stored_and_overruled() -> None:
     assert with_given(stored, given) == EnteredOptions(0.3, unentered=True)
     with pytest.raises(ConfigError, match=r"unknown key .record.config.entered.radius_m"):
         _options_of({"config": {"entered": {"radius_m": 0.3}}})
+
+
+@pytest.mark.parametrize(
+    ("given", "least"),
+    [({}, 0.2), ({"disc_radius_m": 0.3}, 0.3), ({"unentered": True}, 0.0)],
+)
+def test_places_have_room_for_the_robot_that_enters_them(
+    given: dict[str, Any], least: float
+) -> None:
+    assert LoadedModel.load(ModelOptions(**given)).rules.min_clearance_m == least

@@ -12,6 +12,7 @@ from tests.reference.topology import corrected
 from tests.topology.floors import rasters
 
 NAMES = ("corridor", "room", "doorway")
+CORRIDOR, ROOM, DOORWAY = range(3)
 
 
 def floor() -> np.ndarray:
@@ -97,6 +98,46 @@ def test_specks_that_touch_nothing_are_dropped() -> None:
     ]
     assert (found[9] == -1).all()
     assert (found[:9] == raster[:9]).all()
+
+
+class TestRoom:
+    """A room or corridor that a disc fits nowhere into is an error, however large it is."""
+
+    RULES = CorrectionRules(min_area_m2=0.0, min_doorway_area_m2=0.0, min_clearance_m=0.25)
+
+    def test_what_touches_another_becomes_part_of_it(self) -> None:
+        raster = np.full((9, 20), -1, np.int16)
+        raster[2:7, :10] = ROOM  # of 0.5 m
+        raster[4:7, 10:] = CORRIDOR  # of 0.3 m
+        found, log = correct_regions(raster, NAMES, 0.1, self.RULES)
+        assert [(entry.was, entry.became, entry.reason) for entry in log] == [
+            ("corridor", "room", "no room")
+        ]
+        assert (found[raster >= 0] == ROOM).all()
+
+    def test_what_touches_nothing_is_dropped(self) -> None:
+        raster = np.full((12, 40), -1, np.int16)
+        raster[1:6, :10] = ROOM
+        raster[8:11, :] = CORRIDOR  # of 0.3 m, and 1.2 m2
+        found, log = correct_regions(raster, NAMES, 0.1, self.RULES)
+        assert [(entry.was, entry.became, entry.reason) for entry in log] == [
+            ("corridor", "", "touches nothing")
+        ]
+        assert (found == np.where(raster == ROOM, ROOM, -1)).all()
+
+    def test_the_disc_may_be_on_free_cells_without_a_label(self) -> None:
+        raster = np.full((9, 20), -1, np.int16)
+        raster[4:7] = CORRIDOR
+        free = np.zeros(raster.shape, np.bool_)
+        free[3:8] = True
+        found, log = correct_regions(raster, NAMES, 0.1, self.RULES, free=free)
+        assert not log and (found == raster).all()
+
+    def test_doorways_may_be_narrower(self) -> None:
+        raster = np.full((9, 30), -1, np.int16)
+        raster[1:8, :12] = raster[1:8, 18:] = ROOM
+        raster[3:6, 12:18] = DOORWAY
+        assert not correct_regions(raster, NAMES, 0.1, self.RULES)[1]
 
 
 @given(raster=rasters)
