@@ -185,7 +185,8 @@ def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
     assert n_gates > 5
     again, text = regions(out=building / "again")
     line = (
-        f"settings of {labelled / 'details/settings.json'}: min_area_m2 = 2.0, min_width_m = 0.3; "
+        f"settings of {labelled / 'details/settings.json'}: min_area_m2 = 2.0, "
+        "min_clearance_m = 0.2, min_width_m = 0.3; "
     )
     assert any(said.startswith(line) and said.endswith(" gates") for said in text.splitlines())
     assert [(r["id"], r["name"], r["area_m2"]) for r in again] == [

@@ -68,9 +68,10 @@ def test_splits_that_fit_no_building_are_refused(
         splits_of(experiment(tmp_path, splits=splits))
 
 
-def test_a_building_on_both_sides_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("test", [["a"], ["c", "a"]])
+def test_a_building_on_both_sides_is_refused(test: list[str], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="'a' is in both train and test of a split"):
-        experiment(tmp_path, splits=[{"test": ["a"], "train": ["a", "b"]}])
+        experiment(tmp_path, splits=[{"test": test, "train": ["a", "b"]}])
 
 
 def test_more_folds_than_buildings_are_refused(tmp_path: Path) -> None:

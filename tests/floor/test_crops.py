@@ -5,6 +5,8 @@ import pytest
 
 pytest.importorskip("cv2", reason="pieces of floors are cut with OpenCV")
 
+import cv2
+
 from pgm_places.floor.crops import N_TARGETS, SIDE, LabelledFloor, batch, crop
 
 
@@ -48,6 +50,26 @@ def test_labels_are_of_free_cells(seed: int) -> None:
 def test_most_cells_keep_the_label_of_their_shape() -> None:
     sums = sum(crop(floor(), np.random.default_rng(seed))[1].sum((0, 1)) for seed in range(30))
     assert sums[1] > sums[0] > sums[2] > 0
+
+
+def test_a_piece_that_is_bent_is_bent_along_both_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    remap = cv2.remap
+
+    def noted(values: np.ndarray, at_x: np.ndarray, at_y: np.ndarray, how: int) -> np.ndarray:
+        seen.append((at_x, at_y))
+        return np.asarray(remap(values, at_x, at_y, how))
+
+    monkeypatch.setattr(cv2, "remap", noted)
+    for seed in range(12):
+        crop(floor(), np.random.default_rng(seed))
+    y, x = np.mgrid[:SIDE, :SIDE]
+    plane = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+    bent = []
+    for maps in seen[::3]:  # each piece is of three rasters
+        rests = [np.linalg.lstsq(plane, along.ravel(), rcond=None)[1][0] for along in maps]
+        bent.append([rest > 1.0 for rest in rests])
+    assert {tuple(axes) for axes in bent} == {(False, False), (True, True)}
 
 
 def test_a_batch_draws_from_every_source() -> None:

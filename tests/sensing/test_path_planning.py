@@ -84,6 +84,15 @@ def test_a_tour_enters_places_that_lie_close_by_behind_a_wall() -> None:
         assert np.ptp(inside[:, 0]) > 6.0
 
 
+def test_a_stop_may_be_nearer_to_others_than_the_spacing_where_there_is_more_room() -> None:
+    cells = np.full((22, 42), OCCUPIED)
+    cells[7:15, 1:41] = FREE  # 4 m long, 0.8 m wide
+    cells[1:21, 20:33] = FREE  # a bay
+    grid = OccupancyGrid(cells, 0.1)
+    way = PathPlanner(grid).tour(start_m=(0.5, 1.1), spacing_m=3.0)
+    assert 2.3 < way[:, 0].max() < 3.0
+
+
 def test_a_tour_of_a_small_room_still_moves() -> None:
     planner = PathPlanner(OccupancyGrid(np.zeros((20, 20), np.int8), 0.1))
     way = planner.tour(spacing_m=50.0)

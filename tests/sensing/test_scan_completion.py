@@ -7,7 +7,7 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
-from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion
+from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion, _nearest_beams
 from pgm_places.trajectories.scan import ScanGeometry
 
 FRONT = ScanGeometry.half_circle(360, range_max_m=80.0)
@@ -134,3 +134,11 @@ def test_scans_of_other_beams_are_refused() -> None:
         circle.add([0.0, 0.0, 0.0], np.ones(180))
     with pytest.raises(InputError, match="2 poses but 1 scans"):
         circle.complete(np.zeros((2, 3)), np.ones((1, 360)))
+
+
+def test_beams_finer_than_wanted_stand_for_directions_beside_their_last() -> None:
+    fine = np.deg2rad(np.arange(-89.5, 89.6, 0.25))  # the wanted ones are 1 degree apart
+    wanted = np.deg2rad(np.arange(360.0))
+    found = _nearest_beams(fine, wanted)
+    assert found[90] == len(fine) - 1  # 0.5 degrees beyond it
+    assert found[91] == -1

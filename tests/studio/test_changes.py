@@ -13,11 +13,14 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
 from pgm_places.studio.layers import GivenLabels
 from pgm_places.studio.lesson import Changes, share_that_agrees
-from pgm_places.studio.records import places_record, state_record
+from pgm_places.studio.records import _second_label, places_record, state_record
+from pgm_places.topology.checks import PlaceCheck
+from pgm_places.topology.from_labels import topological_map
 from tests.quick_labeler import places
 
 
@@ -187,3 +190,14 @@ def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(labell
     assert len(colours) == 4
     labelled.edit({"kind": "undo"})
     assert labelled.lesson.labels[10, 10] == 4
+
+
+def test_what_is_no_doorway_may_be_the_likeliest_of_the_other_classes() -> None:
+    grid = OccupancyGrid(np.zeros((4, 4), np.int8), 1.0)
+    names = ["corridor", "room", "hall", "doorway"]
+    topology = topological_map(grid, np.ones(grid.shape, np.int16), names)
+    place = replace(topology.regions[0], probabilities=(0.2, 0.4, 0.1, 0.3))
+    check = PlaceCheck(place, 0.4, "doorway", 0.3)
+    assert _second_label(check, topology) == "corridor"
+    certain = replace(place, probabilities=(0.0, 0.7, 0.0, 0.3))
+    assert _second_label(replace(check, place=certain), topology) is None

@@ -206,6 +206,20 @@ def test_a_line_from_a_doorway_far_from_walls_ends_at_the_outline_of_the_room_be
     assert ends[:, 1].tolist() == pytest.approx([40.0, 64.0], abs=0.6)
 
 
+def test_a_line_that_cuts_off_a_speck_parts_nothing() -> None:
+    cells = np.full((40, 40), 100, np.int8)
+    cells[5:35, 5:35] = FREE
+    grid = OccupancyGrid(cells, 0.05)
+    limits = Limits(np.full(grid.shape, -1, np.int16))
+    column = np.zeros(grid.shape, np.bool_)
+    column[5:35, 8] = True  # 90 cells beside the wall: 0.22 m2
+    assert parts(runs_of_mask(column), grid, limits)
+    corner = np.zeros(grid.shape, np.bool_)
+    corner[5, 7] = corner[6, 6] = corner[7, 5] = True
+    corner[5, 6] = corner[6, 5] = True  # cuts off one cell
+    assert not parts(runs_of_mask(corner), grid, limits)
+
+
 def test_a_doorway_of_the_map_that_is_painted_over_is_none() -> None:
     found = open_floor()
     paint = np.full(found.grid.shape, -1, np.int16)
