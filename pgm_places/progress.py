@@ -61,8 +61,28 @@ def staged(name: str) -> AbstractContextManager[Stage]:
 
 
 def warn(message: str) -> None:
-    """Show something the user should know, to whoever is told of progress."""
+    """Show something the user should know through the current reporter."""
     _listening.get().warn(message)
+
+
+class _Noting:
+    """A reporter that also lists the warnings it passes on."""
+
+    def __init__(self, outer: Progress) -> None:
+        self._outer, self.warnings = outer, list[str]()
+        self.stage = outer.stage
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)
+        self._outer.warn(message)
+
+
+@contextmanager
+def warnings_noted() -> Iterator[list[str]]:
+    """The warnings of the block, which the current reporter shows as well."""
+    noting = _Noting(_listening.get())
+    with reported(noting):
+        yield noting.warnings
 
 
 def duration(seconds: float) -> str:

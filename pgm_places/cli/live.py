@@ -19,8 +19,8 @@ from pgm_places.options import AtLeastZero
 if TYPE_CHECKING:
     from pgm_places.live.live_map import LiveLabels
     from pgm_places.live.place_finder import FoundPlace
-    from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.replay import Replay
+    from pgm_places.topology.place_ids import PlaceIds
 
 PLACES_FILE = "places.jsonl"
 
@@ -92,11 +92,11 @@ def live(asked: LiveFlags, *, node: NodeOptions, options: LiveOptions) -> None:
 def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
+    from pgm_places.io.places.place_ids_file import read_session, write_session
     from pgm_places.labelling.files import LIVE
-    from pgm_places.live.place_memory import PlaceMemory
-    from pgm_places.live.session_file import read_session, write_session
+    from pgm_places.topology.place_ids import PlaceIds
 
-    memory = PlaceMemory() if asked.session is None else read_session(asked.session)
+    memory = PlaceIds() if asked.session is None else read_session(asked.session)
     run = _replay(asked, log, map_topic, options, memory)
     with ExitStack() as stack:
         files = None
@@ -144,7 +144,7 @@ def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> Non
 
 
 def _replay(
-    asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceMemory"
+    asked: LiveFlags, log: Path, map_topic: str, options: LiveOptions, memory: "PlaceIds"
 ) -> "Replay":
     """The log, with the maps that it holds in the frame of its poses."""
     from pgm_places.io.logs.bags import read_map_messages
@@ -203,6 +203,8 @@ def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
         for item in run:
             if isinstance(item, LiveLabels):
                 last = item
+                for message in item.warnings:
+                    complain(message)
                 say(_map_line(item, json_lines))
                 continue
             if lines is not None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pgm_places.io.maps.map_server import MapFile
     from pgm_places.progress import Progress
     from pgm_places.studio.desk import Desk
-    from pgm_places.studio.exports import ExportFolders
+    from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.layers import GivenLabels
     from pgm_places.studio.shelf import Shelf
 
@@ -74,7 +74,7 @@ def studio(
     from pgm_places.labelling.model import LoadedModel
     from pgm_places.labelling.options import ModelOptions
     from pgm_places.studio.desk import Desk
-    from pgm_places.studio.exports import ExportFolders
+    from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.server import serve
     from pgm_places.studio.shelf import Shelf
     from pgm_places.teaching.paint import Paint
@@ -100,6 +100,8 @@ def studio(
         )
         if desk.carried is not None:
             progress.warn(desk.carried.words)
+        if desk.ids_notice:
+            progress.warn(desk.ids_notice)
         if corrections is not None:
             try:
                 desk.take(Paint.read(corrections, loaded.grid))

@@ -39,10 +39,10 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.drawing import Packing
 from pgm_places.pictures.map_pictures import overview
 from pgm_places.pictures.topology_pictures import topology_drawing
-from pgm_places.progress import Progress, reported, staged, warn
+from pgm_places.progress import Progress, reported, staged, warn, warnings_noted
 from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.checks import places_to_check
-from pgm_places.topology.naming import KnownPlaces
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -86,7 +86,7 @@ class WrittenMap:
     area_m2 : dict of str to float
         Area of each label.
     warnings : tuple of str
-        Of the file and of the labelling.
+        Of the file, of the labelling and of the ids of places.
     topology : TopologicalMap
         The places.
     unentered : Unentered or None
@@ -161,10 +161,11 @@ def write_labelled(
         title = f"{source.name}: {result.method}"
         del result  # the labels of a huge map's nodes are not needed any more
         return_freed()
-        with staged("places"):
+        with staged("places"), warnings_noted() as of_places:
             topology = write_places(
                 files, title, cells, rules, packing=packing, picture=outputs.pictures
             )
+    warnings = (*warnings, *of_places)
     return WrittenMap(summary, cells.labels, area_m2, warnings, topology, unentered)
 
 
@@ -187,15 +188,15 @@ def write_places(
     topology = places_of(
         cells,
         rules,
-        ids=_earlier_places(files.folder),
+        ids=earlier_places(files.folder),
         own_names=topology_files.read_own_names(files.folder),
     )
     write_topology(files.stage, cells.grid, topology, title=title, packing=packing, picture=picture)
     return topology
 
 
-def _earlier_places(folder: Path) -> KnownPlaces | None:
-    """The places in a folder, whose ids go on; a warning where they cannot be read."""
+def earlier_places(folder: Path) -> PlaceIds | None:
+    """The ids of the places in a folder, None without any; a warning where they cannot be read."""
     if not places_path(folder).exists():
         return None
     try:

@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 
 from pgm_places.labelers.labelled_places import LabelledCells
+from pgm_places.progress import warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.naming import EarlierPlaces
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -20,7 +21,7 @@ def places_of(
     cells: LabelledCells,
     rules: TopologyOptions,
     *,
-    ids: EarlierPlaces | None = None,
+    ids: PlaceIds | None = None,
     own_names: Mapping[int, str] | None = None,
 ) -> TopologicalMap:
     """The topological map of labelled cells.
@@ -29,11 +30,14 @@ def places_of(
     ----------
     cells : LabelledCells
     rules : TopologyOptions
-    ids : EarlierPlaces, optional
-        Earlier places; the same places keep their ids and names.
+    ids : PlaceIds, optional
+        Earlier places, which keep their ids and names. A warning says where they are those of a map
+        with another origin, or of another map.
     own_names : mapping of int to str, optional
         The user's names, by id.
     """
+    if ids is not None and (message := ids.fit_to(cells.grid)):
+        warn(message)
     return topological_map(
         cells.grid,
         cells.labels,

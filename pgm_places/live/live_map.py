@@ -14,10 +14,11 @@ from pgm_places.labelling.label import label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import places_of
 from pgm_places.live.growing_features import GrowingFeatures, Update
-from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.maps.raster_shift import raster_shift, shifted
+from pgm_places.progress import warnings_noted
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["LiveLabels", "LiveMap"]
@@ -110,6 +111,8 @@ class LiveLabels:
         For places that are gone: the place that has most of their area now.
     parted : dict of int to int
         For new places: the place of the map before that had most of their area.
+    warnings : tuple of str
+        Whether the map has another origin than earlier places, or is another map.
     """
 
     map_seq: int
@@ -121,6 +124,7 @@ class LiveLabels:
     update: Update | None
     merged: Mapping[int, int] = field(default_factory=dict)
     parted: Mapping[int, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 class LiveMap:
@@ -139,7 +143,7 @@ class LiveMap:
     the one that has come by flickers: ``labels.grid`` is what was labelled.
 
     Ids and names persist: a place is recognised by its class and area in the map frame, also after
-    maps in which it was missing (:class:`~pgm_places.live.place_memory.PlaceMemory`).
+    maps in which it was missing (:class:`~pgm_places.topology.place_ids.PlaceIds`).
 
     Parameters
     ----------
@@ -151,9 +155,10 @@ class LiveMap:
         Changes of fewer cells beside each other wait; 1 to take all at once.
     few_maps : int
         Until so many maps on end have shown them.
-    memory : PlaceMemory, optional
+    memory : PlaceIds, optional
         The places of an earlier session
-        (:func:`~pgm_places.live.session_file.read_session`): its ids and numbers of maps go on.
+        (:func:`~pgm_places.io.places.place_ids_file.read_session`): its ids and numbers of maps go
+        on.
     n_threads : int, optional
 
     Raises
@@ -169,7 +174,7 @@ class LiveMap:
         own_names: Mapping[int, str] | None = None,
         few_cells: int = FEW_CELLS,
         few_maps: int = FEW_MAPS,
-        memory: PlaceMemory | None = None,
+        memory: PlaceIds | None = None,
         n_threads: int | None = None,
     ) -> None:
         self.model, self.own_names, self.n_threads = LoadedModel.of(model), own_names, n_threads
@@ -180,7 +185,7 @@ class LiveMap:
                 [chosen.unary], node_features=traits_of(chosen.backend).uses_node_features
             )
             self._features = GrowingFeatures(unary.sensor, columns, n_threads=n_threads)
-        self._settled, self.memory = SettledMap(few_cells, few_maps), memory or PlaceMemory()
+        self._settled, self.memory = SettledMap(few_cells, few_maps), memory or PlaceIds()
         self.current: LiveLabels | None = None
 
     def on_map(self, grid: OccupancyGrid) -> LiveLabels:
@@ -208,13 +213,14 @@ class LiveMap:
 
     def _labelled(self, grid: OccupancyGrid, map_seq: int) -> LiveLabels:
         labels = label(self.model, grid, cache=self._features, n_threads=self.n_threads)
-        topology = places_of(
-            labels.cells, self.model.rules, ids=self.memory, own_names=self.own_names
-        )
+        with warnings_noted() as of_ids:
+            topology = places_of(
+                labels.cells, self.model.rules, ids=self.memory, own_names=self.own_names
+            )
         differences = _differences(self.memory, topology)
         self.memory.learn(topology)
         update = None if self._features is None else self._features.last
-        changes = dict(self.memory.merged), dict(self.memory.parted)
+        changes = dict(self.memory.merged), dict(self.memory.parted), tuple(of_ids)
         return LiveLabels(map_seq, labels, topology, *differences, update, *changes)
 
 
@@ -224,7 +230,7 @@ def _is_same(before: OccupancyGrid, now: OccupancyGrid) -> bool:
 
 
 def _differences(
-    before: PlaceMemory, now: TopologicalMap
+    before: PlaceIds, now: TopologicalMap
 ) -> tuple[tuple[int, ...], tuple[int, ...], dict[int, float]]:
     """Ids that appeared and vanished, and how far others' anchors moved in metres."""
     old = {number: before.places[number].anchor_m for number in before.last}

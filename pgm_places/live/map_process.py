@@ -26,14 +26,14 @@ import numpy as np
 from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.io.logs.bags import grid_of_message
 from pgm_places.io.places.place_bag import class_grid
+from pgm_places.io.places.place_ids_file import read_session, write_session
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import ModelOptions
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.place_finder import MapView
-from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.ros_codec import SHOWN, TYPES, RosCodec
-from pgm_places.live.session_file import read_session, write_session
+from pgm_places.topology.place_ids import PlaceIds
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +84,8 @@ class MapLabeller:
         """
         message = self._codec.read(raw, "map")
         found = self._live_map.on_map(grid_of_message(message))
+        for warning in found.warnings:
+            sys.stderr.write(f"{warning}\n")
         return LabelledMapMessages(MapView.of(found), self._messages(found, message))
 
     def _messages(self, found: LiveLabels, message: Any) -> dict[str, bytes]:
@@ -332,7 +334,7 @@ def _label_maps(model: str, method: str | None, n_threads: int, session: str) ->
         print(json.dumps(answer), flush=True)  # noqa: T201  the node reads it
 
 
-def _keep(session: str, memory: PlaceMemory) -> None:
+def _keep(session: str, memory: PlaceIds) -> None:
     """Renew the file; a full disk costs the ids of the next session, and not this map."""
     try:
         write_session(session, memory)

@@ -15,6 +15,7 @@ from starlette.routing import BaseRoute, Mount, Route
 
 from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.io.input_file import parsed_json
+from pgm_places.progress import warnings_noted
 from pgm_places.studio import records
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import exports_record, write_export
@@ -145,7 +146,7 @@ class _Answers(_Files):
         return _json({"tick": desk.tick, "revision": revision, "remark": remark})
 
     def exports(self, request: Request) -> Response:
-        """What can be written into a folder, and what of it is older than the paint."""
+        """What can be written into a folder, and which of it is out of date."""
         chosen = request.query_params.get("folder", "")
         return _json(exports_record(self.desk, self.shelf.export_folders, chosen))
 
@@ -156,10 +157,13 @@ class _Answers(_Files):
         if not isinstance(replaced, list):
             raise InputError("'replaced' must be a list of names")
         folders = self.shelf.export_folders
-        written = await run_in_threadpool(
-            lambda: write_export(self.desk, what, folders, chosen=chosen, replaced=replaced)
-        )
-        return _json({"files": [str(path) for path in written]})
+
+        def write() -> Response:
+            with warnings_noted() as remarks:
+                written = write_export(self.desk, what, folders, chosen=chosen, replaced=replaced)
+            return _json({"files": [str(path) for path in written], "remarks": remarks})
+
+        return await run_in_threadpool(write)
 
     @property
     def routes(self) -> list[Route]:

@@ -66,13 +66,13 @@ def opened_painting(
     """
     path, carried = folder / JOURNAL, None
     earlier = subject_of(path)
-    if earlier is not None and earlier.get("map") != map_sha256:
-        carried = _carry(
-            path, _kept_map(folder, str(earlier.get("map"))), grid, classes, map_sha256
-        )
+    if earlier is not None:
+        kept_map = _kept_map(folder, str(earlier.get("map")))
+        if earlier.get("map") != map_sha256 or not _has_frame(kept_map, grid):
+            carried = _carry(path, kept_map, grid, classes, map_sha256)
     journal = Journal(path, {"map": map_sha256})
     try:
-        if not _kept_map(folder, map_sha256).exists():
+        if carried is not None or not _kept_map(folder, map_sha256).exists():
             save_map(grid, _kept_map(folder, map_sha256).with_suffix(""))
         return Painting(grid, classes, journal), carried
     except BaseException:
@@ -85,6 +85,11 @@ def _kept_map(folder: Path, map_sha256: str) -> Path:
     return folder / f"map-{map_sha256[:12]}.yaml"
 
 
+def _has_frame(kept_map: Path, grid: OccupancyGrid) -> bool:
+    """Whether a raster that is kept has the map's origin and turn; True where none is kept."""
+    return not kept_map.exists() or load_map(kept_map).grid.frame == grid.frame
+
+
 def _carry(
     path: Path, kept_map: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> Carried:
@@ -95,7 +100,8 @@ def _carry(
             "another folder with --out, and give exported paint with --corrections"
         )
     before = load_map(kept_map).grid
-    shift = map_shift(before, grid)
+    is_same = np.array_equal(before.cells, grid.cells)  # with another origin, perhaps turned
+    shift = (0, 0) if is_same else map_shift(before, grid)
     if shift is None:
         raise InputError(
             f"{path} belongs to another map: less than {100 * LEAST_SAME:.0f} % of the two is the "
@@ -136,6 +142,7 @@ def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int,
         row, column = (old.grid.cells_at_m([point])[0] + shift).tolist()
         [[x, y]] = new.grid.cell_centres_m([[row, column]]).tolist()
         new.rename((x, y), name, [])
+    new.set_learning(old.learns)
     kept = new.n_painted
     return kept, was_painted - kept
 

@@ -1,4 +1,4 @@
-"""The desk: the one map that a studio works on, with its painting, its layers and its learner."""
+"""Desk: a map that is open in the studio, with its painting, its layers and its learner."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.places.place_ids_file import read_session, write_session
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelling.files import earlier_places
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.options import check_option, from_mapping
 from pgm_places.studio import strokes
@@ -27,6 +29,7 @@ from pgm_places.studio.runs import Window, runs_of_mask, runs_over
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 
 Coordinate = Annotated[float, Ge(-(10**9)), Le(10**9)]
@@ -34,6 +37,8 @@ Point = tuple[Coordinate, Coordinate]
 """x and y, in cells or in metres."""
 
 NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it from wall to wall."
+
+IDS_FILE = "place_ids.json"
 
 CLASSES = ("corridor", "room", "doorway")
 """Those of a painting that begins without a model and without labels."""
@@ -62,14 +67,16 @@ class Desk:
     ----------
     n_fixed : int
         So many classes, the first ones, cannot be deleted.
-    learns : bool
-        Whether the labeler learns what is painted, rather than keep to it.
     changes : Changes or None
         What the newest labels changed.
     agrees : float or None
         The share of the newest labels that those to compare with agree with.
     tick : int
         Grows whenever something changes that the browser shows.
+    ids : PlaceIds
+        The places of all answers so far, those of earlier sessions included.
+    ids_notice : str
+        Whether their ids are those of another origin or another map; empty if not.
     carried : Carried or None
         What was carried over from an earlier state of the map.
     closing : bool
@@ -98,7 +105,6 @@ class Desk:
         self.drive_xy_m, self.grid = drive_xy_m, source.grid
         self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
         self.tick, self.n_lessons = 0, 0
-        self.learns = labeler is None
         self.changes: Changes | None = None
         self.agrees: float | None = None
         self.lesson: Lesson | None = None
@@ -108,13 +114,22 @@ class Desk:
         self.painting, self.carried = opened_painting(
             folder, self.grid, Classes.named(names), self.files[1].sha256
         )
+        self.ids, self.ids_notice = self._earlier_ids()
         self._edit_undo, self._edit_redo = self.painting.undo, self.painting.redo
         self._edit_version, self._edit_restore = self.painting.save_version, self.painting.restore
         self.layers = Layers(
             self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
         )
-        tutor = Tutor(self.grid, self.loaded, n_threads=n_threads, glanced=self._glanced)
+        tutor = Tutor(
+            self.grid, self.loaded, ids=self.ids, n_threads=n_threads, glanced=self._glanced
+        )
         self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
+
+    def _earlier_ids(self) -> tuple[PlaceIds, str]:
+        """The ids of earlier sessions, and a message where they do not fit the map."""
+        path = self.folder / IDS_FILE
+        ids = read_session(path) if path.exists() else earlier_places(self.folder) or PlaceIds()
+        return ids, ids.fit_to(self.grid)
 
     def take(self, paint: Paint) -> int:
         """Paint what a file says where nothing is painted yet; the number of cells."""
@@ -180,14 +195,14 @@ class Desk:
         if edit is None:
             raise InputError(f"unknown edit {kind[:40]!r}")
         with self._lock:
-            before = self.painting.classes.names
+            before, learned = self.painting.classes.names, self.learns
             self._remark = ""
             part = edit(**_arguments(kind, edit, values))
             if part is not None:
                 self.layers.painted(part)
             self._renumber(before, self.painting.classes.names)
             self.moved()
-            if part is not None or before != self.painting.classes.names or kind == "learn":
+            if part is not None or (before, learned) != (self.painting.classes.names, self.learns):
                 self._ask()
             return self._remark
 
@@ -236,9 +251,11 @@ class Desk:
 
     def _edit_fill(self, label: int, point: Point) -> Window | None:
         limits = self._limits
-        kept = limits.doorway
-        doorway = None if kept is None or label == kept else self._shown_labels == kept
-        runs = strokes.fill_cells(self.grid, limits.paint, limits.topology, point, doorway)
+        kept, doorway, drawn = limits.doorway, None, None
+        if kept is not None and label != kept:
+            doorway = self._shown_labels == kept
+            drawn = limits.paint == kept if label >= 0 else None  # the eraser removes them
+        runs = strokes.fill_cells(self.grid, limits.paint, limits.topology, point, doorway, drawn)
         return self.painting.paint_runs(runs, label)
 
     def _edit_merge(self, first: int, second: int) -> Window | None:
@@ -292,7 +309,12 @@ class Desk:
         return self.painting.drop_class(index)
 
     def _edit_learn(self, on: bool) -> None:
-        self.learns = on
+        self.painting.set_learning(on)
+
+    @property
+    def learns(self) -> bool:
+        """Whether the labeler learns what is painted, rather than keep to it."""
+        return self.labeler is None or self.painting.learns
 
     @property
     def answer(self) -> Taught:
@@ -309,15 +331,21 @@ class Desk:
 
     # ------------------------------------------------------------------ learning
 
-    def _ask(self) -> None:
-        """Ask for labels that follow the painting as it is now."""
+    @property
+    def question(self) -> Question:
+        """What the labels follow from, as the painting is now."""
         with self._lock:
             paint = Paint(self.painting.labels.copy(), self.painting.classes.names)
-            if self.labeler is not None or sum(n > 0 for n in paint.counts.values()) >= 2:
-                own = paint.classes if self.labeler is None else self.labeler.label_names_
-                new = any(n for name, n in paint.counts.items() if name not in own)
-                learns = self.learns or new  # only who learns a new class can label by it
-                self.learner.ask(Question(paint, self.painting.revision, learns))
+            own = paint.classes if self.labeler is None else self.labeler.label_names_
+            new = any(n for name, n in paint.counts.items() if name not in own)
+            learns = self.learns or new  # a new class must be learned before it can be a label
+            return Question(paint, self.painting.revision, learns)
+
+    def _ask(self) -> None:
+        """Ask for labels that follow the painting as it is now."""
+        question = self.question
+        if self.labeler is not None or sum(n > 0 for n in question.paint.counts.values()) >= 2:
+            self.learner.ask(question)
 
     def _glanced(self, labels: NDArray[np.int16]) -> None:
         """Labels of a first glance are shown until there are better ones."""
@@ -337,6 +365,8 @@ class Desk:
             self.n_lessons += 1
             self.layers.learned(lesson, changes)
         self.moved()
+        if before is None or before.taught.topology.regions != lesson.taught.topology.regions:
+            write_session(self.folder / IDS_FILE, self.ids)
 
 
 def _arguments(

@@ -1,16 +1,13 @@
-"""Exports of the studio: files that the command line and other tools read, and where they may go.
-
-The page names a folder, so a page that got hold of the address could, too. It may name what its
-user has named on the command line or what lies below the folder that the studio was started in,
-nothing hidden, and no export takes the place of a file that the studio was given.
-"""
+"""Exports of the studio: files that the command line and other tools read."""
 
 import json
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.experiment.config import NO_MODEL
@@ -18,115 +15,27 @@ from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
-from pgm_places.io.places.topology_files import save_topology, write_checks
+from pgm_places.io.places.topology_files import (
+    read_own_names,
+    save_topology,
+    write_checks,
+)
+from pgm_places.labelling.files import earlier_places
+from pgm_places.labelling.places import places_of
 from pgm_places.options import Options, option_values, plain_values
 from pgm_places.persistence.stored import save
+from pgm_places.progress import warn
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.desk import Desk
+from pgm_places.studio.export_folders import ExportFolders
+from pgm_places.studio.export_record import RECORD_FILE, Content, ExportRecord, digest
+from pgm_places.studio.lesson import renamed
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
+from pgm_places.topology import place_edits
+from pgm_places.topology.checks import places_to_check
+from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import NAMES
-
-LONGEST = 1000
-"""Characters of a path from the page."""
-
-MOST_OFFERED = 60
-"""Folders that are offered by name; any other can be typed."""
-
-
-@dataclass(frozen=True)
-class ExportFolders:
-    """Where the exports of a studio may go.
-
-    Parameters
-    ----------
-    working : Path
-        The folder that the studio was started in; names are told from there.
-    told : sequence of Path
-        Further folders, from the command line.
-    given : frozenset of Path
-        Files and folders that the studio reads: nothing is written there.
-    """
-
-    working: Path
-    told: tuple[Path, ...] = ()
-    given: frozenset[Path] = frozenset()
-
-    @classmethod
-    def started_here(cls, told: Sequence[Path] = (), given: Iterable[Path] = ()) -> Self:
-        """Those of a studio that is started in the current folder."""
-        return cls(
-            Path.cwd().resolve(),
-            tuple(path.resolve() for path in told),
-            frozenset(path.resolve() for path in given),
-        )
-
-    def chosen(self, text: str, own: Path) -> Path:
-        """The folder of that name, which need not be there yet; the desk's ``own`` for none.
-
-        Raises
-        ------
-        InputError
-            The page may not have files written there.
-        """
-        if not text.strip():
-            return own
-        if len(text) > LONGEST or not text.isprintable():
-            raise InputError("the name of a folder is too long, or has characters that none has")
-        if text.startswith("~"):
-            raise InputError(f"write {text!r} out: '~' is not understood here")
-        try:
-            folder = (self.working / text).resolve()  # links are followed before it is judged
-            in_circles = any(path.is_symlink() for path in (folder, *folder.parents))
-        except (OSError, RuntimeError, ValueError):
-            in_circles = True  # Python before 3.13 raises, later ones leave the link as it is
-        if in_circles:
-            raise InputError(f"{text!r} cannot be a folder")
-        if folder == own.resolve():
-            return own
-        root = next((root for root in self.roots(own) if folder.is_relative_to(root)), None)
-        if root is None:
-            raise InputError(
-                f"exports go below {self.working} or into a folder given with --export-to; "
-                f"{folder} is neither"
-            )
-        if any(part.startswith(".") for part in folder.relative_to(root).parts):
-            raise InputError(f"{text!r} is hidden; choose a folder without a dot before its name")
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"{text!r} is a file; name a folder")
-        return folder
-
-    def roots(self, own: Path) -> tuple[Path, ...]:
-        """The folders below which files may be written; never all of the disk."""
-        found = (own.resolve(), *self.told, self.working)
-        return tuple(root for root in found if root.parent != root or root in self.told)
-
-    def check_free(self, targets: Iterable[Path], further: Iterable[Path] = ()) -> None:
-        """Raise InputError where one of the targets is what the studio was given, or holds it."""
-        given = {*self.given, *(path.resolve() for path in further)}
-        for target in targets:
-            whole = target.resolve()
-            if any(item == whole or item.is_relative_to(whole) for item in given):
-                raise InputError(
-                    f"{target} is what the studio was started with; choose another folder"
-                )
-
-    def offered(self, own: Path) -> list[str]:
-        """Names of folders to choose from: the desk's own, those told, and those at hand."""
-        found = [self.name_of(own), *map(self.name_of, self.told)]
-        try:
-            inside = sorted(path for path in self.working.iterdir() if path.is_dir())
-        except OSError:
-            inside = []
-        found += [path.name for path in inside if not path.name.startswith(".")]
-        return list(dict.fromkeys(found))[:MOST_OFFERED]
-
-    def name_of(self, folder: Path) -> str:
-        """A folder as its user would call it: from the working folder where it lies below it."""
-        whole = folder.resolve()
-        below = whole.is_relative_to(self.working) and whole != self.working
-        return str(whole.relative_to(self.working) if below else whole)
-
 
 CORRECTIONS = "corrections.png"
 
@@ -145,12 +54,15 @@ class Export:
         Writes it of a desk into a folder; the paths.
     more : tuple of str
         The names of what it may write beside that.
+    content : Content
+        What it follows from.
     """
 
     words: str
     files: tuple[str, ...]
     write: Callable[[Desk, Path], list[Path]]
     more: tuple[str, ...] = ()
+    content: Content = Content.LABELS
 
     def targets(self, folder: Path) -> list[Path]:
         """All that it may write into a folder."""
@@ -158,7 +70,7 @@ class Export:
 
 
 def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
-    """A folder, and of each export what it writes, whether it is there, and older than the paint.
+    """A folder, and for each export its files, whether they exist, and whether they are outdated.
 
     As plain data for the browser.
 
@@ -168,19 +80,19 @@ def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict
         Nothing may be written into the chosen folder.
     """
     folder = folders.chosen(chosen, desk.folder)
-    painted_ns = _written_ns(desk.painting.journal.path) or 0
+    record, now = ExportRecord(desk.folder / RECORD_FILE), desk.question
     items = []
     for name, item in EXPORTS.items():
-        written = [_written_ns(folder / file) for file in item.files]
-        there = [each for each in written if each is not None]
+        is_there = all((folder / file).exists() for file in item.files)
+        state = digest(desk, item.content, now.paint, learns=now.learns)
         items.append(
             {
                 "name": name,
                 "words": item.words,
                 "files": list(item.files),
                 "there": [path.name for path in item.targets(folder) if path.exists()],
-                "written": bool(there),
-                "older": bool(there) and min(there) < painted_ns,
+                "written": is_there,
+                "older": is_there and not record.is_current(folder, name, state),
             }
         )
     return {
@@ -190,15 +102,6 @@ def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict
         "offered": folders.offered(desk.folder),
         "items": items,
     }
-
-
-def _written_ns(path: Path) -> int | None:
-    """When a file, or the newest in a folder, was written; None where there is none."""
-    try:
-        times = [each.stat().st_mtime_ns for each in (path.iterdir() if path.is_dir() else (path,))]
-    except OSError:
-        return None
-    return max(times, default=None)
 
 
 def write_export(
@@ -231,7 +134,16 @@ def write_export(
     new = next((name for name in there if replaced is not None and name not in replaced), None)
     if new is not None:
         raise InputError(f"{new} has come there meanwhile; look at the list again")
-    return item.write(desk, folder)
+    lesson, question = desk.lesson, desk.question
+    paint, learns = question.paint, question.learns
+    if item.content in (Content.LABELS, Content.PLACES) and lesson is not None:
+        paint, learns = lesson.taught.paint, lesson.learns
+    state = digest(desk, item.content, paint, learns=learns)
+    written = item.write(desk, folder)
+    is_same = desk.lesson is lesson and desk.painting.revision == question.revision
+    record = ExportRecord(desk.folder / RECORD_FILE)
+    record.note(folder, name, state if is_same else "", written)
+    return written
 
 
 def _labels(desk: Desk, folder: Path) -> list[Path]:
@@ -247,23 +159,46 @@ def _corrections(desk: Desk, folder: Path) -> list[Path]:
 
 
 def _places(desk: Desk, folder: Path) -> list[Path]:
-    taught = desk.answer
-    written = save_topology(folder, taught.topology)
-    if taught.checks:
-        written.append(write_checks(folder / CHECK_FILE, taught.topology))
-    own = {}
-    for (x, y), name in desk.painting.names.items():
-        region = taught.topology.region_at(x, y)
-        if region is not None and region.name == name:
-            own[region.id] = name
-    if own:
-        lines = (f"{key}: {json.dumps(own[key], ensure_ascii=False)}\n" for key in sorted(own))
-        written.append(write_text(folder / NAMES_FILE, "".join(lines)))
+    topology, others, own = _named_places(desk, folder)
+    written, names_file = save_topology(folder, topology), folder / NAMES_FILE
+    if places_to_check(topology):
+        written.append(write_checks(folder / CHECK_FILE, topology))
+    if names := others | own:
+        lines = (f"{key}: {json.dumps(name, ensure_ascii=False)}\n" for key, name in names.items())
+        written.append(write_text(names_file, "".join(lines)))
+    else:
+        names_file.unlink(missing_ok=True)
+    ExportRecord(desk.folder / RECORD_FILE).note_names(folder, own)
     return written
 
 
+class _NamedPlaces(NamedTuple):
+    """Places, and the user's names by id: others' in the folder, and the studio's."""
+
+    topology: TopologicalMap
+    others: dict[int, str]
+    own: dict[int, str]
+
+
+def _named_places(desk: Desk, folder: Path) -> _NamedPlaces:
+    """The places by the ids of a folder that has some, and the user's names."""
+    taught, names = desk.answer, desk.painting.names
+    known = None if folder == desk.folder else earlier_places(folder)
+    if known is not None:
+        found = places_of(taught.labelled.cells, desk.rules, ids=known)
+        if not np.array_equal(found.region, taught.topology.region):
+            warn(f"The places have other ids in {folder} than on this page, and keep them there.")
+        taught = renamed(replace(taught, topology=found), names)
+    topology = taught.topology
+    regions = [topology.region_at(*point) for point in names]
+    own = {region.id: region.name for region in regions if region is not None}
+    earlier = ExportRecord(desk.folder / RECORD_FILE).names(folder)
+    others = {k: name for k, name in read_own_names(folder).items() if earlier.get(k) != name}
+    return _NamedPlaces(place_edits.renamed(topology, others | own), others, own)
+
+
 def _nav2(desk: Desk, folder: Path) -> list[Path]:
-    topology = desk.answer.topology
+    topology = _named_places(desk, folder).topology
     kinds = ("nav2-route", "zones")
     return [path for kind in kinds for path in export(topology, kind, folder)]
 
@@ -386,16 +321,23 @@ def _paint(desk: Desk) -> Paint:
 EXPORTS = {
     "labels": Export("Label image", ("labels.png", "labels.yaml"), _labels),
     "corrections": Export(
-        "Corrections", (CORRECTIONS, "corrections.yaml", "corrections.geojson"), _corrections
+        "Corrections",
+        (CORRECTIONS, "corrections.yaml", "corrections.geojson"),
+        _corrections,
+        content=Content.PAINT,
     ),
     "places": Export(
         "Places",
         ("places.json", "regions.png", "regions.geojson"),
         _places,
         more=(CHECK_FILE, NAMES_FILE),
+        content=Content.PLACES,
     ),
     "nav2": Export(
-        "Route and zones for Nav2", ("nav2_route.geojson", "zones.png", "zones.yaml"), _nav2
+        "Route and zones for Nav2",
+        ("nav2_route.geojson", "zones.png", "zones.yaml"),
+        _nav2,
+        content=Content.PLACES,
     ),
     "model": Export("Model, with what it has learned", ("model",), _model),
     "training": Export(
@@ -403,5 +345,6 @@ EXPORTS = {
         ("train.toml", CORRECTIONS),
         _training,
         more=("corrections.yaml", "corrections.geojson"),
+        content=Content.TRAINING,
     ),
 }

@@ -1,4 +1,4 @@
-"""Lessons: what the studio asks the teacher, what it shows of the answer, and what that changed."""
+"""Relabelling in the studio: the question to the teacher, its answer, and what that changed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +21,7 @@ from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.naming import name_places
+from pgm_places.topology.place_ids import PlaceIds
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,8 @@ class Lesson:
     taught : Taught
     revision : int
         That of the painting it answers.
+    learns : bool
+        Whether the labeler learned the paint for it.
     labels, unary_labels : (H, W) int16
         After the graph and before it; -1 for none.
     class_of : (K,) int16
@@ -58,6 +61,7 @@ class Lesson:
 
     taught: Taught
     revision: int
+    learns: bool
     labels: NDArray[np.int16]
     unary_labels: NDArray[np.int16]
     class_of: NDArray[np.int16]
@@ -121,9 +125,11 @@ class Tutor:
     grid : OccupancyGrid
     model : LoadedModel or PlaceLabeler, optional
         None to learn from nothing but the paint.
+    ids : PlaceIds, optional
+        Earlier places, which keep their ids; those of each answer are added.
     n_threads : int or None
     glanced : callable, optional
-        Told the labels (H, W) of a first glance at the map, where the labeler has one.
+        Receives quick labels (H, W) from one view of the map, where the labeler has networks.
     """
 
     def __init__(
@@ -131,11 +137,12 @@ class Tutor:
         grid: OccupancyGrid,
         model: LoadedModel | PlaceLabeler | None,
         *,
+        ids: PlaceIds | None = None,
         n_threads: int | None = None,
         glanced: Callable[[NDArray[np.int16]], None] | None = None,
     ) -> None:
         self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
-        self._n_threads, self._glanced = n_threads, glanced
+        self._ids, self._n_threads, self._glanced = ids, n_threads, glanced
         self._teacher: Teacher | None = None
 
     def answer(self, question: Question, progress: Progress) -> Lesson:
@@ -156,12 +163,16 @@ class Tutor:
         labels, unary = (
             _in_classes(item, class_of) for item in (taught.labels, taught.unary_labels)
         )
-        return Lesson(taught, question.revision, labels, unary, class_of)
+        return Lesson(taught, question.revision, question.learns, labels, unary, class_of)
 
     def _teacher_for(self, classes: Sequence[str]) -> Teacher:
         if self._teacher is None:
             self._teacher = Teacher(
-                self.grid, self.model, classes=classes, n_threads=self._n_threads
+                self.grid,
+                self.model,
+                classes=classes,
+                known_places=self._ids,
+                n_threads=self._n_threads,
             )
         elif tuple(self._teacher.classes) != tuple(classes):
             self._teacher = self._teacher.with_classes(classes)

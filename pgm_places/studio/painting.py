@@ -1,4 +1,4 @@
-"""The painting: all that a person has said about a map, with a way back to every earlier state."""
+"""The painting: paint, classes, names and teaching of one map, with undo and saved versions."""
 
 import re
 import time
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, printable, shown
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import check_option
 from pgm_places.palette import label_colours
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.runs import Repaint, Window, checked_runs
@@ -130,11 +131,12 @@ class Version:
 
 
 class _Change(NamedTuple):
-    """What an edit replaces; of classes and names, all before it and all after it."""
+    """What an edit replaces; of classes, names and teaching, all before it and all after it."""
 
     repaint: Repaint
     classes: tuple[Classes, Classes]
     names: tuple[Names, Names]
+    learns: tuple[bool, bool]
 
 
 class _Step(NamedTuple):
@@ -145,7 +147,7 @@ class _Step(NamedTuple):
 
 
 class Painting:
-    """Painted cells, classes and names of places, kept by a journal.
+    """Painted cells, classes, names of places, and whether the model learns: kept by a journal.
 
     Parameters
     ----------
@@ -163,6 +165,8 @@ class Painting:
     names : dict of (float, float) to str
         Names of places by a point in metres: whichever place holds the point has the name,
         however the places around it change.
+    learns : bool
+        Whether the model learns the paint.
     versions : list of Version
     """
 
@@ -170,6 +174,7 @@ class Painting:
         self.grid, self.classes, self.journal = grid, classes, journal
         self.labels = np.full(grid.shape, -1, np.int16)
         self.names: Names = {}
+        self.learns = False
         self.versions: list[Version] = []
         self._done: list[_Change] = []
         self._undone: list[_Change] = []
@@ -232,6 +237,11 @@ class Painting:
             raise InputError(f"another place is called {name!r}; choose another name")
         self._add({"op": "name", "at": list(point_m), "name": name, "replaces": replaces})
 
+    def set_learning(self, on: bool) -> None:
+        """Let the model learn the paint, or no longer."""
+        if on != self.learns:
+            self._add({"op": "learn", "on": on})
+
     def undo(self) -> Window | None:
         """Take the last edit back."""
         if not self.can_undo:
@@ -288,6 +298,7 @@ class Painting:
         """What an entry changes in the present state."""
         kind = entry["op"]
         repaint, classes, names = Repaint.nothing(), self.classes, self.names
+        learns = self.learns
         if kind == "paint":
             repaint = self._painted(entry["runs"], entry["label"])
         elif kind == "class":
@@ -307,10 +318,12 @@ class Painting:
             if entry["name"]:
                 names[float(x), float(y)] = str(entry["name"])
         elif kind == "restore":
-            repaint, classes, names = self._way_back(int(entry["revision"]))
+            repaint, classes, names, learns = self._way_back(int(entry["revision"]))
+        elif kind == "learn":
+            learns = check_option("on", bool, entry["on"])
         else:
             raise InputError(f"unknown edit {kind!r}")
-        return _Change(repaint, (self.classes, classes), (self.names, names))
+        return _Change(repaint, (self.classes, classes), (self.names, names), (self.learns, learns))
 
     def _painted(self, listed: list[int], label: int) -> Repaint:
         runs = checked_runs(np.array(listed, np.int64), self.grid.shape)
@@ -318,7 +331,7 @@ class Painting:
             raise InputError(f"no class {label}")
         return Repaint.of_runs(self.labels, runs, int(label))
 
-    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names]:
+    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, bool]:
         """What leads to the state after the first entries of the journal.
 
         The steps since are taken back one by one: each is known, whatever led to it.
@@ -326,15 +339,18 @@ class Painting:
         if not 0 <= revision <= self.revision:
             raise InputError(f"no revision {revision}")
         labels, classes, names = self.labels.copy(), self.classes, self.names
+        learns = self.learns
         for step in reversed(self._steps[revision:]):
             if step is not None:
                 change, forward = step
                 change.repaint.put(labels, forward=not forward)
                 classes, names = change.classes[not forward], change.names[not forward]
-        return Repaint.between(self.labels, labels), classes, names
+                learns = change.learns[not forward]
+        return Repaint.between(self.labels, labels), classes, names, learns
 
     def _take(self, step: _Step) -> Window | None:
         change, forward = step
         self.classes, self.names = change.classes[forward], change.names[forward]
+        self.learns = change.learns[forward]
         change.repaint.put(self.labels, forward=forward)
         return change.repaint.part

@@ -84,6 +84,8 @@ def _notices(desk: Desk) -> list[str]:
     ]
     if desk.carried is not None:
         found.append(desk.carried.words)
+    if desk.ids_notice:
+        found.append(f"{desk.ids_notice[0].upper()}{desk.ids_notice[1:]}.")
     if desk.painting.journal.was_changed():
         found.append("The journal was changed by something else. Nothing more can be saved to it.")
     return found

@@ -250,17 +250,19 @@ def fill_cells(
     topology: TopologicalMap | None,
     point: tuple[float, float],
     doorway: NDArray[np.bool_] | None = None,
+    drawn: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int64]:
     """(n, 3) runs of the cells that a fill at a point (x, y in cells) covers.
 
     Those of the region there; where no regions are known, the free cells that are connected to it
     and have the same paint, or as little. A region reaches up to its gates, and so do half of
     their doorways: cells (H, W) that are labelled ``doorway`` stay so, unless the region is one.
+    Cells that are ``drawn`` as doorways stay so in every case.
 
     Raises
     ------
     InputError
-        The point is not on a free cell.
+        The point is not on a free cell, or only on a doorway that was drawn.
     """
     row, column = _cell(grid, point)
     region = 0 if topology is None else int(topology.region[row, column])
@@ -269,10 +271,15 @@ def fill_cells(
         is_doorway = topology.place(region).label == topology.doorway_label
         if doorway is not None and not is_doorway and not doorway[inside].all():
             inside &= ~doorway
-        return runs_of_mask(inside)
-    alike = grid.free & (paint == paint[row, column])
-    pieces = connected_components(alike, connectivity=4).piece
-    return runs_of_mask(pieces == pieces[row, column])
+    else:
+        alike = grid.free & (paint == paint[row, column])
+        pieces = connected_components(alike, connectivity=4).piece
+        inside = pieces == pieces[row, column]
+    if drawn is not None:
+        inside &= ~drawn
+        if not inside.any():
+            raise InputError("a doorway was drawn there; erase it to remove it")
+    return runs_of_mask(inside)
 
 
 def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDArray[np.int64], str]:

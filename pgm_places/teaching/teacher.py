@@ -34,7 +34,7 @@ from pgm_places.teaching.learning import Learning, learned_alone
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
-from pgm_places.topology.naming import KnownPlaces
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.unary.kept_table import KeptTable
 
 # Without a labeler to say at which resolution, finer maps are labelled at this one.
@@ -58,8 +58,8 @@ class Teacher:
         What may be painted: the labeler's labels by default.
     options : TeachingOptions, optional
         How paint is learned on top of what the labeler knows.
-    known_places : KnownPlaces, optional
-        Earlier places, which keep their ids and names; those of each result are known to the next.
+    known_places : PlaceIds, optional
+        Earlier places, which keep their ids and names. The places of each result are added to it.
     n_threads : int, optional
         All cores by default.
 
@@ -88,7 +88,7 @@ class Teacher:
         *,
         classes: Sequence[str] | None = None,
         options: TeachingOptions | None = None,
-        known_places: KnownPlaces | None = None,
+        known_places: PlaceIds | None = None,
         n_threads: int | None = None,
     ) -> None:
         if model is None and classes is None:
@@ -99,7 +99,8 @@ class Teacher:
         self._part = grid if self._window is None else self._window.crop(grid)
         self._take(classes or (() if self.labeler is None else self.labeler.label_names_))
         self.options = options or TeachingOptions()
-        self.known_places, self.n_threads = known_places, n_threads
+        self.known_places = PlaceIds() if known_places is None else known_places
+        self.n_threads = n_threads
         self._kept: KeptTable | None = None
         self._field = KeptField()
 
@@ -229,7 +230,7 @@ class Teacher:
             labelled = self._whole(task.labelled())
         with staged("places"):
             topology = places_of(labelled.cells, model.rules, ids=self.known_places)
-        self.known_places = topology.known_places
+        self.known_places.learn(topology)
 
         def labelled_by(name: str) -> LabelledPlaces:
             return self._whole(scored.task(name).labelled())

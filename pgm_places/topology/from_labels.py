@@ -24,7 +24,8 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
-from pgm_places.topology.naming import EarlierPlaces, name_places, number_on
+from pgm_places.topology.naming import name_places
+from pgm_places.topology.place_ids import PlaceIds, number_on
 from pgm_places.topology.regions import deepest_cells, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -87,7 +88,7 @@ def topological_map(
     correct: bool = True,
     beliefs: ArrayLike | None = None,
     layout: GridLayout | None = None,
-    known: EarlierPlaces | None = None,
+    known: PlaceIds | None = None,
     own_names: Mapping[int, str] | None = None,
     tolerance: AtLeastZero = 1.5,
     min_width_m: AtLeastZero = 0.0,
@@ -113,8 +114,9 @@ def topological_map(
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
         The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
-    known : KnownPlaces or other EarlierPlaces, optional
-        An earlier topological map's ``known_places``: recognised places keep their ids and names.
+    known : PlaceIds, optional
+        Earlier places, such as another map's ``known_places``, which keep their ids and names; its
+        cells are moved to the raster of ``grid``.
     own_names : mapping of int to str, optional
         Names that the user has given to ids.
     tolerance : float

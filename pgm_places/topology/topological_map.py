@@ -18,7 +18,7 @@ from pgm_places.plotting import charts, rasters
 from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.geojson import LOCAL_METRES, region_feature
-from pgm_places.topology.naming import KnownPlaces
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.regions import Region
 
 if TYPE_CHECKING:
@@ -343,13 +343,6 @@ class TopologicalMap(Plotted):
         return data_frame(columns, "id")
 
     @property
-    def known_places(self) -> KnownPlaces:
-        """The data from which the next run recognises these places."""
-        return KnownPlaces(
-            self.grid,
-            self.region,
-            {region.id: region.label for region in self.regions},
-            {region.id: region.name for region in self.regions},
-            self.next_id,
-            {region.id: region.anchor_m for region in self.regions},
-        )
+    def known_places(self) -> PlaceIds:
+        """The ids and areas by which the next run recognises these places."""
+        return PlaceIds.of(self)

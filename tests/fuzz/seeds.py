@@ -22,13 +22,12 @@ from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.networks.dimacs import CutProblem, write_dimacs
 from pgm_places.io.networks.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.places.place_ids_file import write_session
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import MANIFEST_FILE, probability_file
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelling.options import Outputs
-from pgm_places.live.place_memory import PlaceMemory
-from pgm_places.live.session_file import write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.factor_decoding import decode_factors
 from pgm_places.persistence.model_folder import load_folder, save_folder
@@ -36,6 +35,7 @@ from pgm_places.persistence.stored import load, save
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
@@ -180,7 +180,7 @@ def seeds(folder: Path) -> None:
         json_bytes({"format": "pgm-places output", "schema": 1, "files": {"a.txt": record}})
     )
     (folder / "removed.json").write_bytes(json_bytes(["a.txt", "bag/one"]))
-    memory = PlaceMemory()
+    memory = PlaceIds()
     memory.learn(gated_floor_map())
     write_session(folder / "robot.session", memory)
     _write_journal(folder, grid)

@@ -19,7 +19,6 @@ from pgm_places.io.places.exports import EXPORTS, export
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.label import label_map
-from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.factor_decoding import decode_factors
 from pgm_places.persistence.map_prior import LabelledMapFolder
@@ -27,6 +26,7 @@ from pgm_places.persistence.stored import Stored
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
@@ -109,7 +109,7 @@ def write_places(read: TopologicalMap, folder: Path) -> None:
         export(read, to, target)
 
 
-def go_on(read: PlaceMemory, _: Path) -> None:
+def go_on(read: PlaceIds, _: Path) -> None:
     """The robot goes on with the places that it knew."""
     read.learn(gated_floor_map())
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.live.session_file import read_session
+from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.persistence.stored import save
 from tests.drives import building
 from tests.live.robot import raw_map, text_of

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
+from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.map_process import (
     MOST_STARTS,
@@ -21,7 +22,6 @@ from pgm_places.live.map_process import (
     MapLabeller,
     MapProcess,
 )
-from pgm_places.live.session_file import read_session
 from pgm_places.persistence.stored import save
 from tests.drives import building
 from tests.live.robot import raw_map

@@ -10,6 +10,7 @@ import pytest
 from pgm_places.errors import LogError, MapError
 from pgm_places.io.logs.bags import MapMessage, grid_of_message, read_map_messages
 from pgm_places.io.logs.trajectories import write_trajectory
+from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.label import label_map
@@ -17,7 +18,6 @@ from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.place_finder import FoundPlace, MapFrame, MapView, PlaceFinder
 from pgm_places.live.replay import Replay
-from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.persistence.stored import save
 from pgm_places.trajectories.scan import Scan

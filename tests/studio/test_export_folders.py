@@ -6,7 +6,8 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.exports import ExportFolders, exports_record, write_export
+from pgm_places.studio.export_folders import ExportFolders
+from pgm_places.studio.exports import exports_record, write_export
 from pgm_places.studio.shelf import Shelf
 from tests.studio.conftest import HOST, TOKEN, Client
 from tests.studio.test_exports import paint

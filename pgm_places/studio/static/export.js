@@ -1,4 +1,4 @@
-// The dialog of exports: what is written where, and what there is older than the paint.
+// The dialog of exports: what is written where, and which files are out of date.
 
 import { h, byId } from "./dom.js";
 
@@ -65,20 +65,21 @@ export class Export {
 
   async #write() {
     this.write.disabled = true;
-    const [written, problems] = [[], []];
+    const [written, said, problems] = [[], [], []];
     for (const [name, box] of this.boxes) {
       if (!box.checked) continue;
       try {
         const replaced = [...this.there, ...written];
-        const { files } = await this.studio.server.post("export", { what: name, folder: this.folder, replaced });
+        const { files, remarks } = await this.studio.server.post("export", { what: name, folder: this.folder, replaced });
         written.push(...files.map((path) => path.split(/[\\/]/).pop()));
+        said.push(...remarks);
       } catch (error) {
         problems.push(error.message);
       }
     }
-    await this.#show(this.folder); // the ages are others now
+    await this.#show(this.folder); // what was written is up to date now
     const names = [...new Set(written)];
-    this.#tell([names.length ? `Written: ${names.join(", ")}.` : "", ...problems].filter(Boolean).join(" "), problems.length > 0);
+    this.#tell([names.length ? `Written: ${names.join(", ")}.` : "", ...new Set(said), ...problems].filter(Boolean).join(" "), problems.length > 0);
   }
 
   #tell(words, bad) {
@@ -89,7 +90,7 @@ export class Export {
 
 function age({ written, older }) {
   if (!written) return "not written yet";
-  return older ? "older than the paint" : "up to date";
+  return older ? "out of date" : "up to date";
 }
 
 function replaced({ there }) {

@@ -11,6 +11,7 @@ from pgm_places.io.maps.regions import load_regions, read_regions
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.place_ids import PlaceIds
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gated_floor_map
 
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
@@ -172,10 +173,8 @@ def test_own_names(tmp_path: Path) -> None:
 def test_too_many_ids_are_refused(tmp_path: Path) -> None:
     labels = floor_labels()
     grid = floor_grid(labels)
-    known = topological_map(grid, labels, NAMES).known_places
-    labels[2, 2] = -1
-    many = topological_map(
-        grid, labels, NAMES, known=type(known)(grid, 0 * known.region, {}, {}, next_id=65530)
-    )
+    known = PlaceIds()
+    known.next_id = 65530
+    many = topological_map(grid, labels, NAMES, known=known)
     with pytest.raises(OutputError, match="ids have been assigned"):
         save_topology(tmp_path, many)

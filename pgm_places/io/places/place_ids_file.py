@@ -12,9 +12,9 @@ from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_record, user_path
-from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option
+from pgm_places.topology.place_ids import PlaceIds, RememberedPlace
 
 __all__ = ["read_session", "write_session"]
 
@@ -28,7 +28,7 @@ _count = partial(check_option, "a count", Annotated[int, Ge(0)])
 _text = partial(check_option, "a name", str)
 
 
-def write_session(path: Path | str, memory: PlaceMemory) -> Path:
+def write_session(path: Path | str, memory: PlaceIds) -> Path:
     """Write what a memory knows; the path. A file that stood there is replaced at once.
 
     Raises
@@ -65,7 +65,7 @@ def write_session(path: Path | str, memory: PlaceMemory) -> Path:
     return write_json(path, record, ensure_ascii=False)
 
 
-def read_session(path: Path | str) -> PlaceMemory:
+def read_session(path: Path | str) -> PlaceIds:
     """The memory that :func:`write_session` wrote; an empty one where there is no file yet.
 
     Raises
@@ -73,7 +73,7 @@ def read_session(path: Path | str) -> PlaceMemory:
     InputError
         The file is no session, or damaged.
     """
-    source, memory = user_path(path, InputError), PlaceMemory()
+    source, memory = user_path(path, InputError), PlaceIds()
     if not source.exists():
         return memory
     what, remedy = (
@@ -85,7 +85,7 @@ def read_session(path: Path | str) -> PlaceMemory:
     return memory
 
 
-def _fill(memory: PlaceMemory, record: Mapping[str, Any]) -> None:
+def _fill(memory: PlaceIds, record: Mapping[str, Any]) -> None:
     raster, left = record["raster"], MOST_CELLS
     if raster is not None:
         x, y = map(float, raster["origin_xy_m"])

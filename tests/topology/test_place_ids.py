@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from pgm_places.datasets import generate_building
-from pgm_places.live.place_memory import PlaceMemory
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.place_ids import PlaceIds, number_on
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.live.loop_closure import bent
+from tests.topology import floors
 
 NAMES = ("room", "corridor", "doorway")
 ROOM, CORRIDOR, DOORWAY, NONE = 0, 1, 2, -1
@@ -18,7 +20,7 @@ class Maps:
     """Label rasters, one after the other, through one memory."""
 
     def __init__(self) -> None:
-        self.memory = PlaceMemory()
+        self.memory = PlaceIds()
 
     def take(
         self, labels: np.ndarray, origin_xy_m: tuple[float, float] = (0.0, 0.0), cell: float = 0.1
@@ -195,3 +197,57 @@ def test_of_two_pieces_of_a_room_the_larger_keeps_its_id() -> None:
     assert ids(two) == [1, 2, 3]
     assert two.region[30, 50] == 1
     assert maps.memory.parted == {3: 1}
+
+
+def test_doorways_are_numbered_after_all_others() -> None:
+    labels = np.array([[0, 0, 0, 0], [-1, -1, -1, 2], [1, 2, 1, 1]], np.int16)
+    pieces, names = connected_components(labels), floors.NAMES
+    grid = floors.floor_grid(labels)
+    assert [names[label] for label in pieces.label] == [
+        "corridor", "doorway", "room", "doorway", "room",
+    ]  # fmt: skip
+    assert number_on([0] * 5, 1, pieces, grid, names, "doorway")[0] == [2, 5, 1, 4, 3]
+    assert number_on([0] * 5, 1, pieces, grid, names, "door")[0] == [3, 5, 1, 2, 4]
+
+
+def free(labels: np.ndarray, origin: tuple[float, float], yaw_rad: float = 0.0) -> OccupancyGrid:
+    return OccupancyGrid(np.where(labels < 0, 100, 0), 0.1, origin, yaw_rad)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.5])
+def test_an_edited_origin_is_said_and_renumbers_nothing(yaw_rad: float) -> None:
+    before = topological_map(free(parted(), (0.0, 0.0)), parted(), NAMES, correct=False)
+    known, moved = before.known_places, free(parted(), (-20.0, 3.0), yaw_rad)
+    message = known.fit_to(moved)
+    assert message == (
+        "the origin of the map was (0, 0) m, 0 rad when its places were numbered and is "
+        f"(-20, 3) m, {yaw_rad:g} rad now; they keep their ids"
+    )
+    after = topological_map(moved, parted(), NAMES, correct=False, known=known)
+    np.testing.assert_array_equal(after.region, before.region)
+    assert all(
+        after.region_at(*item.anchor_m).id == item.id  # type: ignore[union-attr]
+        for item in after.regions
+    )
+    for one, other in zip(before.regions, after.regions, strict=True):
+        cells = [grid.cells_at_m([item.anchor_m]) for grid, item in
+                 ((before.grid, one), (after.grid, other))]  # fmt: skip
+        np.testing.assert_array_equal(*cells)
+
+
+def test_another_map_is_said_and_its_places_get_ids_never_used_before() -> None:
+    before = topological_map(free(parted(), (0.0, 0.0)), parted(), NAMES, correct=False)
+    known, other = before.known_places, np.full((30, 90), NONE, np.int16)
+    other[:5, 70:] = ROOM
+    message = known.fit_to(free(other, (0.0, 0.0)))
+    assert "another map" in message and "0 % of the area" in message and "from 4" in message
+    after = topological_map(free(other, (0.0, 0.0)), other, NAMES, correct=False, known=known)
+    assert ids(after) == [4]
+
+
+def test_a_map_that_has_changed_in_places_is_the_same_map() -> None:
+    before = topological_map(free(whole(), (0.0, 0.0)), whole(), NAMES, correct=False)
+    smaller = whole()
+    smaller[22:, 40:] = NONE
+    assert before.known_places.fit_to(free(smaller, (0.0, 0.0))) == ""
+    assert PlaceIds().fit_to(free(whole(), (0.0, 0.0))) == ""

@@ -1,16 +1,25 @@
-"""PlaceMemory: the places of all maps so far, by which those of the next map are recognised."""
+"""Ids of places: the places of earlier maps, by which those of the next map are recognised."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.maps.raster_shift import raster_shift
-from pgm_places.topology.naming import SAME_PLACE, middles, number_on
-from pgm_places.topology.topological_map import TopologicalMap
+
+if TYPE_CHECKING:
+    from pgm_places.topology.topological_map import TopologicalMap
+
+SAME_PLACE = 0.25
+"""Smallest intersection over union of areas at which a place keeps its id."""
+
+ROW_M = 3.0
+"""Places whose anchors differ by less than this in y count as one row when numbering."""
 
 CONTAINED = 0.8
 """Share of a place that lies in a piece which is taken for its larger self: it has grown. Share of
@@ -50,7 +59,13 @@ class RememberedPlace:
     n_maps: int = 1
 
 
-class PlaceMemory:
+SAME_MAP, SAME_RASTER, OTHER_MAP = 0.9, 0.95, 0.5
+"""Shares of the area of earlier places that is free in a map. At least the first: it is their map.
+At least the second by rows and columns instead: their map with another origin. Below the third:
+another map."""
+
+
+class PlaceIds:
     """Recognises places by their class and area, also after maps in which they were missing.
 
     Each place is kept as it was when it was last there. A piece of the next map may be a place of
@@ -66,7 +81,7 @@ class PlaceMemory:
     places : mapping of int to RememberedPlace
         By id.
     raster : OccupancyGrid or None
-        Whose cells are meant; only its frame counts. None before the first map.
+        The raster of their cells; only its frame counts. None before the first map.
     last : set of int
         Ids that were in the last map.
     next_id : int
@@ -91,6 +106,13 @@ class PlaceMemory:
         self.merged: Mapping[int, int] = {}
         self.parted: Mapping[int, int] = {}
 
+    @classmethod
+    def of(cls, topology: "TopologicalMap") -> Self:
+        """The ids of one map."""
+        ids = cls()
+        ids.learn(topology)
+        return ids
+
     @property
     def names(self) -> Mapping[int, str]:
         """The name of every id."""
@@ -108,7 +130,7 @@ class PlaceMemory:
         label_names: Sequence[str],
         doorway_label: str = "doorway",
     ) -> tuple[list[int], int]:
-        """An id per piece, and the next unused id: see ``topology.naming.number_on``."""
+        """An id per piece, and the next unused id: see :func:`number_on`."""
         from scipy.optimize import linear_sum_assignment
 
         self._move_to(grid)
@@ -123,24 +145,58 @@ class PlaceMemory:
         self._note_changes(ids, known, common, pieces)
         return ids, next_id
 
-    def learn(self, topology: TopologicalMap) -> None:
+    def learn(self, topology: "TopologicalMap") -> None:
         """Keep the places of a map whose ids came from here."""
-        cells = np.argwhere(topology.region > 0)
-        number = topology.region[tuple(cells.T)]
-        order = np.argsort(number, kind="stable")
-        cells, number = cells[order], number[order]
         for region in topology.regions:
-            low, high = np.searchsorted(number, [region.id, region.id + 1])
             before = self.places.get(region.id)
             self.places[region.id] = RememberedPlace(
                 region.label,
                 region.name,
-                cells[low:high],
+                topology.cells(region.id),
                 region.anchor_m,
                 1 if before is None else before.n_maps + 1,
             )
-        self.raster, self.next_id = topology.grid, topology.next_id
+        self.raster, self.next_id = topology.grid, max(self.next_id, topology.next_id)
         self.last = frozenset(region.id for region in topology.regions)
+
+    def fit_to(self, grid: OccupancyGrid) -> str:
+        """Take the next map's origin for theirs where it was edited; the message, "" for none.
+
+        An edited origin moves all cells in the map frame, but not in the raster. If most of the
+        places of the last map are not free in this one, the message says that it is another map.
+        """
+        if self.raster is None or not self.last:
+            return ""
+        n_cells, n_free = 0, np.zeros(2, np.int64)
+        for number in self.last:
+            cells = self.places[number].cells
+            here = grid.cells_at_m(self.raster.cell_centres_m(cells))
+            n_free += [int(at_cells(grid.free, rc, False).sum()) for rc in (here, cells)]
+            n_cells += len(cells)
+        share, by_cell = (n_free / max(n_cells, 1)).tolist()
+        before, now = (
+            f"({x:g}, {y:g}) m, {yaw_rad:g} rad"
+            for (x, y), yaw_rad in (
+                (raster.origin_xy_m, raster.yaw_rad) for raster in (self.raster, grid)
+            )
+        )
+        if share < SAME_MAP and by_cell >= SAME_RASTER and before != now:
+            for place in self.places.values():
+                at = self.raster.points_at_m([place.anchor_m])
+                [[x, y]] = grid.cell_centres_m(at[:, ::-1] - 0.5).tolist()
+                place.anchor_m = (x, y)
+            self.raster = grid
+            return (
+                f"the origin of the map was {before} when its places were numbered and is {now} "
+                "now; they keep their ids"
+            )
+        if share < OTHER_MAP:
+            return (
+                f"the ids are those of another map, or its frame has moved: {100 * share:.0f} % of "
+                "the area of its places is free here; places not recognised are numbered from "
+                f"{self.next_id}"
+            )
+        return ""
 
     def _move_to(self, grid: OccupancyGrid) -> None:
         """Number the remembered cells as in another map."""
@@ -149,10 +205,7 @@ class PlaceMemory:
         shift = raster_shift(self.raster, grid)
         for place in self.places.values():
             if shift is None:
-                # Of another raster, the cells under the middles of the old ones: their area may
-                # be another, but not by much.
-                centres = self.raster.cell_centres_m(place.cells)
-                place.cells = np.unique(grid.cells_at_m(centres), axis=0)
+                place.cells = _resampled(place.cells, self.raster, grid)
             elif shift.any():
                 place.cells = place.cells + shift
         self.raster = grid
@@ -236,3 +289,66 @@ class PlaceMemory:
             best = max(last, key=lambda k: common[piece, k])
             if 2 * common[piece, best] > pieces.size[piece]:
                 self.parted[number] = known[best]
+
+
+def _resampled(
+    cells: NDArray[np.int64], old: OccupancyGrid, new: OccupancyGrid
+) -> NDArray[np.int64]:
+    """(n, 2) cells of a new raster whose centres lie in cells (m, 2) of an old one."""
+    if not len(cells):
+        return cells
+    low, high = cells.min(axis=0), cells.max(axis=0) + 1
+    inside = np.zeros(high - low, np.bool_)
+    inside[tuple((cells - low).T)] = True
+    corners = np.array([low, (low[0], high[1]), (high[0], low[1]), high]) - 0.5
+    box = new.cells_at_m(old.cell_centres_m(corners))
+    first, shape = box.min(axis=0), tuple((np.ptp(box, axis=0) + 1).tolist())
+    found = [np.empty((0, 2), np.int64)]
+    for rows in bands_of_rows(shape):
+        here = np.indices((rows.stop - rows.start, shape[1])).reshape(2, -1).T
+        here += first + np.array([rows.start, 0])
+        there = old.cells_at_m(new.cell_centres_m(here)) - low
+        found.append(here[at_cells(inside, there, False)])
+    return np.concatenate(found)
+
+
+def number_on(
+    ids: list[int],
+    next_id: int,
+    pieces: Components,
+    grid: OccupancyGrid,
+    label_names: Sequence[str],
+    doorway_label: str,
+) -> tuple[list[int], int]:
+    """The ids with those that are 0 replaced by new ones from ``next_id``, and the next unused one.
+
+    They are given from top to bottom and from left to right, doorways last: the numbers of rooms
+    and corridors on a map are not interrupted by those of the doors between them.
+    """
+    is_doorway = np.array([label_names[label] == doorway_label for label in pieces.label], np.bool_)
+    order = reading_order(pieces, grid)
+    found = list(ids)
+    for piece in [*order[~is_doorway[order]].tolist(), *order[is_doorway[order]].tolist()]:
+        if not found[piece]:
+            found[piece] = next_id
+            next_id += 1
+    return found, next_id
+
+
+def middles(pieces: Components) -> NDArray[np.float64]:
+    """(R, 2) mean row and column of the cells of each piece."""
+    sums = np.zeros((2, pieces.count))
+    for part in bands_of_rows(pieces.piece.shape):
+        band = pieces.piece[part]
+        inside = np.nonzero(band >= 0)
+        numbers = band[inside]
+        sums[0] += np.bincount(numbers, inside[0] + part.start, pieces.count)
+        sums[1] += np.bincount(numbers, inside[1], pieces.count)
+    return (sums / pieces.size).T
+
+
+def reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
+    """(R,) pieces by row from the top, each row from the left, by their mean cells."""
+    rows, columns = middles(pieces).T
+    band = np.floor((grid.shape[0] - rows) * grid.resolution_m / ROW_M)
+    return np.lexsort((columns, band))

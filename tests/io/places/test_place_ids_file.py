@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
-from pgm_places.live.session_file import read_session, write_session
+from pgm_places.io.places.place_ids_file import read_session, write_session
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from tests.live.test_place_memory import Maps, ids, parted, whole
+from pgm_places.topology.place_ids import PlaceIds, RememberedPlace
+from tests.topology.test_place_ids import Maps, ids, parted, whole
 
 
 @pytest.fixture
-def memory() -> PlaceMemory:
+def memory() -> PlaceIds:
     """Of a room that was parted, on a map whose origin has moved: some cells lie outside."""
     maps = Maps()
     maps.take(whole())
@@ -24,7 +24,7 @@ def memory() -> PlaceMemory:
     return maps.memory
 
 
-def test_what_is_read_is_what_was_written(memory: PlaceMemory, tmp_path: Path) -> None:
+def test_what_is_read_is_what_was_written(memory: PlaceIds, tmp_path: Path) -> None:
     found = read_session(write_session(tmp_path / "session.json", memory))
     assert (found.n_maps, found.next_id, found.last) == (3, memory.next_id, memory.last)
     assert found.places.keys() == memory.places.keys() == {1, 2, 3}
@@ -46,7 +46,7 @@ def test_cells_like_stairs_stay_where_they_are(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.places[1].cells, cells)
 
 
-def test_the_next_map_finds_the_same_ids(memory: PlaceMemory, tmp_path: Path) -> None:
+def test_the_next_map_finds_the_same_ids(memory: PlaceIds, tmp_path: Path) -> None:
     maps, read = Maps(), Maps()
     read.memory = read_session(write_session(tmp_path / "session.json", memory))
     maps.memory = memory
@@ -59,7 +59,7 @@ def test_the_next_map_finds_the_same_ids(memory: PlaceMemory, tmp_path: Path) ->
 
 def test_a_session_without_maps_and_none_at_all(tmp_path: Path) -> None:
     assert read_session(tmp_path / "none.json").places == {}
-    found = read_session(write_session(tmp_path / "empty.json", PlaceMemory()))
+    found = read_session(write_session(tmp_path / "empty.json", PlaceIds()))
     assert (found.places, found.n_maps, found.raster) == ({}, 0, None)
 
 
@@ -77,7 +77,7 @@ def test_a_session_without_maps_and_none_at_all(tmp_path: Path) -> None:
         ("places", [{"id": 1}]),
     ],
 )
-def test_damage_is_said(memory: PlaceMemory, tmp_path: Path, key: str, value: object) -> None:
+def test_damage_is_said(memory: PlaceIds, tmp_path: Path, key: str, value: object) -> None:
     path = write_session(tmp_path / "session.json", memory)
     record = json.loads(path.read_text())
     path.write_text(json.dumps({**record, key: value}))
@@ -99,9 +99,7 @@ def test_damage_is_said(memory: PlaceMemory, tmp_path: Path, key: str, value: ob
         7,
     ],
 )
-def test_cells_that_no_map_has_are_damage(
-    memory: PlaceMemory, tmp_path: Path, runs: object
-) -> None:
+def test_cells_that_no_map_has_are_damage(memory: PlaceIds, tmp_path: Path, runs: object) -> None:
     path = write_session(tmp_path / "session.json", memory)
     record = json.loads(path.read_text())
     record["places"][0]["runs"] = runs
