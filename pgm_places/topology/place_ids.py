@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,7 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.maps.raster_shift import raster_shift
-
-if TYPE_CHECKING:
-    from pgm_places.topology.topological_map import TopologicalMap
+from pgm_places.topology.regions import Region
 
 SAME_PLACE = 0.25
 """Smallest intersection over union of areas at which a place keeps its id."""
@@ -65,6 +63,29 @@ At least the second by rows and columns instead: their map with another origin. 
 another map."""
 
 
+class Places(Protocol):
+    """The part of a topological map that its ids follow from."""
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map."""
+        ...
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """The places."""
+        ...
+
+    @property
+    def next_id(self) -> int:
+        """The first id that has never been used."""
+        ...
+
+    def cells(self, key: int) -> NDArray[np.int64]:
+        """(n, 2) row and column of the cells of a place."""
+        ...
+
+
 class PlaceIds:
     """Recognises places by their class and area, also after maps in which they were missing.
 
@@ -107,7 +128,7 @@ class PlaceIds:
         self.parted: Mapping[int, int] = {}
 
     @classmethod
-    def of(cls, topology: "TopologicalMap") -> Self:
+    def of(cls, topology: Places) -> Self:
         """The ids of one map."""
         ids = cls()
         ids.learn(topology)
@@ -145,7 +166,7 @@ class PlaceIds:
         self._note_changes(ids, known, common, pieces)
         return ids, next_id
 
-    def learn(self, topology: "TopologicalMap") -> None:
+    def learn(self, topology: Places) -> None:
         """Keep the places of a map whose ids came from here."""
         for region in topology.regions:
             before = self.places.get(region.id)

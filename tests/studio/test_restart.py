@@ -168,7 +168,7 @@ def test_an_export_is_up_to_date_while_it_would_be_written_the_same(studio: Open
 def test_an_export_while_the_labels_are_those_of_earlier_paint_is_out_of_date(studio: Open) -> None:
     desk = studio()
     paint(desk, "room", (6, 6), (24, 24))
-    desk.learner.ask = lambda _: None  # type: ignore[method-assign]  # the learner is busy
+    desk.learner.ask = lambda question: None  # type: ignore[method-assign]  # it is busy
     stroke = {"tool": "rectangle", "points": [[27, 6], [45, 24]], "radius": 1}
     desk.edit({"kind": "stroke", "label": 0, "stroke": stroke})
     write_export(desk, "labels")
