@@ -19,7 +19,7 @@ from pgm_places.unary.space_model import log_sum
 _AT_GATE = {"wider_m": 0.3, "deeper_m": 1.0}
 """Cells so far beside, and before or behind, a gate may be its doorway."""
 
-_DEPTH_M = 0.84
+DOORWAY_DEPTH_M = 0.84
 """Doorways are rarely deeper: they are drawn 0.8 m deep, and cells count by their centres."""
 
 _AWAY, _NEAR, _MIDDLE = np.log([0.02, 0.4, 1.0]).tolist()
@@ -89,7 +89,7 @@ def _parts_of_gates(
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """(N,) parts of cells: away from gates 0, near one 1, in its middle 2; (3,) what each adds."""
     added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE])
-    half_m = (_DEPTH_M if depth_m is None else depth_m) / 2
+    half_m = (DOORWAY_DEPTH_M if depth_m is None else depth_m) / 2
     part = np.zeros(len(log_z), np.uint8)
     for gate in doorways.gates:
         cells = gate.cells(doorways.grid, **_AT_GATE)

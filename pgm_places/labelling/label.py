@@ -1,7 +1,7 @@
 """label: a map labelled by a loaded model, on the map's own raster."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from pgm_places._arguments import public
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Backend
+from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.kernels.pages import return_freed
 from pgm_places.kernels.threads import threads
@@ -23,7 +24,9 @@ from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.place_problem import accepted_doorways
 from pgm_places.labelers.whole_map import window_to_label
+from pgm_places.labelling.door_rectangles import doorways_as_rectangles
 from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.places import separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Whole
 from pgm_places.progress import Progress, reported, staged, warn
@@ -242,6 +245,7 @@ class LabellingTask:
             labeling = labeler.with_halls(infer(self.backend, self.problem), self.hall)
         if at.observed is not None:
             labeling = at.observed.kept(labeling, self.layout)
+        labeling = self._with_rectangles(labeling)
         return on_own_raster(
             at.grid,
             at.used,
@@ -253,4 +257,22 @@ class LabellingTask:
             doorways=at.doorways,
             known=at.observed,
             entered=at.model.entered,
+        )
+
+    def _with_rectangles(self, labeling: Labeling) -> Labeling:
+        """The labels with a rectangle of doorway at each gate that separates places."""
+        at, rules = self.map, self.map.model.rules
+        names, gates = at.model.labeler.label_names_, separating_gates(at.doorways, rules)
+        if gates is None or rules.doorway_label not in names:
+            return labeling
+        labels = doorways_as_rectangles(
+            self.layout.to_raster(labeling.labels.astype(np.int16), fill=-1),
+            at.used,
+            gates,
+            names.index(rules.doorway_label),
+            depth_m=at.model.labeler.doorway_depth_m,
+            fixed=None if at.observed is None else at.observed.on_cells >= 0,
+        )
+        return replace(
+            labeling, labels=self.layout.from_raster(labels).astype(labeling.labels.dtype)
         )

@@ -1,0 +1,101 @@
+"""Doorways of a labelled map as rectangles across their openings, where gates are known."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.labelers.place_problem import DOORWAY_DEPTH_M
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gate import Gate
+from pgm_places.topology.gate_pieces import grow
+
+_AROUND_M = 1.5
+"""Doorways are relabelled up to this distance from a rectangle."""
+
+_BESIDE = np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+
+
+def doorways_as_rectangles(
+    labels: NDArray[np.int16],
+    grid: OccupancyGrid,
+    doorways: Doorways,
+    doorway: int,
+    *,
+    depth_m: float | None = None,
+    fixed: NDArray[np.bool_] | None = None,
+) -> NDArray[np.int16]:
+    """(H, W) the labels, with a rectangle of doorway at each gate.
+
+    The rectangle reaches from wall to wall, is as deep as doorways are labelled and centred on the
+    gate; of it, the labelled cells count that can be reached from the opening without leaving it.
+    Other doorway cells around that touch a rectangle take the label beside them.
+
+    Parameters
+    ----------
+    labels : (H, W) int16
+        Label per cell, -1 for none.
+    grid : OccupancyGrid
+        The map of the labels and gates.
+    doorways : Doorways
+    doorway : int
+        The label of doorways.
+    depth_m : float, optional
+        How deep doorways are labelled (m); by default, as the models' training maps have them.
+    fixed : (H, W) bool, optional
+        Cells that keep their labels, such as corrections.
+    """
+    found, inside = labels.copy(), np.zeros(labels.shape, np.bool_)
+    depth_m = depth_m or DOORWAY_DEPTH_M
+    rectangles = [_rectangle(gate, grid, labels, depth_m) for gate in doorways.gates]
+    for cells in rectangles:
+        r, c = cells.T
+        inside[r, c] = True
+        open_to_change = slice(None) if fixed is None else ~fixed[r, c]
+        found[r[open_to_change], c[open_to_change]] = doorway
+    reach = int(_AROUND_M / grid.resolution_m) + 1
+    for cells in filter(len, rectangles):
+        low, high = np.maximum(cells.min(axis=0) - reach, 0), cells.max(axis=0) + reach + 1
+        window = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        kept = inside[window] if fixed is None else inside[window] | fixed[window]
+        _relabel_around(found[window], inside[window], kept, doorway)
+    return found
+
+
+def _relabel_around(
+    found: NDArray[np.int16], inside: NDArray[np.bool_], kept: NDArray[np.bool_], doorway: int
+) -> None:
+    """Give doorway cells that touch a rectangle, but are not in it, the label around them."""
+    rest = (found == doorway) & ~kept
+    touched = np.where(inside, np.int8(1), np.int8(-1))
+    grow(touched, rest, np.zeros(rest.shape, np.int8))
+    rest &= touched > 0
+    found[rest] = -1
+    grow(found, rest, inside.astype(np.int8))
+    found[rest & (found < 0)] = doorway  # nothing else is beside it
+
+
+def _rectangle(
+    gate: Gate, grid: OccupancyGrid, labels: NDArray[np.int16], depth_m: float
+) -> NDArray[np.int64]:
+    """(n, 2) the labelled cells of a gate's rectangle that its opening leads to within it."""
+    edge = 1e-6 * grid.resolution_m  # cell centres on the edge are inside, whatever the heading
+    wider = grid.resolution_m + edge
+    opening = max(0.75 * grid.resolution_m - gate.depth_m / 2, 0.0)  # no diagonal step passes it
+    deeper = max(opening, (depth_m - gate.depth_m) / 2) + edge
+    cells = gate.cells(grid, wider_m=wider, deeper_m=deeper)
+    cells = cells[labels[cells[:, 0], cells[:, 1]] >= 0]
+    if not len(cells):
+        return cells
+    centres = grid.cell_centres_m(cells)
+    reached = gate.contains(centres, wider_m=wider, deeper_m=opening + edge)
+    low = cells.min(axis=0) - 1
+    number = np.full(cells.max(axis=0) - low + 2, -1)
+    number[tuple((cells - low).T)] = np.arange(len(cells))
+    new = np.flatnonzero(reached)
+    while len(new):
+        beside = (cells[new] - low)[:, np.newaxis] + _BESIDE
+        near = number[beside[..., 0], beside[..., 1]].ravel()
+        new = np.unique(near[near >= 0])
+        new = new[~reached[new]]
+        reached[new] = True
+    return cells[reached]
