@@ -18,7 +18,7 @@ assert not (here.parent / "models").is_symlink()
 from pgm_places.datasets import generate_building
 from pgm_places.trained import NAMES, trained_labeler, trained_tracker
 assert generate_building(size="small").grid.free.any()
-from pgm_places.report.page import render
+from pgm_places.pictures.page import render
 assert "</html>" in render("base.html", title="a page", links=[])
 for name in NAMES:
     assert trained_labeler(name).label_names_ == ("corridor", "room", "doorway")
@@ -38,7 +38,7 @@ def check_contents(wheel: Path) -> None:
     if not any(name.startswith("pgm_places/_core.") for name in names):
         sys.exit(f"{wheel.name} lacks its compiled kernels")
     root = Path(__file__).resolve().parent.parent
-    pages = [root / "pgm_places" / name for name in ("report/templates", "studio/static")]
+    pages = [root / "pgm_places" / name for name in ("pictures/templates", "studio/static")]
     files = ["pgm_places/py.typed", "pgm_places/__init__.pyi"]
     files += [path.relative_to(root).as_posix() for folder in pages for path in folder.iterdir()]
     for wanted in files:

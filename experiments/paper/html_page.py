@@ -6,7 +6,7 @@ from pathlib import Path
 
 from experiments.paper.markdown import OVERVIEW, PAPER_COLUMN, STAND_IN_WARNING, overview_table
 from experiments.paper.section import Section, Table
-from pgm_places.report.page import data_uri, render
+from pgm_places.pictures.page import data_uri, render
 
 TITLE = "The paper’s experiments"
 

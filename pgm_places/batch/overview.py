@@ -10,7 +10,8 @@ from pgm_places.batch.growing_table import Row
 from pgm_places.batch.map_task import warnings_of
 from pgm_places.io.places.result_folder import THUMBNAIL_FILE, detail_path
 from pgm_places.palette import label_swatches
-from pgm_places.report.page import render
+from pgm_places.pictures.map_page import PAGE_FILE
+from pgm_places.pictures.page import render
 
 MOST_ROWS = 2000
 """Maps listed, those with most area in doubt; the table of all is in ``summary.csv``."""
@@ -136,6 +137,7 @@ def overview_page(overview: Overview, out: Path | None) -> str:
             "parts": row["name"].removesuffix("/map").split("/"),
             "areas": [_figure(row.get(f"{label}_m2", "")) for label in overview.labels],
             "picture": _picture(row["name"], out),
+            "page": _page(row["name"], out),
             "messages": warnings_of(out / row["name"]) if out and row["warnings"] != "0" else (),
             "doubt_percent": _figure(row["doubt"], 100.0),
             "doubtful": _figure(row["doubtful_m2"]),
@@ -150,7 +152,6 @@ def overview_page(overview: Overview, out: Path | None) -> str:
         cards=list(_cards(overview)),
         labels=label_swatches(overview.labels),
         rows=rows,
-        pictured=any(row["picture"] for row in rows),
         n_rows=overview.n_rows,
         folders=_folders(overview),
         n_folders=len(overview.folders),
@@ -167,6 +168,12 @@ def _picture(name: str, out: Path | None) -> str:
         return f"{quote(name)}/{THUMBNAIL_FILE}"
     path = detail_path(out / name, THUMBNAIL_FILE)
     return quote(path.relative_to(out).as_posix()) if path.exists() else ""
+
+
+def _page(name: str, out: Path | None) -> str:
+    """The link to a map's page; to its folder where there is none."""
+    has_page = out is None or (out / name / PAGE_FILE).exists()
+    return f"{quote(name)}/{PAGE_FILE if has_page else ''}"
 
 
 def _figure(text: str, times: float = 1.0) -> str:

@@ -363,14 +363,23 @@ def _key(text: str) -> int | str:
 def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import PlaceSettings, load_settings, save_settings
-    from pgm_places.io.places.result_folder import OLD_FILES, PLACES_FILE, settings_path
-    from pgm_places.labelling.files import write_topology
+    from pgm_places.io.places.result_folder import (
+        OLD_FILES,
+        OLD_PLACES_FILE,
+        PLACES_FILE,
+        settings_path,
+    )
+    from pgm_places.io.staging import file_names
+    from pgm_places.labelling.files import PLACES, write_topology
     from pgm_places.report.places_summary import places_summary
 
     # The command that wrote the folder goes on owning its other files.
     with output_set(folder, by, force=True, shared=True, replaces=OLD_FILES) as files:
         if settings_path(folder).name == PLACES_FILE:  # of an earlier version: its name is taken
             save_settings(files.stage, load_settings(folder) or PlaceSettings(TopologyOptions()))
-        write_topology(files.stage, topology.grid, topology, title=folder.name)
+        names = {*file_names(folder.resolve()), *PLACES} - {OLD_PLACES_FILE}
+        write_topology(
+            files.stage, topology.grid, topology, title=folder.name, page={"names": names}
+        )
     say(places_summary(topology, folder))
     say_written(files)

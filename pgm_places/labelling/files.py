@@ -1,10 +1,10 @@
 """The files of a labelled map: their names, and the one writer of labels and places."""
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from pgm_places.labelling.options import Outputs
 from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.drawing import Packing
+from pgm_places.pictures.map_page import PAGE_FILE, MapPage
 from pgm_places.pictures.map_pictures import overview
 from pgm_places.pictures.topology_pictures import topology_drawing
 from pgm_places.progress import Progress, reported, staged, warn, warnings_noted
@@ -46,11 +47,20 @@ from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
+
+class PageFacts(TypedDict, total=False):
+    """What ``index.html`` says besides the places: the folder's files, the map, warnings."""
+
+    names: Collection[str]
+    map_name: str
+    warnings: Sequence[str]
+
+
 COMPARISON = ("results.json", "report.html")
 
 DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
 
-PLACES = ("places.json", "regions.png", "regions.geojson", "topology.png")
+PLACES = (PAGE_FILE, "places.json", "regions.png", "regions.geojson", "topology.png")
 
 TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
 
@@ -151,22 +161,31 @@ def write_labelled(
     with reported(progress), Packing(n_threads) as packing:
         with staged("writing files"):
             write_labels(result, source, files.stage, packing=packing, outputs=outputs)
-        summary, area_m2, unentered = result.summary(), result.shares(), result.unentered
-        warnings = (*source.warnings, *result.warnings)
-        cells = result.cells
+        record, unentered = _record_of(result, source), result.unentered
+        warnings, cells = (*source.warnings, *result.warnings), result.cells
         if (
             cells.beliefs is not None
         ):  # those of a huge map wait in a file until its places are known
             cells = replace(cells, beliefs=set_aside(cells.beliefs, files.stage))
-        title = f"{source.name}: {result.method}"
+        names = output_file_names(result.label_names, outputs)
         del result  # the labels of a huge map's nodes are not needed any more
         return_freed()
         with staged("places"), warnings_noted() as of_places:
             topology = write_places(
-                files, title, cells, rules, packing=packing, picture=outputs.pictures
+                files,
+                source.name,
+                cells,
+                rules,
+                packing=packing,
+                picture=outputs.pictures,
+                page={"names": names, "map_name": source.yaml_path.name, "warnings": warnings},
             )
-    warnings = (*warnings, *of_places)
-    return WrittenMap(summary, cells.labels, area_m2, warnings, topology, unentered)
+        record["area_m2"] = topology.area_m2
+        warnings = (*warnings, *of_places)
+        write_json(files.stage / SUMMARY_FILE, record, indent=2, allow_nan=True)
+    areas = ", ".join(f"{name} {area:.1f} m²" for name, area in topology.area_m2.items())
+    summary = f"{record['method']}: {areas} ({record['status']}: {record['status_meaning']})"
+    return WrittenMap(summary, cells.labels, topology.area_m2, warnings, topology, unentered)
 
 
 def write_places(
@@ -177,11 +196,12 @@ def write_places(
     *,
     packing: Packing | None = None,
     picture: bool = True,
+    page: PageFacts | None = None,
 ) -> TopologicalMap:
     """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
 
-    ``picture`` says whether it is drawn. The rules and the gates are written as well, so that the
-    same places can be found from the labels again.
+    ``picture`` says whether it is drawn, ``page`` what index.html says besides. The rules and the
+    gates are written as well, so that the same places can be found from the labels again.
     """
     settings = PlaceSettings(rules, separating_gates(cells.doorways, rules))
     save_settings(files.stage, settings)  # first: a huge map has room for it now
@@ -191,7 +211,15 @@ def write_places(
         ids=earlier_places(files.folder),
         own_names=topology_files.read_own_names(files.folder),
     )
-    write_topology(files.stage, cells.grid, topology, title=title, packing=packing, picture=picture)
+    write_topology(
+        files.stage,
+        cells.grid,
+        topology,
+        title=title,
+        packing=packing,
+        picture=picture,
+        page=page,
+    )
     return topology
 
 
@@ -218,7 +246,7 @@ def write_labels(
 
     ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``overview.png``
     to look at; for programs, in ``details``, ``probability_<label>.png`` per label (0 to 255 for 0
-    to 1, 0 outside the free cells) and ``summary.json``. ``outputs`` leaves some out.
+    to 1, 0 outside the free cells). ``outputs`` leaves some out.
     """
     outputs = outputs or Outputs()
     for name in result.label_names:
@@ -231,18 +259,23 @@ def write_labels(
         written += _write_probabilities(result, folder)
     if outputs.pictures:
         written.append(_write_overview(result, source, folder, packing or Packing()))
-    record = {
+    return written
+
+
+def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, Any]:
+    """What ``summary.json`` says of a labelling; the areas are those of its places."""
+    status = result.labeling.status
+    return {
         "map": shown_path(source.yaml_path),
         "method": result.method,
-        "status": str(result.labeling.status),
-        "status_meaning": result.labeling.status.meaning,
-        "area_m2": result.shares(),
+        "status": str(status),
+        "status_meaning": status.meaning,
+        "area_m2": {},
         "unentered_m2": 0.0 if result.unentered is None else result.unentered.area_m2,
         "score": result.labeling.score,
         "bound": result.labeling.bound,
         "warnings": [*source.warnings, *result.warnings],
     }
-    return [*written, write_json(folder / SUMMARY_FILE, record, indent=2, allow_nan=True)]
 
 
 def _write_overview(
@@ -254,7 +287,7 @@ def _write_overview(
         result.label_names,
         beliefs=result.labeling.beliefs,
         layout=result.layout,
-        title=f"{source.name}: {result.method}",
+        title=source.name,
     )
     return packing.write(folder / "overview.png", drawing)
 
@@ -306,20 +339,33 @@ def write_topology(
     title: str | None = None,
     packing: Packing | None = None,
     picture: bool = True,
+    page: PageFacts | None = None,
 ) -> list[Path]:
     """Write the topological map's files and, as its ``picture``, ``topology.png``; the paths.
 
-    Where probabilities are known, ``check.csv`` lists the places to check first.
+    ``index.html`` shows the places and lists the files of the folder. Where probabilities are
+    known, ``check.csv`` lists the places to check first.
 
     Raises
     ------
     OutputError
         Where a file cannot be written.
     """
-    written = []
+    written, packing = [], packing or Packing()
     if picture:  # first: the largest is packed beside what follows
         drawing = topology_drawing(grid, topology, title=title)
-        written.append((packing or Packing()).write(folder / "topology.png", drawing))
+        written.append(packing.write(folder / "topology.png", drawing))
+    facts = page or {}
+    shown = MapPage(
+        grid,
+        topology,
+        title=title or "Places",
+        picture=picture,
+        names=facts.get("names", PLACES),
+        map_name=facts.get("map_name", "MAP.yaml"),
+        warnings=facts.get("warnings", ()),
+    )
+    written.append(packing.write_made(folder / PAGE_FILE, shown.content))
     written += topology_files.save_topology(folder, topology)
     if places_to_check(topology):
         written.append(topology_files.write_checks(folder / CHECK_FILE, topology))

@@ -242,7 +242,11 @@ class Packing:
 
     def write(self, path: Path, picture: Drawing) -> Path:
         """The path to which the picture is written, at the end of the block at the latest."""
+        return self.write_made(path, picture.png)
+
+    def write_made(self, path: Path, make: Callable[[], bytes]) -> Path:
+        """The same for a file whose content a function makes."""
         if self._pool is None:
-            return write_bytes(path, picture.png())
-        self._waiting.append((path, self._pool.submit(picture.png)))
+            return write_bytes(path, make())
+        self._waiting.append((path, self._pool.submit(make)))
         return path

@@ -1,4 +1,4 @@
-"""Pictures of maps: the labels, an overview with areas and entropy, and a robot's path."""
+"""Pictures of maps: the labels, an overview with the uncertainty, and a robot's path."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places import _checks
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
-from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -87,7 +86,7 @@ def overview(
     layout: GridLayout | None = None,
     title: str | None = None,
 ) -> Drawing:
-    """A picture to look at first: the labels with their areas and, with beliefs, the entropy.
+    """A picture of the labels and, with beliefs, of the uncertainty: their normalised entropy.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ def overview(
     """
     labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
     view = view_of(grid, most_pixels=_MOST_PIXELS // (1 if beliefs is None else 2))
-    panels = [Panel(label_canvas(grid, labels, label_names, view), "labels")]
+    panels = [Panel(label_canvas(grid, labels, label_names, view), "Labels")]
     bars: tuple[ColourBar, ...] = ()
     if beliefs is not None:
         if layout is None:
@@ -117,44 +116,16 @@ def overview(
         canvas = value_canvas(
             grid, lambda some: normalized_entropy(array[some]), layout, "entropy", view
         )
-        panels.append(Panel(canvas, "entropy"))
-        bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)
+        panels.append(Panel(canvas, "Uncertainty"))
+        bars = (ColourBar("entropy", "uncertainty", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape
     return sheet(
         panels,
         columns=1 if width > 1.3 * height else 2,
         title=title,
-        legend=(*_area_entries(grid, labels, label_names), *_ground_entries(grid, labels)),
+        legend=(*label_swatches(label_names), *GROUND_SWATCHES),
         bars=bars,
     )
-
-
-def _ground_entries(grid: OccupancyGrid, labels: NDArray[np.integer]) -> list[Swatch]:
-    """Walls, unknown space, and free space without labels with its area, if there is any."""
-    n_free = sum(
-        int(np.count_nonzero(grid.free[rows] & (labels[rows] < 0)))
-        for rows in bands_of_rows(grid.shape)
-    )
-    *others, unlabelled = GROUND_SWATCHES
-    if n_free:
-        area = n_free * grid.resolution_m**2
-        unlabelled = replace(unlabelled, name=f"{unlabelled.name}  {area:.1f} m²")
-    return [*others, unlabelled]
-
-
-def _area_entries(
-    grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str]
-) -> list[Swatch]:
-    counts = np.zeros(len(label_names), np.int64)
-    for rows in bands_of_rows(grid.shape):
-        band = labels[rows]
-        counts += np.bincount(band[band >= 0], minlength=len(label_names))
-    total = max(int(counts.sum()), 1)
-    areas = counts * grid.resolution_m**2
-    return [
-        Swatch(f"{item.name}  {area:.1f} m², {100 * count / total:.0f} %", item.colour)
-        for item, area, count in zip(label_swatches(label_names), areas, counts, strict=True)
-    ]
 
 
 _PATH, _CASING, _OTHER = 5.0, 8.0, 2.0

@@ -99,7 +99,7 @@ _LONG_SIDE = 1500
 
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 
-_PALE = 0.45
+PALE = 0.45
 
 _LINE, _RADIUS, _NAME = 2.2, 8.5, 14
 
@@ -173,12 +173,41 @@ def topology_drawing(
     return page
 
 
+def places_drawing(grid: OccupancyGrid, topology: TopologicalMap) -> Drawing:
+    """The places over the map with their names, doorways as rectangles, and what to check in red.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map that the topology was made from.
+    topology : TopologicalMap
+    """
+    view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
+    canvas = paled_canvas(grid, topology.labels, topology.label_names, view)
+    height, width = canvas.indices.shape
+    scale = max(1, _LONG_SIDE // max(height, width))
+
+    def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
+        return scale * view.pixels_at_m(grid, points_m)
+
+    page = Drawing(scale * width, scale * height + _FOOT)
+    over = Drawing.of(canvas, scale)
+    _draw_gates(over, topology, pixels)
+    others = [each for each in topology.regions if each.label != topology.doorway_label]
+    _draw_nodes(over, topology, others, pixels)
+    _draw_checks(over, marked_checks(topology), pixels)
+    _draw_splits(over, topology, pixels)
+    page.paste(over, 0, 0)
+    draw_scale_bar(page, canvas, (_EDGE // 2, scale * height + 16), scale, size=14)
+    return page
+
+
 def paled_canvas(
     grid: OccupancyGrid, labels: NDArray[np.int16], label_names: Sequence[str], view: View
 ) -> Canvas:
     """The map with its labels' colours (all that come after the four of the ground) made pale."""
     canvas = label_canvas(grid, labels, label_names, view)
-    pale = (tinted(colour, _PALE) for colour in canvas.colours[4:])
+    pale = (tinted(colour, PALE) for colour in canvas.colours[4:])
     return replace(canvas, colours=(*canvas.colours[:4], *pale))
 
 
@@ -250,7 +279,7 @@ def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
 def _draw_shape(panel: Drawing, region: Region, pixels: _ToPixels, colours: dict[str, str]) -> None:
     for rings in region.polygons:
         outlines = [pixels(ring) for ring in rings]
-        panel.polygon(outlines, fill=tinted(colours[region.label], _PALE))
+        panel.polygon(outlines, fill=tinted(colours[region.label], PALE))
         for outline in outlines:
             panel.line([*outline, outline[0]], colour=MUTED, width=1)
 

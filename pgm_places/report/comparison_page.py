@@ -10,11 +10,11 @@ from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRET
 from pgm_places.inference.labeling import Status
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
+from pgm_places.pictures.page import render
 from pgm_places.report.comparison_tables import comparison_tables
 from pgm_places.report.glance import glance_of
 from pgm_places.report.line_chart import Chart, Line, line_chart
 from pgm_places.report.map_layers import label_layers, probability_layers
-from pgm_places.report.page import render
 
 _SHARED_QUANTITIES = ("accuracy", "balanced_accuracy", "change", "residual")
 """Quantities that mean the same for every method: drawn in one chart. Energies are not."""

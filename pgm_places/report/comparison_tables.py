@@ -10,7 +10,7 @@ from pgm_places.evaluation.bootstrap import SignTest
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.judgement import Difference, points
-from pgm_places.report.page import decimals, percent, spent
+from pgm_places.pictures.page import decimals, percent, spent
 from pgm_places.spaces.door_truth import DoorScores
 
 NONE = "–"

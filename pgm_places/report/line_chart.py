@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.pictures.drawing import INK
-from pgm_places.report.page import data_uri, template_text
+from pgm_places.pictures.page import data_uri, template_text
 
 _DPI = 100
 

@@ -18,8 +18,8 @@ from pgm_places.pictures.canvas import (
     value_canvas,
     view_of,
 )
+from pgm_places.pictures.page import data_uri
 from pgm_places.pictures.sheet import round_length
-from pgm_places.report.page import data_uri
 from pgm_places.report.track_page import belief_plot
 
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000

@@ -15,8 +15,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours, label_swatches
 from pgm_places.pictures.drawing import INK, MUTED, text_width
 from pgm_places.pictures.map_pictures import label_map
+from pgm_places.pictures.page import data_uri, render
 from pgm_places.report.line_chart import PixelFigure
-from pgm_places.report.page import data_uri, render
 from pgm_places.trajectories.path_layout import PathLayout
 
 PLOT_COLUMNS = 1400

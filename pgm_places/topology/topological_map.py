@@ -108,6 +108,14 @@ class TopologicalMap(Plotted):
         return sealed(found)
 
     @cached_property
+    def area_m2(self) -> dict[str, float]:
+        """The area of the places of each label."""
+        areas = dict.fromkeys(self.label_names, 0.0)
+        for region in self.regions:
+            areas[region.label] += region.area_m2
+        return areas
+
+    @cached_property
     def _by_id(self) -> dict[int, Region]:
         return {region.id: region for region in self.regions}
 

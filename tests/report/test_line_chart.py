@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import pytest
 
+from pgm_places.pictures.page import template_text
 from pgm_places.report.line_chart import Line, line_chart
-from pgm_places.report.page import template_text
 
 
 def svg(values: Sequence[float], name: str = "a", *, shares: bool = False) -> str:
