@@ -44,11 +44,12 @@ class LearningOptions:
     time_limit_s: float | None
     certified_tolerance: float | None
     solver: QPSolver = "osqp"
+    is_quick: bool = False
 
     @property
     def quick(self) -> "LearningOptions":
         """The same while a value of C is being chosen."""
-        return replace(self, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
+        return replace(self, tolerance=SEARCH_TOLERANCE, certified_tolerance=None, is_quick=True)
 
 
 def learn(

@@ -94,8 +94,8 @@ def learn_completed(
 ) -> Completed:
     """The weights of largest margin where some labels are not known.
 
-    The concave-convex procedure completes the labels, from each start, and keeps the completion of
-    least objective. In a last step all nodes count: those of known label 1, the others
+    The concave-convex procedure completes the labels, from the start of least objective after a
+    round. In a last step all nodes count: those of known label 1, the others
     :data:`HIDDEN_LOSS`.
 
     Parameters
@@ -126,10 +126,7 @@ def learn_completed(
         unary, pairs = only_known.augmented_potentials(weights)
         return best(keep_known(unary, truth), pairs)
 
-    rounds = [
-        concave_convex(replace(only_known, labels=start), solve, complete) for start in starts
-    ]
-    best_round = min(rounds, key=lambda each: each.objectives[-1])
+    best_round = concave_convex(only_known, solve, complete, starts=starts)
     counts = np.where(known, 1.0, HIDDEN_LOSS)
     counts[told] = 0.0
     every = replace(

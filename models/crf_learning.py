@@ -173,7 +173,8 @@ def _widest_margin(
     verified = not exact and options.certified_tolerance is not None
     return cutting_plane(
         problem,
-        table_oracle(task.field),
+        table_oracle(task.field, from_last=True),
+        thorough=None if options.is_quick or exact else table_oracle(task.field),
         tolerance=options.tolerance,
         max_iterations=options.max_steps,
         time_limit_s=options.time_limit_s,

@@ -55,7 +55,12 @@ class HiddenLabels:
 
 
 def concave_convex(
-    problem: Any, solve: Solve, complete: Complete, *, max_rounds: int = MAX_ROUNDS
+    problem: Any,
+    solve: Solve,
+    complete: Complete,
+    *,
+    starts: Sequence[NDArray[np.int64]] = (),
+    max_rounds: int = MAX_ROUNDS,
 ) -> HiddenLabels:
     """Weights and a completion of the labels at which neither can be improved by itself.
 
@@ -63,6 +68,8 @@ def concave_convex(
     ----------
     problem : MaxMarginProblem or TableMarginProblem
         With the completion to begin with; its loss is 0 at nodes of unknown label.
+    starts : sequence of (N,) int
+        Several completions to begin with: it goes on from that of least f after a round.
     solve : callable
         (problem, cuts) -> the solution for a completion; the cuts hold for it.
     complete : callable
@@ -93,15 +100,15 @@ def concave_convex(
     cuts: tuple[Cut, ...] = ()
     best: LearnedWeights | None = None
     ended = "iteration_limit"
+    begun = [replace(problem, labels=start) for start in starts] or [problem]
     for _ in range(max_rounds):
-        solution, completed = _solved(problem, solve, complete, cuts)
-        after = replace(problem, labels=completed)
-        value = solution.objective - problem.penalty * _gain(solution.weights, problem, after)
+        rounds = [_round(before, solve, complete, cuts) for before in begun]
+        value, solution, problem, after = min(rounds, key=lambda each: each[0])
         if best is not None and value > objectives[-1]:
             ended = "local_optimum"  # the solver's tolerance is all that is left
             break
         cuts = _moved(solution.cuts, problem, after)
-        best, problem = solution, after
+        best, problem, begun = solution, after, [after]
         objectives.append(value)
         if solution.status not in (*REACHED, "stalled"):
             ended = solution.status
@@ -112,6 +119,16 @@ def concave_convex(
     assert best is not None  # max_rounds is at least 1
     best = replace(best, status=ended, objective=objectives[-1], lower_bound=0.0, certified=None)
     return HiddenLabels(best, problem.labels, tuple(objectives))
+
+
+def _round(
+    problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
+) -> tuple[float, LearnedWeights, Any, Any]:
+    """The objective after a round, the solution, the problem, and the one with its completion."""
+    solution, completed = _solved(problem, solve, complete, cuts)
+    after = replace(problem, labels=completed)
+    value = solution.objective - problem.penalty * _gain(solution.weights, problem, after)
+    return value, solution, problem, after
 
 
 def _solved(

@@ -18,6 +18,9 @@ _DECODE_EVERY = 5
 _STALL_WINDOW = 10
 """Iterations over which the bound must have moved, or the method has converged."""
 
+# Of decoding one graph again and again: the first time, and from then on.
+FIRST_PASSES, FURTHER_PASSES = 10, 2
+
 
 @dataclass(frozen=True, eq=False)
 class DualDecoding:
@@ -128,13 +131,42 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     )
 
 
+class RepeatedDecoding:
+    """Labellings of large score for potentials on one graph that change little from call to call.
+
+    Messages stay from call to call, so that a few passes lead about as far as many from nothing.
+    Not for two threads at a time.
+    """
+
+    def __init__(self) -> None:
+        self.message: NDArray[np.float64] | None = None
+
+    def labels(self, model: PairwiseModel) -> NDArray[np.int32]:
+        """(N,) the best labelling that the passes of this call find."""
+        n_passes = FIRST_PASSES if self.message is None else FURTHER_PASSES
+        passing = _Passing(model, -np.inf, message=self.message)
+        self.message = passing.message
+        for _ in range(n_passes):
+            passing.up_and_down()
+        passing.decode()
+        return passing.labels
+
+
 class _Passing:
     """The messages of one problem and the best labelling they have led to."""
 
-    def __init__(self, model: PairwiseModel, floor: float, *, keeps: bool = False) -> None:
+    def __init__(
+        self,
+        model: PairwiseModel,
+        floor: float,
+        *,
+        message: NDArray[np.float64] | None = None,
+        keeps: bool = False,
+    ) -> None:
         self.model, self.keeps = model, keeps
-        self.message = np.zeros((model.around.n_edges, model.n_labels))
-        self.upwards = self.message
+        if message is None:
+            message = np.zeros((model.around.n_edges, model.n_labels))
+        self.message = self.upwards = message
         self.share = np.empty(model.n_nodes)
         share_of_nodes(model.around.arcs, self.share)
         self.trial = np.zeros(model.n_nodes, np.int32)
@@ -149,21 +181,25 @@ class _Passing:
     ) -> None:
         """Pass up and down until the gap is ``closed``, the bound rests or the limit is reached."""
         for iteration in range(1, max_iterations + 1):
-            self._pass(upwards=True)
-            if self.keeps:
-                self.upwards = self.message.copy()
-            self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
-            if self.bound == -np.inf:
-                raise InfeasibleError
+            self.up_and_down()
             rests = self._rests(closed)
             if rests or iteration == max_iterations or iteration % _DECODE_EVERY == 1:
-                self._decode()
+                self.decode()
             self.history.append((self.score, self.bound))
             if on_iteration is not None:
                 on_iteration(iteration, self.bound)
             if rests or self.bound - self.score <= closed:
                 self.converged = True
                 return
+
+    def up_and_down(self) -> None:
+        """One iteration: a pass in each direction, which lowers the bound."""
+        self._pass(upwards=True)
+        if self.keeps:
+            self.upwards = self.message.copy()
+        self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
+        if self.bound == -np.inf:
+            raise InfeasibleError
 
     def _rests(self, closed: float) -> bool:
         if len(self.history) < _STALL_WINDOW:
@@ -196,7 +232,8 @@ class _Passing:
         to_first = np.where((edges[:, 0] == upper)[:, np.newaxis], to_upper, to_lower)
         return np.stack([to_second, to_first], axis=1).reshape(-1, self.model.n_labels)
 
-    def _decode(self) -> None:
+    def decode(self) -> None:
+        """The labelling that the messages say now, if it is the best so far."""
         model = self.model
         score = decode_nodes(model.terms, model.around.arcs, self.message, self.trial)
         if score + model.offset > self.score:

@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -7,6 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.hidden_labels import HiddenLabels, concave_convex
+from pgm_places.solvers.margin_solution import Cut, LearnedWeights
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 from tests.reference.energy import Model, score
@@ -87,3 +90,27 @@ def test_cuts_of_one_completion_hold_for_the_next() -> None:
     concave_convex(problem, both, complete)  # type: ignore[arg-type]
     assert len(seen) > 1
     assert max(seen) < 1e-6
+
+
+def test_of_several_starts_the_best_after_a_round_goes_on() -> None:
+    problem, truth = strewn(3)
+    best = graph_cut_oracle(problem.n_nodes, problem.edges)
+    starts = [np.where(truth >= 0, truth, fill) for fill in ([0] * 6, [1] * 6, [0, 1] * 3)]
+    solved: list[float] = []
+
+    def solve(now: MaxMarginProblem, cuts: Sequence[Cut]) -> LearnedWeights:
+        solved.append(0.0)
+        return cutting_plane(now, best, cuts=cuts, exact=True, tolerance=1e-6)
+
+    def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
+        unary, agreement = problem.potentials(weights)
+        return best(keep_known(unary, truth), agreement)
+
+    first = [
+        concave_convex(replace(problem, labels=start), solve, complete, max_rounds=1)
+        for start in starts
+    ]
+    solved.clear()
+    found = concave_convex(problem, solve, complete, starts=starts)
+    assert found.objectives[0] == min(each.objectives[0] for each in first)
+    assert len(solved) < len(starts) * len(found.objectives)

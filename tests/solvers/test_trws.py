@@ -8,7 +8,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.marginal_lp import solve_marginal_lp
 from pgm_places.solvers.pairwise import Terms, pairwise_model
-from pgm_places.solvers.trws import trws
+from pgm_places.solvers.trws import RepeatedDecoding, trws
 from tests.reference.energy import Model, best_score, score
 from tests.solvers.test_expansion import grid_model
 from tests.strategies import models
@@ -147,3 +147,21 @@ def test_bad_problems_are_refused(changed: dict[str, object], text: str) -> None
     unary, edges = changed.pop("unary", [[0.0, 1.0]] * 2), changed.pop("edges", [(0, 1)])
     with pytest.raises(InputError, match=text):
         trws(pairwise_model(unary, edges), **changed)  # type: ignore[arg-type]
+
+
+def test_decoding_again_finds_the_best_of_a_chain_and_nearly_that_of_a_grid() -> None:
+    """Potentials that drift a little from call to call, each answer against all labellings."""
+    rng = np.random.default_rng(2)
+    chain = np.array([(i, i + 1) for i in range(6)])
+    grid = np.array([(0, 1), (1, 2), (3, 4), (4, 5), (0, 3), (1, 4), (2, 5)])
+    for edges, least in ((chain, 1.0), (grid, 0.99)):
+        n, again, shares = int(edges.max()) + 1, RepeatedDecoding(), []
+        unary, tables = rng.normal(size=(n, 3)), rng.normal(size=(len(edges), 3, 3))
+        for _ in range(30):
+            unary += 0.1 * rng.normal(size=unary.shape)
+            tables += 0.1 * rng.normal(size=tables.shape)
+            model = Model(unary, edges, pairwise=tables)
+            labels = again.labels(pairwise_model(unary, edges, pairwise=tables))
+            shares.append(score(model, tuple(labels.tolist())) / best_score(model))
+        assert max(shares) <= 1.0 + 1e-12
+        assert np.mean(shares) >= least - 1e-12
