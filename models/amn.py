@@ -1,8 +1,9 @@
 """Associative Markov network: nodes and edges scored by learned weights, trained by max margin."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -20,43 +21,38 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
     Learner,
     LearningOptions,
-    choose,
     choose_completed,
+    held_out_path,
     learn,
     learn_hidden,
     resolved_learner,
     weighted,
 )
-from pgm_places.models.cliques import clique_terms, require_like_cliques
-from pgm_places.models.completion import LossOf, completes, hidden_parts
+from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.held_out_choice import Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
     held_out_parts,
     labelled_parts,
     labelled_weights,
-    node_losses,
     penalties_of,
 )
 from pgm_places.models.learning_record import LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
     edge_feature_count,
     edge_features,
+    edge_sizes,
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import (
-    LinearModel,
-    TermSizes,
-    learned_arrays,
-    require_edge_features,
-)
-from pgm_places.models.told import of_those_asked, told_of, with_told
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.prepared_problems import PreparedProblems
+from pgm_places.models.told import with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.margin_solution import REACHED, LearnedWeights, OnStep, reached
-from pgm_places.solvers.max_margin import MaxMarginProblem, joined
+from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights
 
@@ -189,15 +185,21 @@ class AssociativeMarkovNetwork(LinearModel):
             )
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         counts = None if weights is None else np.concatenate(labelled_weights(weights, labelings))
-        node_parts, penalty, search = self._chosen(examples, hidden, counts)
-        scaling, sizes, task = self._prepared(examples, node_parts, penalty, counts)
+
+        @cache
+        def prepared(parts: str) -> tuple[PreparedProblems, MaxMarginProblem]:
+            ready = self._prepared(examples, parts)
+            return ready, self._task(ready, PENALTY, counts)
+
+        node_parts, penalty, search = self._chosen(examples, hidden, prepared)
+        ready, task = prepared(node_parts)
+        task = replace(task, penalty=penalty)
         options, reason = self._learner_options(task, hidden)
-        of_weights = sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        of_weights = ready.sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
         start, objectives = time.perf_counter(), None
         if hidden:
-            truth = np.concatenate([labels for _, labels in examples])
             completed = learn_hidden(
-                task, truth, self._loss_of(examples), options, on_iteration=on_iteration
+                task, ready.labels, ready.loss_of, options, on_iteration=on_iteration
             )
             solution, objectives = completed.solution, completed.objectives
         else:
@@ -214,7 +216,7 @@ class AssociativeMarkovNetwork(LinearModel):
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
             clique_weights=None if task.sets is None else task.set_weights(weights_now).copy(),
-            **learned_arrays(scaling, record, solution.history, search, node_parts),
+            **learned_arrays(ready, record, solution.history, search, node_parts),
             completion_objectives=objectives,
         )
 
@@ -222,7 +224,7 @@ class AssociativeMarkovNetwork(LinearModel):
         self,
         examples: Sequence[Example],
         hidden: bool,
-        counts: NDArray[np.float64] | None,
+        prepared: Callable[[str], tuple[PreparedProblems, MaxMarginProblem]],
     ) -> tuple[str, float, NDArray[np.float64] | None]:
         """The node features and the C that label held-out nodes best, and what all reach."""
         choices = self._node_choices([problem for problem, _ in examples])
@@ -230,35 +232,35 @@ class AssociativeMarkovNetwork(LinearModel):
             return choices[0], float(self.summary["penalty"]), None
         n, penalties = self.n_validation_blocks, penalties_of(self.C, AUTO_PENALTIES)
         usual = PENALTY if self.C == "auto" else penalties[0]
+        if hidden and (self.C == "auto" or len(penalties) == 1):
+            return self._node_parts, usual, None
+        if len(choices) * len(penalties) == 1:
+            return choices[0], usual, None
+        ready, task = prepared(self._node_parts if hidden else choices[0])
+        options = self._learner_options(task, hidden)[0]
         if hidden:
-            if self.C == "auto" or len(penalties) == 1:
-                return self._node_parts, usual, None
-            task = self._prepared(examples, self._node_parts, penalties[0])[2]
             parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
             if task.told is not None:
                 parts[task.told >= 0] = -1
-            truth = np.concatenate([labels for _, labels in examples])
-            options = self._learner_options(task, hidden)[0]
-            found = choose_completed(
-                task, truth, parts, penalties, self._loss_of(examples), options
-            )
-            return self._node_parts, *found
-        if len(choices) * len(penalties) == 1:
-            return choices[0], penalties[0], None
-        tasks = {
-            choice: self._prepared(examples, choice, penalties[0], counts)[2] for choice in choices
-        }
-        options = self._learner_options(next(iter(tasks.values())), hidden)[0]
-        best, search = choose(tasks, held_out_parts(examples, n), penalties, options)
-        if np.isnan(search).any():  # nothing could be held out
-            return choices[-1], usual, search
-        return best.node_features, best.penalty, search
+            hiding = choose_completed(task, ready.labels, parts, penalties, ready.loss_of, options)
+            return self._node_parts, *hiding
 
-    def _loss_of(self, examples: Sequence[Example]) -> LossOf:
-        """What a wrong label costs at nodes of given labels, once the unknown ones are known."""
-        weight = self.class_weight if self.loss == "class-weighted" else "none"
-        names = examples[0][0].label_names
-        return lambda labels: node_losses(labels, names, weight)
+        def begin(part: NDArray[np.bool_], name: str, _: str) -> Path:
+            return held_out_path(prepared(name)[1], part, options)
+
+        kinds = choices, ("cutting-plane",)
+        found = choose(
+            task.labels,
+            task.loss > 0,
+            held_out_parts(examples, n),
+            kinds,
+            penalties,
+            PENALTY,
+            begin,
+        )
+        if found.weights is None:  # nothing could be held out
+            return choices[-1], usual, found.table
+        return found.best.node_features, found.best.penalty, found.table
 
     def learning_problem(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
@@ -268,50 +270,32 @@ class AssociativeMarkovNetwork(LinearModel):
         It has the first C where there are several, 100 for ``auto``, and no choice of features.
         """
         penalty = PENALTY if self.C == "auto" else penalties_of(self.C, AUTO_PENALTIES)[0]
-        return self._prepared(labelled_parts(problems, labelings), self._node_parts, penalty)[2]
+        return self._task(
+            self._prepared(labelled_parts(problems, labelings), self._node_parts), penalty
+        )
 
-    def _prepared(
-        self,
-        known: Sequence[Example],
-        node_parts: str,
-        penalty: float,
-        counts: NDArray[np.float64] | None = None,
-    ) -> tuple[Standardization, TermSizes, MaxMarginProblem]:
-        """The scaling, and all maps as one problem; unknown labels are 0, with a loss of 0.
+    def _task(
+        self, ready: PreparedProblems, penalty: float, counts: NDArray[np.float64] | None = None
+    ) -> MaxMarginProblem:
+        """All maps as one problem, each node with its count; unknown labels are 0, at no loss."""
+        task = MaxMarginProblem(
+            ready.nodes,
+            ready.edges.astype(np.int32),
+            ready.edge_features,
+            np.maximum(ready.labels, 0),
+            ready.n_labels,
+            ready.loss,
+            penalty,
+            ready.sets,
+            ready.told,
+            self._costs(ready.n_labels),
+        )
+        return task if counts is None else weighted(task, counts)
 
-        ``counts`` (N,) is what each node counts.
-        """
-        parts = parse_node_features(node_parts)
-        problems = [problem for problem, _ in known]
-        require_like_cliques(problems)
-        raw = [node_features(problem, parts) for problem in problems]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
-        sizes = self._term_sizes(problems, self.edge_features)
-        names = known[0][0].label_names
-        losses = self._node_losses(np.concatenate([truth for _, truth in known]), names)
-        losses = of_those_asked(losses, told_of(problems))
-        ends = np.cumsum([len(truth) for _, truth in known])[:-1]
-        tasks = [
-            MaxMarginProblem(
-                scaling.apply(features),
-                problem.graph.edges,
-                self._edge_features(problem) / sizes.edges,
-                np.maximum(truth, 0),
-                len(names),
-                loss,
-                penalty,
-                clique_terms(problem, self.clique_dissent, sizes.cliques),
-                problem.known,
-                self._costs(names),
-            )
-            for (problem, truth), features, loss in zip(
-                known, raw, np.split(losses, ends), strict=True
-            )
-        ]
-        task = joined(tasks)
-        return scaling, sizes, task if counts is None else weighted(task, counts)
+    def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
+        return node_features(problem, parse_node_features(parts))
 
-    def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+    def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
         features = edge_features(problem, self.edge_features)
         if features.min(initial=0.0) < 0:
             raise InputError(
@@ -320,6 +304,10 @@ class AssociativeMarkovNetwork(LinearModel):
                 "negative column, or take method 'crf', whose tables may have any sign"
             )
         return self.edge_scale * features
+
+    def _edge_sizes(self, problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
+        sizes = edge_sizes(problems, self.edge_features)
+        return np.ones_like(sizes) if self.scale == "none" else sizes
 
     def _learner_options(self, task: MaxMarginProblem, hidden: bool) -> tuple[LearningOptions, str]:
         """The options of learning, and why its learner is this one."""
@@ -378,9 +366,8 @@ class AssociativeMarkovNetwork(LinearModel):
         node_weights, edge_weights = self._learned("node_weights", "edge_weights")
         self._require_labels(problem)
         require_edge_features(edge_feature_count(problem, self.edge_features), len(edge_weights))
-        parts = parse_node_features(self._node_parts)
-        nodes = self._scaling().apply(node_features(problem, parts))
-        edges = self._edge_features(problem)
+        nodes = self._scaling().apply(self._node_columns(problem, self._node_parts))
+        edges = self._edge_columns(problem)
         unary = problem.with_evidence(nodes @ node_weights)
         return Potentials(unary, agreement=edges @ edge_weights)
 

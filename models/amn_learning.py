@@ -1,6 +1,6 @@
 """How an associative Markov network is trained: learners by name, the choice of C."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,7 +17,7 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
-from pgm_places.models.held_out_choice import Candidate, best_candidate
+from pgm_places.models.held_out_choice import Path
 from pgm_places.models.learning_record import REASONS
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
@@ -121,45 +121,23 @@ def resolved_learner(
     return ("qp", REASONS[1]) if quick else ("cutting-plane", REASONS[2])
 
 
-def choose(
-    tasks: Mapping[str, MaxMarginProblem],
-    parts: NDArray[np.int64],
-    penalties: Sequence[float],
-    options: LearningOptions,
-) -> tuple[Candidate, NDArray[np.float64]]:
-    """The node features and the C that label held-out parts best, and all with their scores.
-
-    Every part (N,) is held out in turn, the network is learned on the rest and labels the part
-    alone. Single cells are never held out: their neighbours would give them away. A part that has
-    all examples of a label stays in.
-
-    Parameters
-    ----------
-    tasks : mapping
-        The problem by its node features, the simpler ones first.
-    """
+def held_out_path(
+    task: MaxMarginProblem, part: NDArray[np.bool_], options: LearningOptions
+) -> Path:
+    """What learns without a part (N,) of the nodes, each C beginning with the cuts of the last."""
+    rest, held_out = _restricted(task, ~part), _restricted(task, part)
     steps = min(options.max_steps, PATH_STEPS)
     quick = replace(options.quick, learner="cutting-plane", max_steps=steps)
-    candidates = [Candidate(name, "cutting-plane", C) for name in tasks for C in penalties]
-    truth: list[NDArray[np.int64]] = []
-    answers: dict[Candidate, list[NDArray[np.int64]]] = {each: [] for each in candidates}
-    first = next(iter(tasks.values()))
-    for part in np.unique(parts):
-        if len(np.unique(first.labels[parts != part])) < first.n_labels:
-            continue
-        for name, task in tasks.items():
-            rest, held_out = _restricted(task, parts != part), _restricted(task, parts == part)
-            counts = held_out.loss > 0  # what weighs nothing is not asked either
-            if task is first:
-                truth.append(held_out.labels[counts])
-            cuts: tuple[Cut, ...] = ()
-            oracle = problem_oracle(held_out)
-            for penalty in penalties:
-                solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
-                cuts = solution.cuts  # planes hold at any C
-                labels = _labels_at(held_out, solution.weights, oracle)[counts]
-                answers[Candidate(name, "cutting-plane", penalty)].append(labels)
-    return best_candidate(candidates, truth, answers)
+    oracle = problem_oracle(held_out)
+    cuts: tuple[Cut, ...] = ()
+
+    def at(penalty: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        nonlocal cuts
+        solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
+        cuts = solution.cuts  # planes hold at any C
+        return _labels_at(held_out, solution.weights, oracle), solution.weights
+
+    return at
 
 
 def _labels_at(

@@ -2,8 +2,9 @@
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -19,49 +20,42 @@ from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_learning import LearningOptions
-from pgm_places.models.cliques import clique_terms, require_like_cliques
 from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningTask,
-    choose,
     choose_by_hiding,
     choose_link_scale,
     damped,
+    held_out_path,
     learn,
     learners_to_compare,
     needs_damping,
-    reason_for,
 )
 from pgm_places.models.decoders import Decoder
-from pgm_places.models.feature_scaling import Standardization
-from pgm_places.models.held_out_choice import Candidate
+from pgm_places.models.held_out_choice import Candidate, Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
     held_out_parts,
     labelled_parts,
     labelled_weights,
-    node_losses,
     penalties_of,
 )
 from pgm_places.models.learning_record import REASONS, LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
     edge_features,
+    edge_sizes,
     field_features,
     with_auto,
 )
-from pgm_places.models.linear_model import (
-    LinearModel,
-    TermSizes,
-    learned_arrays,
-    require_edge_features,
-)
-from pgm_places.models.told import not_telling, of_those_asked, told_of, with_told
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.prepared_problems import PreparedProblems
+from pgm_places.models.told import not_telling, with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
-from pgm_places.solvers.table_field import TableField, beside
+from pgm_places.solvers.table_field import TableField
 
 # What C="auto" tries, and what it is where nothing can be held out.
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
@@ -97,8 +91,8 @@ class ConditionalRandomField(LinearModel):
     C : float, "auto" or tuple of float
         The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
         size of the weights. Several, or ``auto`` for 1, 10, ..., 10000, are compared by the mean of
-        accuracy and balanced accuracy on held-out problems, or blocks of a single one. ``auto`` is
-        1000 where a single problem has nodes without a label.
+        accuracy and balanced accuracy on held-out problems, or blocks of a single one, as far as
+        that labels better. ``auto`` is 1000 where labels are completed and where links are damped.
     unlabelled : {"hidden", "dropped"}
         What becomes of nodes without a label: they are summed over (likelihoods) or completed by
         what has been learned (max margin), so that they inform learning, which then ends at a local
@@ -138,7 +132,7 @@ class ConditionalRandomField(LinearModel):
 
     learner: Literal["auto"] | FieldLearner = "auto"
     inference: Literal["auto"] | Decoder = "auto"
-    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 1000.0
+    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = "auto"
     unlabelled: Literal["hidden", "dropped"] = "hidden"
     tables_tell: Literal["auto", "order", "pair"] = "auto"
     edge_scale: Positive | Literal["auto"] = "auto"
@@ -189,19 +183,23 @@ class ConditionalRandomField(LinearModel):
             problems, labelings = not_telling(problems, labelings)
         problems, labelings, counts = with_told(problems, labelings, counts)
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
-        require_like_cliques([problem for problem, _ in examples])
         kept = None
         if counts is not None:
             kept = np.concatenate(labelled_weights(counts, labelings, with_unlabelled=hidden))
-        chosen, reason, search = self._chosen(examples, kept)
+
+        @cache
+        def prepared(parts: str) -> tuple[PreparedProblems, LearningTask]:
+            ready = self._prepared(examples, parts)
+            return ready, self._task(examples, ready, kept)
+
+        chosen, reason, search, begin = self._chosen(examples, prepared)
         node_parts, penalty = chosen.node_features, chosen.penalty
-        scaling, sizes, task = self._task(examples, chosen.node_features, kept, chosen.learner)
-        options = self._options(chosen.learner)
+        (ready, task), options = prepared(node_parts), self._options(chosen.learner)
         start = time.perf_counter()
-        flat_sizes = sizes.of_weights(
-            task.field.n_weights, task.field.n_labels, task.field.n_labels**2
-        )
-        begin = self._weights_to_begin_with("tables", flat_sizes, task.field.n_labels)
+        n_labels = ready.n_labels
+        flat_sizes = ready.sizes.of_weights(task.field.n_weights, n_labels, n_labels**2)
+        if begin is None:
+            begin = self._weights_to_begin_with("tables", flat_sizes, n_labels)
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if needs_damping(task, options.learner):
@@ -235,45 +233,51 @@ class ConditionalRandomField(LinearModel):
             tables=tables.copy(),
             clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
-            **learned_arrays(scaling, record, solution.history, search, node_parts),
+            **learned_arrays(ready, record, solution.history, search, node_parts),
             link_scales=link_scales,
         )
 
-    def _edge_scale(self, examples: Sequence[Example], learner: str) -> float:
-        chains = all(p.graph.is_chain and p.cliques is None for p, _ in examples)
-        auto = CHAIN_SCALE if chains and learner != "max-margin" else 1.0
-        return auto if self.edge_scale == "auto" else self.edge_scale
-
     def _chosen(
-        self, examples: Sequence[Example], counts: NDArray[np.float64] | None
-    ) -> tuple[Candidate, str, NDArray[np.float64] | None]:
-        """The options that label held-out nodes best, why the learner, and what all reach."""
+        self,
+        examples: Sequence[Example],
+        prepared: Callable[[str], tuple[PreparedProblems, LearningTask]],
+    ) -> tuple[Candidate, str, NDArray[np.float64] | None, NDArray[np.float64] | None]:
+        """The options that label held-out nodes best, why the learner, what all reach, a start."""
         choices = self._node_choices([problem for problem, _ in examples])
         plain = choices[0] if self.node_features == "auto" else self._node_parts
         penalties = penalties_of(self.C, AUTO_PENALTIES)
-        task = self._task(examples, plain, counts, self.learner)[2]
-        learners = learners_to_compare(self.learner, task.field)
-        reason = reason_for(self.learner, learners)
-        usual = Candidate(plain, learners[0], PENALTY if self.C == "auto" else penalties[0])
+        task = prepared(plain)[1]
+        learners, reason = learners_to_compare(self.learner, task)
         if self._goes_on and self.learning is not None:
             before = self.summary
             learner = before["learner"] if before["learner"] in learners else learners[0]
-            penalty = before["penalty"] if self.C == "auto" else usual.penalty
-            return Candidate(plain, learner, penalty), reason, None
-        options, search = self._options(learners[0]), None
-        if len(examples) == 1 and (task.labels < 0).any():
-            if self.C != "auto" and len(penalties) > 1:
-                parts = self._hidden_parts(examples)
-                penalty, search = choose_by_hiding(task, parts, penalties, options)
-                usual = usual._replace(penalty=penalty)
-        elif len(learners) * len(penalties) > 1:
-            compared = choices if len(penalties) > 1 else (plain,)
-            tasks = {name: self._task(examples, name, counts, learners[0])[2] for name in compared}
-            parts = held_out_parts(examples, self.n_validation_blocks)
-            best, search = choose(tasks, parts, learners, penalties, options)
-            if not np.isnan(search).any():
-                return best, reason, search
-        return usual, REASONS[6] if len(learners) > 1 else reason, search
+            penalty = before["penalty"] if self.C == "auto" else penalties[0]
+            return Candidate(plain, learner, penalty), reason, None, None
+        usual = Candidate(plain, learners[0], PENALTY if self.C == "auto" else penalties[0])
+        hides = bool((task.labels < 0).any())
+        if self.C == "auto" and (
+            (hides and (len(examples) == 1 or not task.field.is_forest))
+            or needs_damping(task, learners[0])
+        ):
+            return usual, reason, None, None
+        options = self._options(learners[0])
+        if hides and len(examples) == 1 and len(penalties) > 1:
+            parts = self._hidden_parts(examples)
+            penalty, table = choose_by_hiding(task, parts, penalties, options)
+            return usual._replace(penalty=penalty), reason, table, None
+        if len(learners) * len(penalties) == 1:
+            return usual, reason, None, None
+
+        def begin(part: NDArray[np.bool_], name: str, learner: str) -> Path:
+            return held_out_path(prepared(name)[1], part, self._options(learner))
+
+        kinds = choices if len(penalties) > 1 else (plain,), learners
+        parts = held_out_parts(examples, self.n_validation_blocks)
+        found = choose(task.labels, task.loss > 0, parts, kinds, penalties, PENALTY, begin)
+        if found.weights is None:
+            return usual, REASONS[6] if len(learners) > 1 else reason, found.table, None
+        smooth = found.best.learner != "max-margin" and not hides
+        return found.best, reason, found.table, found.weights if smooth else None
 
     def _parts_to_hold_out(self, examples: Sequence[Example]) -> NDArray[np.int64]:
         if any((truth < 0).any() for _, truth in examples):
@@ -287,41 +291,37 @@ class ConditionalRandomField(LinearModel):
     def _task(
         self,
         examples: Sequence[Example],
-        node_parts: str,
+        ready: PreparedProblems,
         counts: NDArray[np.float64] | None,
-        learner: str,
-    ) -> tuple[Standardization, TermSizes, LearningTask]:
-        problems = [problem for problem, _ in examples]
-        raw = [field_features(problem, node_parts) for problem in problems]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
-        sizes = self._term_sizes(problems, self.edge_names(problems[0]))
-        sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples, learner))
-        truth = np.concatenate([labels for _, labels in examples])
-        names = examples[0][0].label_names
-
-        weight = self.class_weight if self.loss == "class-weighted" else "none"
-
-        def loss_of(labels: NDArray[np.int64]) -> NDArray[np.float64]:
-            return node_losses(labels, names, weight)
-
-        told = told_of(problems)
-        loss = of_those_asked(self._node_losses(truth, names), told)
+    ) -> LearningTask:
         chains = all(problem.graph.is_chain for problem, _ in examples)
-        symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
-        fields = [
-            TableField(
-                scaling.apply(features),
-                adjacency(problem.graph.n_nodes, problem.graph.edges),
-                edge_features(problem, self.edge_names(problem)) / sizes.edges,
-                len(names),
-                symmetric,
-                clique_terms(problem, self.clique_dissent, sizes.cliques),
-            )
-            for (problem, _), features in zip(examples, raw, strict=True)
-        ]
-        costs = self._costs(names)
-        task = LearningTask(beside(fields), truth, loss, loss_of, told=told, costs=costs)
-        return scaling, sizes, task if counts is None else task.weighing(counts)
+        field = TableField(
+            ready.nodes,
+            adjacency(len(ready.labels), ready.edges),
+            ready.edge_features,
+            ready.n_labels,
+            not chains if self.tables_tell == "auto" else self.tables_tell == "pair",
+            ready.sets,
+        )
+        costs = self._costs(ready.n_labels)
+        task = LearningTask(
+            field, ready.labels, ready.loss, ready.loss_of, told=ready.told, costs=costs
+        )
+        return task if counts is None else task.weighing(counts)
+
+    def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
+        return field_features(problem, parts)
+
+    def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        return edge_features(problem, self.edge_names(problem))
+
+    def _edge_sizes(self, problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
+        sizes = edge_sizes(problems, self.edge_names(problems[0]))
+        if self.scale == "none":
+            sizes = np.ones_like(sizes)
+        chains = all(problem.graph.is_chain and problem.cliques is None for problem in problems)
+        auto = CHAIN_SCALE if chains and self.learner != "max-margin" else 1.0
+        return sizes / (auto if self.edge_scale == "auto" else self.edge_scale)
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
         """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
@@ -354,8 +354,8 @@ class ConditionalRandomField(LinearModel):
         """
         node_weights, tables = self._learned("node_weights", "tables")
         self._require_labels(problem)
-        nodes = self._scaling().apply(field_features(problem, self._node_parts))
-        edges = edge_features(problem, self.edge_names(problem))
+        nodes = self._scaling().apply(self._node_columns(problem, self._node_parts))
+        edges = self._edge_columns(problem)
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
         field = TableField(nodes, around, edges, problem.n_labels)

@@ -1,6 +1,6 @@
 """How a conditional random field is trained: learners by name, unknown labels, the choice of C."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.models.amn_learning import (
+    PATH_STEPS,
     SEARCH_TOLERANCE,
     LearningOptions,
     terms_among,
@@ -23,7 +24,7 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
-from pgm_places.models.held_out_choice import Candidate, best_candidate
+from pgm_places.models.held_out_choice import Path
 from pgm_places.models.labelled_examples import best_value
 from pgm_places.models.learning_record import REASONS
 from pgm_places.solvers.adjacency import adjacency
@@ -43,6 +44,9 @@ FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-marg
 # How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
 # single nodes.
 LINK_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
+
+# Of likelihoods while C is chosen: their certified gap is many times what is left to gain.
+LIKELIHOOD_TOLERANCE = 0.3
 
 # Passes of TRW-S for held-out nodes and for unknown labels.
 DECODING_PASSES = 100
@@ -97,26 +101,21 @@ class LearningTask:
         return replace(self, field=smaller, labels=labels, loss=loss, weight=weight, told=told)
 
 
-def learners_to_compare(learner: str, field: TableField) -> tuple[str, ...]:
-    """What ``auto`` compares: the likelihood alone where it can be computed exactly.
+def learners_to_compare(learner: str, task: LearningTask) -> tuple[tuple[str, ...], str]:
+    """What ``auto`` compares, and why: the likelihood alone where it can be computed exactly.
 
     Elsewhere the margin and the pseudo-likelihood, which learns well where the margin's relaxation
-    is loose; with sets of nodes, whose sums are out of reach, the margin alone.
+    is loose; with sets of nodes, whose sums are out of reach, or unknown labels the margin alone.
     """
     if learner != "auto":
-        return (learner,)
-    if field.is_forest:
-        return ("likelihood",)
-    return ("max-margin",) if field.sets is not None else ("max-margin", "pseudo-likelihood")
-
-
-def reason_for(asked: str, learners: Sequence[str]) -> str:
-    """Why a learner is taken, a sentence of the learning record."""
-    if asked != "auto":
-        return REASONS[0]
-    if len(learners) > 1:
-        return REASONS[5]
-    return REASONS[4] if learners[0] == "likelihood" else REASONS[7]
+        return (learner,), REASONS[0]
+    if task.field.is_forest:
+        return ("likelihood",), REASONS[4]
+    if task.field.sets is not None:
+        return ("max-margin",), REASONS[7]
+    if (task.labels < 0).any():
+        return ("max-margin",), REASONS[8]
+    return ("max-margin", "pseudo-likelihood"), REASONS[5]
 
 
 def learn(
@@ -124,6 +123,7 @@ def learn(
     penalty: float,
     options: LearningOptions,
     *,
+    cuts: Sequence[Cut] = (),
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
@@ -143,7 +143,9 @@ def learn(
             on_iteration=on_iteration,
         )
     if (task.labels >= 0).all():
-        return _widest_margin(task, penalty, options, start=start, on_iteration=on_iteration)
+        return _widest_margin(
+            task, penalty, options, cuts=cuts, start=start, on_iteration=on_iteration
+        )
     if start is not None:
         raise InputError(
             "warm_start with max margin needs unlabelled='dropped': where labels are being "
@@ -311,58 +313,24 @@ def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.i
     return labels[: field.n_nodes]
 
 
-def choose(
-    tasks: Mapping[str, LearningTask],
-    parts: NDArray[np.int64],
-    learners: Sequence[str],
-    penalties: Sequence[float],
-    options: LearningOptions,
-) -> tuple[Candidate, NDArray[np.float64]]:
-    """The node features, learner and C that label held-out parts best, and all with their scores.
-
-    Every part (N,) of the nodes is held out in turn; the field learns on the rest and labels the
-    part alone. Each learner begins where the smaller C led it.
-
-    Parameters
-    ----------
-    tasks : mapping
-        The task by its node features, the simpler ones first.
-    """
-    kinds = [(name, learner) for name in tasks for learner in learners]
-    candidates = [Candidate(*kind, C) for kind in kinds for C in penalties]
-    truth: list[NDArray[np.int64]] = []
-    answers: dict[Candidate, list[NDArray[np.int64]]] = {each: [] for each in candidates}
-    first = next(iter(tasks.values()))
-    for part in np.unique(parts):
-        asked = (parts == part) & (first.labels >= 0)
-        left = first.labels[(parts != part) & (first.labels >= 0)]
-        if not asked.any() or len(np.unique(left)) < first.field.n_labels:
-            continue
-        truth.append(first.labels[asked])
-        for name, learner in kinds:
-            rest, held_out = tasks[name].part(parts != part), tasks[name].part(parts == part)
-            quick = replace(options.quick, learner=learner)
-            for candidate, weights in _path(rest, name, penalties, quick):
-                labels = _labels_at(held_out, weights)[held_out.labels >= 0]
-                answers[candidate].append(labels)
-    return best_candidate(candidates, truth, answers)
-
-
-def _path(
-    rest: LearningTask, name: str, penalties: Sequence[float], options: LearningOptions
-) -> Iterator[tuple[Candidate, NDArray[np.float64]]]:
-    """The weights of each C, learned one after the other."""
-    start: NDArray[np.float64] | None = None
+def held_out_path(task: LearningTask, part: NDArray[np.bool_], options: LearningOptions) -> Path:
+    """What learns without a part (N,) of the nodes, each C going on from the last."""
+    rest, held_out = task.part(~part), task.part(part)
     cuts: tuple[Cut, ...] = ()
-    by_margin = options.learner == "max-margin"
-    for penalty in penalties:
-        if by_margin and (rest.labels >= 0).all():
-            found = _widest_margin(rest, penalty, options, cuts=cuts)
-            cuts = found.cuts  # planes hold at any C
-        else:
-            found = learn(rest, penalty, options, start=None if by_margin else start)
-            start = found.weights
-        yield Candidate(name, options.learner, penalty), found.weights
+    start: NDArray[np.float64] | None = None
+    if options.learner == "max-margin":
+        quick = replace(options.quick, max_steps=min(options.max_steps, PATH_STEPS))
+    else:
+        quick = replace(options.quick, tolerance=LIKELIHOOD_TOLERANCE)
+
+    def at(penalty: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        nonlocal cuts, start
+        found = learn(rest, penalty, quick, cuts=cuts, start=start)
+        cuts = found.cuts  # planes hold at any C
+        start = None if options.learner == "max-margin" else found.weights
+        return _labels_at(held_out, found.weights), found.weights
+
+    return at
 
 
 def _best_held_out(

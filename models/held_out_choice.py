@@ -1,6 +1,6 @@
 """The choice of a learner's options by how they label held-out parts of the training problems."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,58 +34,138 @@ class Candidate(NamedTuple):
     penalty: float
 
 
-def best_candidate(
-    candidates: Sequence[Candidate],
-    truth: Sequence[NDArray[np.int64]],
-    answers: Mapping[Candidate, Sequence[NDArray[np.int64]]],
-) -> tuple[Candidate, NDArray[np.float64]]:
-    """The candidate that labels held-out parts best, and all of them with their scores.
+Path = Callable[[float], tuple[NDArray[np.int64], NDArray[np.float64]]]
+"""Learns without a part of the nodes at C after C: the labels of that part, and the weights."""
 
-    What counts is the mean of accuracy and balanced accuracy on all parts together. The smaller C
-    wins among equals, and richer features only where they bring :data:`WORTH` more. Where no part
-    could be held out it is the first candidate, with scores of NaN.
 
-    Returns
-    -------
-    Candidate
-    (P, 5) float
-        Rows as :func:`choice_record` names them: places in :data:`NODE_CHOICES` and
-        :data:`LEARNERS`, C, accuracy, balanced accuracy.
+class Choice(NamedTuple):
+    """What labels held-out parts best."""
+
+    best: Candidate
+    table: NDArray[np.float64]
+    """(P, 5) what was compared, as :func:`choice_record` names it; NaN if nothing could be held
+    out."""
+    weights: NDArray[np.float64] | None
+    """The mean of the weights that were learned without each part: where learning may begin."""
+
+
+def choose(
+    labels: NDArray[np.int64],
+    asked: NDArray[np.bool_],
+    parts: NDArray[np.int64],
+    kinds: tuple[Sequence[str], Sequence[str]],
+    penalties: Sequence[float],
+    usual: float,
+    begin: Callable[[NDArray[np.bool_], str, str], Path],
+) -> Choice:
+    """The node features, learner and C that label held-out parts best.
+
+    Every part is held out in turn: a model learns on the rest and labels the part alone. Single
+    nodes are never held out, since their neighbours would give them away, nor is a part that has
+    all examples of a label. C rises from the one below the usual, or below the middle, each going
+    on from the one before, until it labels worse by :data:`WORTH`, and falls from there while the
+    least of them labels best. Other learners are compared at the best C, richer features there and
+    one C below.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        -1 where unknown.
+    asked : (N,) bool
+        Whose labels count.
+    parts : (N,) int
+        Which nodes are held out together.
+    kinds : pair of sequences of str
+        Node features, the simpler ones first, and learners.
+    penalties : sequence of float
+    usual : float
+    begin : callable
+        The mask (N,) of a part, node features and a learner -> the path of C.
+    """
+    held_out = [
+        parts == part
+        for part in np.unique(parts)
+        if (asked & (parts == part)).any()
+        and len(np.unique(labels[(parts != part) & (labels >= 0)])) == labels.max() + 1
+    ]
+    features, learners = kinds
+    rising = sorted(penalties)
+    if not held_out:
+        none = {Candidate(features[0], learners[0], C): (np.nan, np.nan) for C in rising}
+        return Choice(next(iter(none)), _table(none), None)
+    truth = np.concatenate([labels[part & asked] for part in held_out])
+    paths: dict[tuple[str, str], list[Path]] = {}
+    scores: dict[Candidate, tuple[float, float]] = {}
+    weights: dict[Candidate, NDArray[np.float64]] = {}
+
+    def score(name: str, learner: str, penalty: float) -> float:
+        if (name, learner) not in paths:
+            paths[name, learner] = [begin(part, name, learner) for part in held_out]
+        found = [path(penalty) for path in paths[name, learner]]
+        answers = [mine[asked[part]] for (mine, _), part in zip(found, held_out, strict=True)]
+        counts = confusion_matrix(truth, np.concatenate(answers))
+        candidate = Candidate(name, learner, penalty)
+        scores[candidate] = np.trace(counts) / counts.sum(), float(balanced_accuracy(counts))
+        weights[candidate] = np.mean([w for _, w in found], axis=0)
+        return sum(scores[candidate]) / 2
+
+    middle = rising.index(usual) if usual in rising else len(rising) // 2
+    start, most = max(middle - 1, 0), 0.0
+    for penalty in rising[start:]:
+        value = score(features[0], learners[0], penalty)
+        falls, most = value < most - WORTH, max(most, value)
+        if falls or most == 1.0:
+            break
+    for penalty in rising[:start][::-1]:
+        lower = rising[rising.index(penalty) + 1]
+        if best_candidate(scores).penalty != lower or most == 1.0:
+            break
+        score(features[0], learners[0], penalty)
+    at = rising.index(best_candidate(scores).penalty)
+    for learner in learners[1:]:
+        score(features[0], learner, rising[at])
+    for name in features[1:]:
+        for penalty in rising[max(at - 1, 0) : at + 1]:
+            score(name, best_candidate(scores).learner, penalty)
+    best = best_candidate(scores)
+    return Choice(best, _table(scores), weights[best])
+
+
+def best_candidate(scores: Mapping[Candidate, tuple[float, float]]) -> Candidate:
+    """The candidate of the largest mean of accuracy and balanced accuracy on held-out parts.
+
+    The smaller C wins among equals, and richer features only where they bring :data:`WORTH` more.
 
     Examples
     --------
     >>> small, large = (Candidate("logz", "qp", C) for C in (1.0, 10.0))
-    >>> answers = {small: [np.array([0, 0])], large: [np.array([0, 1])]}
-    >>> best_candidate([small, large], [np.array([0, 1])], answers)[0].penalty
-    10.0
+    >>> best_candidate({large: (0.9, 0.9), small: (1.0, 0.8)}).penalty
+    1.0
     """
-    scores = np.full((len(candidates), 2), np.nan)
-    if truth:
-        everywhere = np.concatenate(truth)
-        for row, candidate in zip(scores, candidates, strict=True):
-            counts = confusion_matrix(everywhere, np.concatenate(answers[candidate]))
-            row[:] = np.trace(counts) / counts.sum(), float(balanced_accuracy(counts))
-    features = [node_choice(each.node_features) for each in candidates]
-    learners = [LEARNERS.index(each.learner) for each in candidates]
-    penalties = [each.penalty for each in candidates]
-    table = np.column_stack([features, learners, penalties, scores])
-    if not truth:
-        return candidates[0], table
-    means = scores.mean(axis=1)
-    best: int | None = None
-    for group in sorted(set(features)):
-        members = [row for row, feature in enumerate(features) if feature == group]
-        first = max(members, key=lambda row: (means[row], -penalties[row]))
-        if best is None or means[first] > means[best] + WORTH:
+    best: Candidate | None = None
+    for group in sorted({node_choice(each.node_features) for each in scores}):
+        members = [each for each in scores if node_choice(each.node_features) == group]
+        first = max(members, key=lambda each: (sum(scores[each]), -each.penalty))
+        if best is None or sum(scores[first]) > sum(scores[best]) + 2 * WORTH:
             best = first
     assert best is not None  # there are candidates
-    return candidates[best], table
+    return best
+
+
+def _table(scores: Mapping[Candidate, tuple[float, float]]) -> NDArray[np.float64]:
+    """(P, 5) places in :data:`NODE_CHOICES` and :data:`LEARNERS`, C, both scores."""
+    return np.array(
+        [
+            (node_choice(each.node_features), LEARNERS.index(each.learner), each.penalty, *both)
+            for each, both in sorted(scores.items())
+        ]
+    )
 
 
 def choice_record(
     table: NDArray[np.float64] | None, chosen: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """The rows of :func:`best_candidate` by name, with the one that was ``chosen`` marked."""
+    """The rows of a :class:`Choice` by name, with the one that was ``chosen`` marked."""
     if table is None or table.shape[1] != 5:  # of earlier versions: C and balanced accuracy
         return []
     rows = []

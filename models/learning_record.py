@@ -31,6 +31,7 @@ REASONS = (
     "labels held-out parts best",
     "no held-out part to compare learners on",
     "likelihoods know no cliques",
+    "completes labels that are not known",
 )
 """Why a learner was taken; records hold their places here, so new ones come last."""
 

@@ -1,13 +1,21 @@
 """What models that are linear in their weights keep of learning, and what follows from it."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, learned_number, require_type, set_fields
+from pgm_places._checks import (
+    finite_array,
+    integer_array,
+    learned_number,
+    require_type,
+    set_fields,
+    stacked_rows,
+)
 from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
@@ -19,41 +27,28 @@ from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.cliques import (
     check_clique_weights,
     clique_sizes,
+    clique_terms,
     decode_cliques_as,
     learned_rewards,
+    require_like_cliques,
 )
+from pgm_places.models.completion import LossOf
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.held_out_choice import NODE_CHOICES, choice_record, choice_words, node_choice
-from pgm_places.models.labelled_examples import ClassWeight, node_losses
+from pgm_places.models.labelled_examples import ClassWeight, Example, node_losses
 from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
-    edge_sizes,
     parse_edge_features,
     parse_node_features,
     resolved_edges,
 )
+from pgm_places.models.prepared_problems import PreparedProblems, TermSizes
+from pgm_places.models.told import of_those_asked, told_of
 from pgm_places.options import AtLeastZero, Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import checked_costs
-
-
-class TermSizes(NamedTuple):
-    """By what features of edges and cliques are divided while their weights are learned.
-
-    What is learned is then divided by the same, so that it is that of the features as given.
-    """
-
-    edges: NDArray[np.float64]
-    """(F,)."""
-    cliques: NDArray[np.float64]
-    """(G,), G = 0 without cliques."""
-
-    def of_weights(self, n_weights: int, n_labels: int, per_edge: int) -> NDArray[np.float64]:
-        """(n_weights,) those of flat weights: 1 for nodes, then ``per_edge`` each, then K each."""
-        of_edges, of_cliques = np.repeat(self.edges, per_edge), np.repeat(self.cliques, n_labels)
-        of_nodes = np.ones(n_weights - len(of_edges) - len(of_cliques))
-        return np.concatenate([of_nodes, of_edges, of_cliques])
+from pgm_places.solvers.set_terms import SetTerms
 
 
 @travels
@@ -218,20 +213,59 @@ class LinearModel(LearnedNames):
             )
         return arrays
 
-    def _costs(self, names: Sequence[str]) -> NDArray[np.float64] | None:
+    def _costs(self, n_labels: int) -> NDArray[np.float64] | None:
         """(K, K) what confusing labels costs, scaled to a mean of 1; None if all cost the same."""
         if isinstance(self.loss, str):
             return None
-        costs = checked_costs(self.loss, len(names))
-        return costs * (len(names) * (len(names) - 1) / costs.sum())
+        costs = checked_costs(self.loss, n_labels)
+        return costs * (n_labels * (n_labels - 1) / costs.sum())
 
-    def _node_losses(self, labels: NDArray[np.int64], names: Sequence[str]) -> NDArray[np.float64]:
-        """(N,) what a wrong label costs at each node, 0 where none is known."""
-        losses = np.zeros(len(labels))
-        known = labels >= 0
+    def _loss_of(self, names: Sequence[str]) -> LossOf:
+        """What a wrong label costs at nodes of given labels."""
         weight = self.class_weight if self.loss == "class-weighted" else "none"
-        losses[known] = node_losses(labels[known], names, weight)
-        return losses
+        return lambda labels: node_losses(labels, names, weight)
+
+    @abstractmethod
+    def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
+        """(N, D) the node features of a problem before they are scaled."""
+
+    @abstractmethod
+    def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(E, F) the edge features of a problem, as given."""
+
+    @abstractmethod
+    def _edge_sizes(self, problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
+        """(F,) by what these are divided while learning."""
+
+    def _prepared(self, examples: Sequence[Example], parts: str) -> PreparedProblems:
+        """The training problems side by side, with node features of these ``parts``."""
+        problems = [problem for problem, _ in examples]
+        require_like_cliques(problems)
+        raw = [self._node_columns(problem, parts) for problem in problems]
+        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
+        of_cliques = clique_sizes(problems)
+        if self.scale == "none":
+            of_cliques = np.ones_like(of_cliques)
+        sizes = TermSizes(self._edge_sizes(problems), of_cliques)
+        starts = np.cumsum([0, *(problem.graph.n_nodes for problem in problems[:-1])])
+        edges = [p.graph.edges + start for p, start in zip(problems, starts, strict=True)]
+        sets = [clique_terms(problem, self.clique_dissent, of_cliques) for problem in problems]
+        labels, told = np.concatenate([truth for _, truth in examples]), told_of(problems)
+        loss_of, loss = self._loss_of(problems[0].label_names), np.zeros(len(labels))
+        loss[labels >= 0] = loss_of(labels[labels >= 0])
+        return PreparedProblems(
+            scaling,
+            sizes,
+            scaling.apply(stacked_rows(raw)),
+            np.concatenate(edges),
+            np.concatenate([self._edge_columns(problem) for problem in problems]) / sizes.edges,
+            SetTerms.beside([each for each in sets if each is not None], starts),
+            labels,
+            of_those_asked(loss, told),
+            told,
+            loss_of,
+            problems[0].n_labels,
+        )
 
     def _weights_to_begin_with(
         self, of_edges: str, sizes: NDArray[np.float64], n_labels: int
@@ -264,13 +298,6 @@ class LinearModel(LearnedNames):
         )
         clip = CLIP if self.feature_clip is None else float(self.feature_clip[0])
         return Standardization(int(count[0]), columns, mean, scale, clip)
-
-    def _term_sizes(self, problems: Sequence[LabelingProblem], names: Sequence[str]) -> TermSizes:
-        """Those of training problems with the edge features of these names."""
-        sizes = TermSizes(edge_sizes(problems, names), clique_sizes(problems))
-        if self.scale == "none":
-            return TermSizes(np.ones_like(sizes.edges), np.ones_like(sizes.cliques))
-        return sizes
 
     def _require_labels(self, problem: LabelingProblem) -> None:
         """Refuse what is no problem, and one with other labels than in training."""
@@ -323,13 +350,14 @@ def require_edge_features(count: int, n_known: int) -> None:
 
 
 def learned_arrays(
-    scaling: Standardization,
+    ready: PreparedProblems,
     record: LearningRecord,
     history: tuple[LearningStep, ...],
     search: NDArray[np.float64] | None,
     node_parts: str,
 ) -> dict[str, Any]:
     """What learning leaves beside the weights, by the names of :class:`LinearModel`."""
+    scaling = ready.scaling
     return {
         "feature_columns": scaling.columns,
         "feature_mean": scaling.mean,

@@ -13,7 +13,7 @@ from pgm_places.inference.potentials import score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models import amn as module
 from pgm_places.models.amn import AssociativeMarkovNetwork
-from pgm_places.models.amn_learning import choose
+from pgm_places.models.held_out_choice import choose
 from pgm_places.models.labelled_examples import node_losses
 from pgm_places.models.learning_record import LEARNING_STATUSES, REASONS, LearningRecord
 from pgm_places.solvers.margin_solution import REACHED, LearningStep
@@ -295,15 +295,15 @@ def test_c_is_chosen_on_held_out_blocks() -> None:
     np.testing.assert_array_equal(network.node_weights, direct.node_weights)
 
 
-def test_among_equals_the_smaller_c_is_chosen() -> None:
+def test_nothing_is_tried_beyond_a_c_that_labels_all_held_out_parts_right() -> None:
     graph = LabelGraph.from_grid(np.ones((4, 16), np.bool_))
     truth = ((np.mgrid[:4, :16][1] // 2) % 2).ravel().astype(np.int64)
     problem = LabelingProblem(graph, NAMES[:2], node_features=np.eye(2)[truth])
     network = AssociativeMarkovNetwork(C=(100.0, 10.0, 30.0), node_features="raw")
     fitted = network.fit([problem], [truth])
     assert fitted.penalty_search is not None
-    assert fitted.penalty_search[:, 4].tolist() == [1.0] * 3
-    assert fitted.summary["penalty"] == 10.0
+    assert fitted.penalty_search[:, [2, 4]].tolist() == [[30.0, 1.0]]  # one below the usual 100
+    assert fitted.summary["penalty"] == 30.0
 
 
 def test_auto_tries_the_listed_penalties() -> None:
@@ -352,9 +352,9 @@ def test_several_problems_are_held_out_whole(monkeypatch: pytest.MonkeyPatch) ->
     seen: list[NDArray[np.int64]] = []
     plain = choose
 
-    def noted(tasks: Any, parts: NDArray[np.int64], *rest: Any) -> Any:
+    def noted(labels: Any, asked: Any, parts: NDArray[np.int64], *rest: Any) -> Any:
         seen.append(parts)
-        return plain(tasks, parts, *rest)
+        return plain(labels, asked, parts, *rest)
 
     monkeypatch.setattr(module, "choose", noted)
     AssociativeMarkovNetwork().fit([p for p, _ in examples], [t for _, t in examples])

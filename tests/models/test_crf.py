@@ -162,15 +162,17 @@ def test_the_price_is_chosen_on_held_out_parts() -> None:
     assert field.penalty_search[:, 2].tolist() == [0.01, 100.0]
     assert field.penalty_search[1, 4] > field.penalty_search[0, 4]
     assert field.summary["penalty"] == 100.0
-    single = ConditionalRandomField(C="auto").fit(problems[:1], truths[:1])
-    assert single.penalty_search is not None
-    assert len(single.penalty_search) == 5
+    single = ConditionalRandomField().fit(problems[:1], truths[:1])
+    tried = [row["penalty"] for row in single.summary["held_out"]]
+    assert 100.0 in tried  # where the search begins
+    assert set(tried) <= {1.0, 10.0, 100.0, 1000.0, 10_000.0}
+    assert single.summary["penalty"] in tried
 
 
 def test_learning_goes_on_from_weights_that_are_known() -> None:
     examples = [ring(120, seed) for seed in range(4)]
     problems, truths = [p for p, _ in examples], [t for _, t in examples]
-    before = ConditionalRandomField(warm_start=True).fit(problems[:3], truths[:3])
+    before = ConditionalRandomField(C=1000.0, warm_start=True).fit(problems[:3], truths[:3])
     again = before.fit(problems[:3], truths[:3])
     assert again.summary["iterations"] <= 2
     warm = before.fit(problems, truths)
@@ -389,7 +391,8 @@ def test_learners_are_compared_on_held_out_problems_and_an_open_gap_is_said() ->
     with pytest.warns(LearningWarning, match=r"gap of learning is \d+ % .* take learner="):
         ConditionalRandomField("max-margin").fit(problems, truths)
     field = ConditionalRandomField(certified_tolerance=None).fit(problems, truths)
-    rows = {row["learner"]: row for row in field.summary["held_out"]}
+    C = field.summary["penalty"]
+    rows = {row["learner"]: row for row in field.summary["held_out"] if row["penalty"] == C}
     assert set(rows) == {"max-margin", "pseudo-likelihood"}
     best = max(rows, key=lambda name: rows[name]["accuracy"] + rows[name]["balanced_accuracy"])
     assert field.summary["learner"] == best
@@ -399,11 +402,39 @@ def test_learners_are_compared_on_held_out_problems_and_an_open_gap_is_said() ->
     assert np.mean(field.infer(test).labels == expected) > alone + 0.1
 
 
-def test_learners_are_compared_at_every_price() -> None:
+def test_learners_are_compared_at_the_best_price() -> None:
     problem, truth = friends(1, 60)
     field = ConditionalRandomField(C=(1.0, 10.0), certified_tolerance=None).fit([problem], [truth])
-    rows = {(row["learner"], row["penalty"]) for row in field.summary["held_out"]}
-    assert rows == {(m, C) for m in ("max-margin", "pseudo-likelihood") for C in (1.0, 10.0)}
+    rows = field.summary["held_out"]
+    margin = {row["penalty"]: row["accuracy"] + row["balanced_accuracy"] for row in rows[:2]}
+    assert [row["learner"] for row in rows] == ["max-margin", "max-margin", "pseudo-likelihood"]
+    assert set(margin) == {1.0, 10.0}
+    assert rows[2]["penalty"] == max(margin, key=margin.__getitem__)
+
+
+def test_labels_that_are_not_known_are_completed_by_max_margin() -> None:
+    problem, truth = friends(1, 60)
+    labels = np.where(np.arange(60) % 4, truth, -1)
+    field = ConditionalRandomField(certified_tolerance=None).fit([problem] * 2, [labels] * 2)
+    assert field.summary["learner"] == "max-margin"
+    assert field.summary["reason"] == "completes labels that are not known"
+    assert field.summary["held_out"] == []
+    assert field.summary["penalty"] == 1000.0
+
+
+def test_the_path_of_prices_gives_the_labels_of_plain_fits() -> None:
+    """Each row's scores are those of fields that learn at this price without each part."""
+    problems, truths = zip(*(ring(60, seed, noise=0.9) for seed in range(4)), strict=True)
+    field = ConditionalRandomField(learning_tolerance=1e-6).fit(problems, truths)
+    row = next(row for row in field.summary["held_out"] if row["penalty"] == 100.0)
+    right = 0
+    for m in range(4):
+        rest = [k for k in range(4) if k != m]
+        plain = ConditionalRandomField(C=100.0, scale="none").fit(
+            [problems[k] for k in rest], [truths[k] for k in rest]
+        )
+        right += int((plain.infer(problems[m]).labels == truths[m]).sum())
+    assert row["accuracy"] == pytest.approx(right / 240, abs=0.03)
 
 
 def test_tables_learn_with_costs_as_enumeration_does() -> None:

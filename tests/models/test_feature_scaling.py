@@ -117,7 +117,7 @@ def test_the_unit_of_clique_features_does_not_matter(method: str) -> None:
 
 def test_learning_goes_on_where_it_ended_whatever_the_unit() -> None:
     examples = [spot(seed, unit=1000.0) for seed in range(2)]
-    before = fitted("crf", examples, warm_start=True, learner="piecewise")
+    before = fitted("crf", examples, warm_start=True, learner="piecewise", C=1000.0)
     again = before.fit(*zip(*examples, strict=True))
     assert again.summary["iterations"] < before.summary["iterations"] / 4
     np.testing.assert_allclose(again.tables, before.tables, rtol=0.05, atol=0.02)
