@@ -67,9 +67,10 @@ def write_root(out: Path, root: Path) -> None:
         It cannot be written, as where the bucket of an address does not exist.
     """
     record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
+    if recorded_root(out) == root:
+        return
     if not is_address(out):
-        if recorded_root(out) != root:
-            write_json(out / _RECORD, record, indent=1)
+        write_json(out / _RECORD, record, indent=1)
         return
     with temporary_folder() as here:
         write_json(here / _RECORD, record, indent=1)

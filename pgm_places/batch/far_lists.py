@@ -7,13 +7,14 @@ finds the rows of all others, and none is lost.
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from pgm_places.errors import OutputError
 from pgm_places.io.far_files import FarFolder, temporary_folder
+from pgm_places.io.input_file import sha256_of
 
 _COPIES = ".pgm-places-lists"
 _ENDED = "ended"
@@ -40,18 +41,29 @@ class FarLists:
         self._copies = far.below(_COPIES)
         self._run = os.urandom(8).hex()
         self._seen: dict[str, str] = {}
-        for name in names:
-            far.fetch(name, here / name)
+        far.at_once(lambda name: far.fetch(name, here / name), names)
+        self._fetched = self._content()
+
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether the lists are as they were fetched."""
+        return self._content() == self._fetched
+
+    def _content(self) -> dict[str, str]:
+        paths = (self.here / name for name in self._names)
+        return {path.name: sha256_of(path) for path in paths if path.exists()}
 
     def others(self) -> list[Path]:
         """Local folders with the tables of other runs that are new since the last call."""
         listed = self._listed()
         new = [name for name, state in listed.items() if self._seen.get(name) != state]
         folders: dict[Path, None] = {}
-        for name in new:
-            local = self.here / _COPIES / name
-            if self._copies.fetch(name, local):
-                folders[local.parent] = None
+        there = self._copies.at_once(
+            lambda name: self._copies.fetch(name, self.here / _COPIES / name), new
+        )
+        for name, is_fetched in zip(new, there, strict=True):
+            if is_fetched:
+                folders[(self.here / _COPIES / name).parent] = None
         self._seen = listed
         return list(folders)
 
@@ -63,26 +75,32 @@ class FarLists:
         """Put the tables under a name of this run; it is ``ended`` when no rows follow."""
         there = [name for name in self._tables if (self.here / name).exists()]
         run = self._copies.below(f"{self._run}.{_ENDED}" if ended else self._run)
-        replace(run, is_patient=patient).put(self.here, there, OutputError)
+        self._put(replace(run, is_patient=patient), there)
         if ended:
-            for name in self._tables:
-                self._copies.remove([f"{self._run}/{name}"], OutputError)
+            self._remove(self._copies, [f"{self._run}/{name}" for name in self._tables])
+
+    def _put(self, far: FarFolder, names: Iterable[str]) -> None:
+        far.at_once(lambda name: far.put(self.here, [name], OutputError), names)
+
+    def _remove(self, far: FarFolder, names: Iterable[str]) -> None:
+        far.at_once(lambda name: far.remove([name], OutputError), names)
 
     def put(self, *, patient: bool = True) -> None:
         """Put the lists in the place where they are read."""
         there = [name for name in self._names if (self.here / name).exists()]
-        replace(self._far, is_patient=patient).put(self.here, there, OutputError)
-        absent = [name for name in self._names if name not in there]
-        if patient and absent:
-            self._far.remove(absent, OutputError)
+        self._put(replace(self._far, is_patient=patient), there)
+        if patient:
+            self._remove(self._far, [name for name in self._names if name not in there])
 
     def remove_merged(self) -> None:
         """Remove tables of others that these contain, once these have been put: of ended runs."""
-        now = time.time()
-        for name in self._seen:
-            run = name.partition("/")[0]
+
+        def remove(name: str) -> None:
+            run, now = name.partition("/")[0], time.time()
             if run.endswith(f".{_ENDED}") or now - self._copies.modified_s(name) > _OLD_S:
                 self._copies.remove([name], OutputError)
+
+        self._copies.at_once(remove, self._seen)
 
     def _listed(self) -> dict[str, str]:
         """The tables of other runs, each with what tells its versions apart."""

@@ -1,11 +1,14 @@
 """Maps and results behind addresses: fetched and put one map at a time, through a local folder."""
 
 import os
+import shutil
 import tempfile
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.limits import is_full
@@ -16,6 +19,7 @@ from pgm_places.batch.map_task import (
     NoSpaceError,
     Outcome,
     label_one,
+    same_model,
 )
 from pgm_places.errors import InputError, MapError, OutputError
 from pgm_places.io.far_files import FarFolder, address_of, is_there, temporary_folder
@@ -73,10 +77,78 @@ def is_visible(task: MapTask) -> bool:
     return False
 
 
-def is_done(task: MapTask) -> bool:
-    """Whether a map is labelled as the task wants it, wherever it is; nothing is written."""
-    outcome = label_anywhere(replace(task, only_look=True, claim=None, limit_s=None))
-    return isinstance(outcome, LabelledRow)
+_LOOKED_AT_ONCE = 2_000
+"""Maps whose results are listed, folder by folder, before they are looked at."""
+
+
+def done_rows(tasks: Iterable[MapTask]) -> Iterator[tuple[MapTask, LabelledRow | None]]:
+    """The tasks, each with its row if its map is labelled as wanted; nothing is written.
+
+    Wherever the maps and the results are: far results are listed by folder, and what has to be
+    compared is fetched with many requests at once.
+    """
+    waiting = iter(tasks)
+    while some := list(islice(waiting, _LOOKED_AT_ONCE)):
+        far = next((FarFolder.at(path) for path in _far_paths(some)), None)
+        if far is None:
+            yield from ((task, _row(label_one(_only_looking(task)))) for task in some)
+            continue
+        folders = {task.folder.parent for task in some if is_address(task.folder)}
+        outer = sorted(item for item in folders if folders.isdisjoint(item.parents))
+        names: dict[str, list[str]] = {str(task.folder): [] for task in some}
+        for folder, below in zip(outer, far.at_once(_names_below, outer), strict=True):
+            for name in below:
+                result = f"{folder}/{name}"
+                while len(result) > len(str(folder)) and result not in names:
+                    result = result.rpartition("/")[0]
+                if result in names:
+                    names[result].append(f"{folder}/{name}"[len(result) + 1 :])
+        same_model(some[0])  # read once, not by each of the threads
+        with temporary_folder() as here:
+            looks = [
+                partial(_looked_at, task, names[str(task.folder)], here / str(number))
+                for number, task in enumerate(some)
+            ]
+            outcomes = far.at_once(lambda look: look(), looks)
+        yield from zip(some, map(_row, outcomes), strict=True)
+
+
+def _far_paths(tasks: Iterable[MapTask]) -> Iterator[Path]:
+    yield from (path for task in tasks for path in (task.folder, task.map) if is_address(path))
+
+
+def _names_below(folder: Path) -> list[str]:
+    return FarFolder.at(folder).names()
+
+
+def _only_looking(task: MapTask) -> MapTask:
+    return replace(task, only_look=True, claim=None, limit_s=None)
+
+
+def _row(outcome: Outcome) -> LabelledRow | None:
+    return outcome if isinstance(outcome, LabelledRow) else None
+
+
+def _looked_at(task: MapTask, names: Collection[str], here: Path) -> Outcome:
+    """Whether a map is done, of whose far result the files are listed."""
+    near = replace(_only_looking(task), source=task.shown)
+    try:
+        if is_address(task.folder):
+            if not set(_MANIFESTS).intersection(names):
+                return Elsewhere()
+            near = replace(near, folder=here / "result")
+            with _between_machines():
+                _look_at(FarFolder.at(task.folder), near.folder, names)
+        elif not any((task.folder / name).exists() for name in _MANIFESTS):
+            return Elsewhere()
+        if is_address(task.map):
+            near = replace(near, map=here / "map" / task.map.name)
+            _fetch_map(task, near.map)
+        return label_one(near)
+    except _FarError as error:
+        return task.failure(error.reason)
+    finally:
+        shutil.rmtree(here, ignore_errors=True)
 
 
 class _FarError(Exception):
@@ -101,8 +173,6 @@ def _between_machines() -> Iterator[None]:
 
 def _label_far(task: MapTask, here: Path) -> Outcome:
     near = replace(task, claim=None, source=task.shown)
-    if task.only_look and not _has_manifest(task):
-        return Elsewhere()
     if is_address(task.map):
         near = replace(near, map=here / "map" / task.map.name)
         try:
@@ -115,9 +185,9 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
     near = replace(near, folder=folder, target=address_of(task.folder))
     with _between_machines():
         far = FarFolder.at(task.folder, OutputError)
-        _look_at(far, near.folder)
+        _look_at(far, near.folder, far.names())
     outcome = label_one(replace(near, only_look=True))
-    if task.only_look or isinstance(outcome, LabelledRow):
+    if isinstance(outcome, LabelledRow):
         return outcome
     with _between_machines():
         _fetch_all(far, near.folder)
@@ -129,23 +199,24 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
     return outcome
 
 
-def _has_manifest(task: MapTask) -> bool:
-    """Whether there is something to compare a map with: it need not be fetched otherwise."""
-    if not is_address(task.folder):
-        return any((task.folder / name).exists() for name in _MANIFESTS)
-    with _between_machines():
-        return any(FarFolder.at(task.folder / name, OutputError).exists() for name in _MANIFESTS)
-
-
 def fetch_results(out: Path, wanted: Collection[str], here: Path) -> None:
     """Copy a far folder's results into a local one: their files of the wanted names, as old."""
     far = FarFolder.at(out, InputError)
-    for name in far.names():
-        parts = PurePosixPath(name).parts
-        if parts[-1] in wanted and not any(part.startswith(".") for part in parts):
-            far.fetch(name, here / name)
+
+    def fetch(name: str) -> None:
+        if far.fetch(name, here / name):
             when = far.modified_s(name)
             os.utime(here / name, (when, when))
+
+    parts = ((name, PurePosixPath(name).parts) for name in far.names())
+    far.at_once(
+        fetch,
+        (
+            name
+            for name, each in parts
+            if each[-1] in wanted and not any(part.startswith(".") for part in each)
+        ),
+    )
 
 
 def _fetch_map(task: MapTask, local: Path) -> None:
@@ -169,9 +240,8 @@ def _fetch_map(task: MapTask, local: Path) -> None:
         source.parent.fetch(str(image), local.parent / image)
 
 
-def _look_at(far: FarFolder, here: Path) -> None:
+def _look_at(far: FarFolder, here: Path, names: Collection[str]) -> None:
     """Of a result, what says whether it is done; all other files as empty ones."""
-    names = far.names()
     if not set(names).intersection(_MANIFESTS):
         return
     for name in names:
@@ -195,5 +265,7 @@ def _put_result(here: Path, far: FarFolder, before: set[str]) -> None:
     """Copy a result, and remove what only an earlier one had; files of the user's own stay."""
     ours = written_names(here)
     far.remove(_MANIFESTS, OutputError)
-    far.put(here, [RECORD_FILE, *sorted(ours - {MANIFEST_FILE}), MANIFEST_FILE], OutputError)
+    far.put(here, [RECORD_FILE], OutputError)
+    far.at_once(lambda name: far.put(here, [name], OutputError), sorted(ours - {MANIFEST_FILE}))
+    far.put(here, [MANIFEST_FILE], OutputError)
     far.remove(sorted(before - ours), OutputError)

@@ -88,17 +88,20 @@ def find_maps(
     MapError
         A folder or a pattern holds no map, or a map lies outside the root.
     """
+    many = {argument: names_many(argument) for argument in arguments}
     if root is None:
-        root = _common([_base(argument) for argument in arguments])
+        root = _common([_base(argument, many=many[argument]) for argument in arguments])
     found: dict[str, None] = {}
     n_passed_over = 0
     for argument in arguments:
-        listed = _listed(argument, None if out is None else out.absolute())
+        listed = _listed(argument, _normal(out) if out else None) if many[argument] else None
         if listed is None:
             path = Path(argument) if is_address(argument) else user_path(argument, MapError)
             found[str(path if is_address(path) else path.absolute())] = None
             continue
-        maps = [file for file in listed if _describes_map(Path(file))]
+        far = FarFolder.at(argument, MapError) if is_address(argument) else None
+        are_maps = (map if far is None else far.at_once)(_describes_map, listed)
+        maps = [file for file, is_map in zip(listed, are_maps, strict=True) if is_map]
         if not maps:
             raise MapError(
                 f"{argument}: no map in it: none of {len(listed)} YAML files has a key 'image'"
@@ -109,10 +112,10 @@ def find_maps(
     return FoundMaps(tuple(sorted(named, key=lambda item: item.name)), n_passed_over, root)
 
 
-def _base(argument: str) -> Path:
+def _base(argument: str, *, many: bool) -> Path:
     """The folder of an argument: itself, that of the file, or what a pattern begins with."""
     path = Path(argument) if is_address(argument) else _normal(user_path(argument, MapError))
-    if not names_many(argument):
+    if not many:
         return path.parent
     if not glob.has_magic(str(path)) or file_kind(path) == "folder":
         return path
@@ -160,12 +163,11 @@ def _name(path: Path, root: Path) -> str:
     return str(PurePosixPath(*parts))
 
 
-def _listed(argument: str, out: Path | None) -> list[str] | None:
-    """The YAML files of a folder or a pattern, absolute and sorted; None for a single file."""
-    if not names_many(argument):
-        return None
+def _listed(argument: str, out: Path | None) -> list[str]:
+    """The YAML files of a folder or a pattern, absolute and sorted, but for those below ``out``."""
     if is_address(argument):
-        return _listed_far(FarFolder.at(argument, MapError))
+        files = map(Path, _listed_far(FarFolder.at(argument, MapError)))
+        return [str(file) for file in files if out not in file.parents]
     path = user_path(argument, MapError)
     if file_kind(path) == "folder":
         below: Iterable[Path] = chain(path.rglob("*.yaml"), path.rglob("*.yml"))
@@ -194,15 +196,19 @@ def _is_hidden(file: Path) -> bool:
     return any(part.startswith(".") for part in file.parts)
 
 
-def _describes_map(path: Path) -> bool:
+def _describes_map(file: str) -> bool:
     """Whether it has a key ``image``; a file that cannot be read counts, so that it is reported."""
+    path = Path(file)
     if is_address(path):
-        return _DESCRIBES_MAP.search(FarFolder.at(path, MapError).head(_HEAD)) is not None
+        try:
+            return _DESCRIBES_MAP.search(FarFolder.at(path, MapError).head(_HEAD)) is not None
+        except InputError:  # an empty file has no first byte to ask for
+            return True
     if file_kind(path) != "file":  # a pipe would never end
         return True
     try:
-        with path.open("rb") as file:
-            return _DESCRIBES_MAP.search(file.read(_HEAD)) is not None
+        with path.open("rb") as opened:
+            return _DESCRIBES_MAP.search(opened.read(_HEAD)) is not None
     except OSError:
         return True
 

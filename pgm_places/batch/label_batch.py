@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.batch import batch_folder
-from pgm_places.batch.far_maps import is_done, is_visible, label_anywhere
+from pgm_places.batch.far_maps import done_rows, is_visible, label_anywhere
 from pgm_places.batch.found_maps import FoundMap, FoundMaps, Shard
 from pgm_places.batch.limits import TimeIsUpError
 from pgm_places.batch.lists import Lists, lists_of
@@ -132,7 +132,7 @@ def label_batch(
             tally.count(failure)
             lists.add(failure)
         target = out if is_address(out) else lists.out
-        tasks = (
+        tasks: Iterable[MapTask] = (
             MapTask(
                 item.name,
                 item.path,
@@ -148,6 +148,8 @@ def label_batch(
             if item.name not in refused
         )
         with progress.stage("labelling maps") as stage:
+            if is_address(out) or is_address(found.root / "any"):
+                tasks = list(_not_done(tasks, tally, lists))
             outcomes = _outcomes(tasks, workers, tally, limit_s, _Judge(progress))
             with closing(outcomes):  # workers end at once, whatever ends this
                 for outcome in outcomes:
@@ -200,6 +202,16 @@ class _Judge:
         """See :class:`pgm_places.batch.local_workers.Judge`."""
         message = result.message if isinstance(result, Failure) else str(result)
         self._progress.warn(f"worker {worker} gets no more maps in this run: {message}")
+
+
+def _not_done(tasks: Iterable[MapTask], tally: "_Tally", lists: Lists) -> Iterator[MapTask]:
+    """The tasks whose maps are not done; the rows of the others are listed."""
+    for task, row in done_rows(tasks):
+        if row is None:
+            yield task
+        else:
+            tally.count(row)
+            lists.add(row)
 
 
 def _outcomes(
@@ -336,13 +348,15 @@ def plan(
         failed = lists.failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)
     in_the_way = {failure.name for failure in batch_folder.names_in_the_way(found.maps)}
-    done, refused, to_label = [], [], []
-    for item in maps:
-        if item.name in in_the_way:
-            refused.append(item.name)
-        elif is_done(MapTask(item.name, item.path, out / item.name, options, sha256)):
-            done.append(item.name)
-        else:
-            to_label.append(item.name)
+    refused = [item.name for item in maps if item.name in in_the_way]
+    tasks = (
+        MapTask(item.name, item.path, out / item.name, options, sha256)
+        for item in maps
+        if item.name not in in_the_way
+    )
+    done: list[str] = []
+    to_label: list[str] = []
+    for task, row in done_rows(tasks):
+        (to_label if row is None else done).append(task.name)
     again = tuple(name for name in to_label if name in failed)
     return Plan(tuple(to_label), again, tuple(done), tuple(refused))

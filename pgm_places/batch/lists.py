@@ -143,6 +143,10 @@ class Lists:
             overview = settle()
             self._written_page(overview)
             return overview
+        overview = settle()
+        self._written_page(overview)
+        if self._far.is_unchanged:
+            return overview
         self._far.put_tables(ended=True)  # before it is looked for those of others
         while True:
             self.take_others()

@@ -312,7 +312,7 @@ def label_one(task: MapTask) -> Outcome:
         This process runs another version, or finds another model.
     """
     try:
-        model = _same_model(task)
+        model = same_model(task)
     except MemoryError as error:
         return task.failure(error)
     try:
@@ -334,7 +334,7 @@ def label_one(task: MapTask) -> Outcome:
         return task.failure(error, of_worker=not os.path.lexists(task.map))
 
 
-def _same_model(task: MapTask) -> LoadedModel:
+def same_model(task: MapTask) -> LoadedModel:
     """The model of this process, if it gives the labels that the task's maker would get."""
     if task.version != __version__:
         raise InputError(

@@ -7,6 +7,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -20,6 +21,10 @@ from pgm_places.io.staging import NEW, as_output_errors, stage
 from pgm_places.progress import warn
 
 Found = TypeVar("Found")
+Item = TypeVar("Item")
+
+MOST_AT_ONCE = 256
+"""Requests under way: at 100 ms each, 2,560 in a second, of which S3 takes 5,500."""
 
 _WAITS_S = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0)
 """Between the tries of a request that a busy server refuses: three minutes in all."""
@@ -89,7 +94,7 @@ class FarFolder:
         with as_errors(address, error):
             from fsspec.core import url_to_fs
 
-            system, inside = url_to_fs(address)
+            system, inside = url_to_fs(address, **_options(address))
             system.dircache.use_listings_cache = False  # other machines write there, too
         return cls(address, system, str(inside).rstrip("/"))
 
@@ -103,6 +108,15 @@ class FarFolder:
         """The folder that it is in."""
         address = self.address.rstrip("/").rpartition("/")[0]
         return replace(self, address=address, path=self.path.rpartition("/")[0])
+
+    def at_once(self, function: Callable[[Item], Found], items: Iterable[Item]) -> list[Found]:
+        """What a function that makes requests returns for each item, many of them at once."""
+        waiting = list(items)
+        n = min(len(waiting), MOST_AT_ONCE if self.system.async_impl else 1)
+        if n < 2:  # other systems may have one connection, which threads cannot share
+            return [function(item) for item in waiting]
+        with ThreadPoolExecutor(n) as threads:
+            return list(threads.map(function, waiting))
 
     def exists(self) -> bool:
         """Whether there is such a file or folder."""
@@ -192,6 +206,16 @@ class FarFolder:
             # Many workers are refused at one moment, and should not come back at one moment.
             time.sleep(wait_s * random.uniform(0.5, 1.0))
         return request(*given)
+
+
+def _options(address: str) -> dict[str, Any]:
+    """Of S3: as many connections as requests, where it would have ten."""
+    if not address.startswith(("s3:", "s3a:")):
+        return {}
+    from fsspec.config import conf
+
+    given = conf.get("s3", {}).get("config_kwargs", {})
+    return {"config_kwargs": {"max_pool_connections": MOST_AT_ONCE, **given}}
 
 
 def _protocols(system: Any) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ import errno
 import io
 import json
 import tempfile
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from pgm_places.batch.found_maps import Shard, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.map_task import Failure, MapTask, NoSpaceError
 from pgm_places.errors import InputError, MapError, OutputError
-from pgm_places.io.far_files import FarFolder, address_of
+from pgm_places.io.far_files import MOST_AT_ONCE, FarFolder, address_of
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
@@ -332,6 +333,96 @@ def task_of(model: Path, address: str) -> MapTask:
     options = LabelOptions(model=str(model))
     sha256 = LoadedModel.load(options).sha256
     return MapTask("floor1/map", Path(address), Path("memory://out/floor1/map"), options, sha256)
+
+
+class Clock:
+    """How long requests of 100 ms would take, as many at once as there are threads."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, system: Any) -> None:
+        self.now_s, self.n_requests = 0.0, 0
+        for name in ("find", "exists", "isdir", "get_file", "put_file", "cat_file", "rm_file"):
+            monkeypatch.setattr(type(system), name, self._timed(getattr(type(system), name)))
+        monkeypatch.setattr(FarFolder, "at_once", self._at_once)
+
+    def _timed(self, request: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*given: Any, **named: Any) -> Any:
+            self.now_s += 0.1
+            self.n_requests += 1
+            before = self.now_s
+            found = request(*given, **named)
+            self.now_s = before  # what memory does by another request is one elsewhere
+            if isinstance(found, dict | list):  # a thousand names come with each request
+                self.now_s += 0.1 * (max(len(found) - 1, 0) // 1000)
+            return found
+
+        return timed
+
+    def _at_once(self, function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
+        start, longest, found = self.now_s, 0.0, []
+        for item in items:
+            self.now_s = start
+            found.append(function(item))
+            longest = max(longest, self.now_s - start)
+        self.now_s = start + -(-len(found) // MOST_AT_ONCE) * longest
+        return found
+
+
+def test_what_is_done_is_found_with_many_requests_at_once(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bucket.rm_file("/maps/torn.yaml")
+    label(model, "memory://out")
+    for number in range(118):
+        for folder in ("maps", "out"):
+            target = f"/{folder}/site{number % 10}/{number}"
+            for name in bucket.find(f"/{folder}/floor1"):
+                bucket.cp_file(name, target + name.removeprefix(f"/{folder}/floor1"))
+    assert label(model, "memory://out").n_kept == 120
+    before = {path: bucket.modified(path) for path in bucket.find("/out")}
+    clock, out = Clock(monkeypatch, bucket), Path("memory://out")
+    found = find_maps(["memory://maps"], out, root=recorded_root(out))
+    options = LabelOptions(model=str(model))
+    assert len(plan(found, out, options).done) == 120
+    assert clock.now_s <= 2.0
+    clock.now_s = 0.0
+    found = find_maps(["memory://maps"], out, root=recorded_root(out))
+    done = label_batch(found, out, options, Here(), progress=Silent())
+    assert done.n_kept == 120
+    assert clock.now_s <= 2.0
+    assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
+
+
+def test_requests_are_made_at_once_where_the_system_can_do_that(bucket: Any) -> None:
+    class Shared(type(bucket)):  # type: ignore[misc]
+        async_impl = True
+
+    barrier = threading.Barrier(8, timeout=60)
+    far = FarFolder("s3://b", Shared(skip_instance_cache=True), "/b")
+    assert far.at_once(lambda item: (barrier.wait(), item)[1], range(8)) == list(range(8))
+    alone = FarFolder("memory://b", bucket, "/b")
+    me = threading.get_ident()
+    assert alone.at_once(lambda _: threading.get_ident(), range(8)) == [me] * 8
+
+
+def test_an_empty_far_file_gets_a_row_rather_than_ending_the_batch(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bucket.pipe_file("/maps/empty.yaml", b"")
+    cat_file = type(bucket).cat_file
+
+    def strict(self: Any, path: str, **more: Any) -> Any:
+        if path.endswith("empty.yaml"):
+            raise OSError(errno.EINVAL, "The requested range is not satisfiable")
+        return cat_file(self, path, **more)
+
+    monkeypatch.setattr(type(bucket), "cat_file", strict)
+    assert label(model, "memory://out").n_failed == 2
+
+
+def test_results_among_the_far_maps_are_no_maps(bucket: Any, model: Path) -> None:
+    bucket.pipe_file("/maps/out/floor1/map.yaml", b"image: map.png\n")
+    found = find_maps(["memory://maps"], Path("memory://maps/out"))
+    assert [item.name for item in found.maps] == ["floor1/map", "floor2/map", "torn"]
 
 
 def test_an_image_elsewhere_is_not_fetched(bucket: Any, model: Path, tmp_path: Path) -> None:
