@@ -9,6 +9,7 @@ import pytest
 from pgm_places import LabelledMap, PlaceLabeler, Sensor, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
+from pgm_places.inference.backends import build
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
@@ -29,7 +30,7 @@ def labeler(known: LabelledMap) -> PlaceLabeler:
     methods = {
         "adaboost": PlaceMethod("independent", "laser"),
         "relaxation": PlaceMethod("relaxation", "laser"),
-        "amn": PlaceMethod("amn", "context"),
+        "amn": PlaceMethod(build("amn", C=10.0), "context"),
         "potts": PlaceMethod(PottsField(0.25, inference="mean-field"), "laser"),
     }
     unfitted = PlaceLabeler(

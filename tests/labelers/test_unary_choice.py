@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pgm_places import LabelledMap, PlaceLabeler
 from pgm_places.datasets import generate_building
 from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.inference.backends import build
 from pgm_places.inference.temperature import likeliest_temperature
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.labelers.place_learning import unary_candidates
@@ -149,10 +150,11 @@ def test_lists_are_trained_once_for_the_choice_and_for_methods(
         return fit(*arguments)
 
     monkeypatch.setattr(list_learning, "_fitted", counted)
-    told = {name: PlaceMethod("amn", name) for name in ("laser", "context", "space")}
+    network = build("amn", C=0.01)  # it learns from held-out scores
+    told = {name: PlaceMethod(network, name) for name in ("laser", "context", "space")}
     quick(told).fit(maps)
     without, fits[:] = len(fits), []
-    quick({**told, "open": "amn"}).fit(maps)
+    quick({**told, "open": network}).fit(maps)
     assert len(fits) == without == 3 * (1 + 3)
 
 
@@ -173,7 +175,7 @@ def test_both_lists_count_by_how_likely_they_make_what_they_have_not_seen(
     maps: list[LabelledMap], tmp_path: Path
 ) -> None:
     methods = {"a": PlaceMethod("independent", "laser+space")}
-    labeler = quick({**methods, "b": PlaceMethod("amn", "laser+space")})
+    labeler = quick({**methods, "b": PlaceMethod(build("amn", C=0.01), "laser+space")})
     unary = labeler.learn(maps[:2], with_scores=True)
     assert unary.scores is not None
     truths = [item.truth(item.graph(labelled_only=True)) for item in maps[:2]]

@@ -3,6 +3,7 @@
 import functools
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -73,16 +74,21 @@ def write_cold_floor(folder: Path, seed: int) -> None:
     folder.mkdir()
     save_map(building.grid, folder / "map")
     codes = {"corridor": "CR", "room": "MPO", "doorway": "DW"}
-    cells = np.argwhere(building.labels >= 0)
-    squares = [
+    names = ("", *building.label_names)
+    strips = [
         {
             "type": "Feature",
-            "properties": {"class": codes[building.label_names[building.labels[row, column]]]},
-            "geometry": {"type": "Polygon", "coordinates": [_square(building.grid, row, column)]},
+            "properties": {"class": codes[names[labels[start] + 1]]},
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [_strip(building.grid, row, start, end)],
+            },
         }
-        for row, column in cells.tolist()
+        for row, labels in enumerate(building.labels)
+        for start, end in pairwise([0, *np.flatnonzero(np.diff(labels)) + 1, len(labels)])
+        if labels[start] >= 0
     ]
-    text = json.dumps({"type": "FeatureCollection", "features": squares})
+    text = json.dumps({"type": "FeatureCollection", "features": strips})
     (folder / "regions.geojson").write_text(text)
     path = SimulatedRobot(ScanGeometry.half_circle(4, range_max_m=5.0)).explore(
         building.grid, spacing_m=4.0, seed=seed
@@ -93,12 +99,13 @@ def write_cold_floor(folder: Path, seed: int) -> None:
     (folder / "trajectory_cloudy1.csv").write_text("\n".join(["t_s,x_m,y_m,label", *rows]) + "\n")
 
 
-def _square(grid: OccupancyGrid, row: int, column: int) -> list[list[float]]:
-    """The outline of a cell."""
-    [[x, y]] = grid.cell_centres_m(np.array([[row, column]]))
+def _strip(grid: OccupancyGrid, row: int, start: int, end: int) -> list[list[float]]:
+    """The outline of cells side by side, the last of them before ``end``."""
+    [[left, y], [right, _]] = grid.cell_centres_m(np.array([[row, start], [row, end - 1]]))
     half = grid.resolution_m / 2
-    corners = ((-half, -half), (half, -half), (half, half), (-half, half), (-half, -half))
-    return [[float(x + dx), float(y + dy)] for dx, dy in corners]
+    left, right = float(left - half), float(right + half)
+    low, high = float(y - half), float(y + half)
+    return [[left, low], [right, low], [right, high], [left, high], [left, low]]
 
 
 @pytest.mark.slow
