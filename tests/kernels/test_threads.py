@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 from collections.abc import Callable
 from contextvars import ContextVar
 
@@ -57,6 +58,23 @@ def test_the_first_error_is_raised_and_stops_the_rest(n_threads: int) -> None:
     with pytest.raises(RuntimeError, match="task 2"):
         run_tasks(work, 10_000, n_threads=n_threads)
     assert len(seen) < 10_000
+
+
+def test_an_error_in_a_helper_stops_the_caller() -> None:
+    caller, failed, seen = threading.current_thread(), threading.Event(), 0
+
+    def work(_: int) -> None:
+        nonlocal seen
+        if threading.current_thread() is not caller:
+            failed.set()
+            raise RuntimeError("in a helper")
+        failed.wait(60)
+        time.sleep(0.001)
+        seen += 1
+
+    with pytest.raises(RuntimeError, match="in a helper"), Crew(2) as crew:
+        crew.run(work, 5000)
+    assert seen < 4999
 
 
 def test_a_crew_stays_for_many_rounds() -> None:

@@ -1,14 +1,17 @@
 """Places that are written into a folder follow their rules and what stood there before."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pgm_places.errors import OutputError
 from pgm_places.io.output_set import output_set
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.labelled_places import LabelledCells
-from pgm_places.labelling.files import write_places
+from pgm_places.labelling.files import write_labels, write_places
 from pgm_places.progress import Silent, reported
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
@@ -72,3 +75,14 @@ class Heard(Silent):
 
     def warn(self, message: str) -> None:
         self.warnings.append(message)
+
+
+@pytest.mark.parametrize("name", ["a/b", "a\\b", ".room"])
+def test_a_label_that_is_no_part_of_a_file_name_is_refused_before_anything_is_written(
+    name: str, tmp_path: Path
+) -> None:
+    result: Any = SimpleNamespace(label_names=("room", name))
+    source: Any = None
+    with pytest.raises(OutputError, match="cannot be part of a file name; rename it"):
+        write_labels(result, source, tmp_path)
+    assert not list(tmp_path.iterdir())

@@ -95,6 +95,9 @@ def test_learning_from_nothing_but_paint() -> None:
     pupil = Teacher(grid, classes=NAMES)
     with pytest.raises(LabelError, match="at least two classes; painted so far: none"):
         pupil.label(pupil.blank())
+    one = pupil.blank().with_cells(np.argwhere(grid.free & (truth == 1))[:50], NAMES[1])
+    with pytest.raises(LabelError, match=f"at least two classes; painted so far: {NAMES[1]}"):
+        pupil.label(one)
     few = np.random.default_rng(0).random(grid.shape) < 0.02
     paint = pupil.blank()
     for label, name in enumerate(NAMES):

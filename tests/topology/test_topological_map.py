@@ -1,5 +1,6 @@
 """Places, their connections, and what can be asked of them."""
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -192,3 +193,18 @@ def test_a_hole_in_a_wall_connects_nothing_where_a_width_is_asked_for() -> None:
     assert {r.name for r in holed.neighbours("room 1")} == {"corridor 4", "doorway 5"}
     sealed = topological_map(grid, labels, NAMES, min_width_m=0.6)
     assert [r.name for r in sealed.neighbours("room 1")] == ["doorway 5"]
+
+
+def test_of_several_passages_to_adjacent_doorways_the_widest_counts() -> None:
+    found = floor_map()
+    doors = [region.id for region in found.regions if region.label == "doorway"][:2]
+    rooms = [region.id for region in found.regions if region.label != "doorway"][:2]
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_nodes_from(found.graph.nodes(data=True))
+    graph.add_edge(rooms[0], doors[0], width_m=1.5)
+    graph.add_edge(rooms[0], doors[1], width_m=0.5)
+    graph.add_edge(rooms[1], doors[0], width_m=0.9)
+    graph.add_edge(*doors, width_m=0.7)
+    vars(found)["graph"] = graph  # a cached property
+    [(_, _, values)] = found.place_graph.edges(data=True)
+    assert (values["doorway"], values["width_m"]) == (min(doors), 0.9)

@@ -16,7 +16,7 @@ from pgm_places.unary.list_learning import without_a_domain
 from pgm_places.unary.map_model import MIXED, UNARIES, UnaryModel
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
-from pgm_places.unary.training_cells import TrainingCells
+from pgm_places.unary.training_cells import TrainingCells, _chosen
 
 NAMES = ("corridor", "room", "doorway")
 FEW = SpaceOptions(n_rounds=20, max_examples_per_map=2000)
@@ -176,3 +176,9 @@ def test_a_domain_without_which_a_label_has_no_example_is_left_out_by_no_list() 
 def sizes(model: UnaryModel) -> list[int]:
     assert model.space is not None
     return [item.n_rounds for item in model.space.classifier.classifiers]
+
+
+def test_only_maps_with_more_cells_than_the_limit_are_thinned() -> None:
+    taken = _chosen([10, 3], 5, 0)
+    assert (int(taken[:10].sum()), int(taken[10:].sum())) == (5, 3)
+    assert _chosen([10, 3], 10, 0).all() and _chosen([10, 3], None, 0).all()

@@ -257,6 +257,21 @@ def test_a_frequent_grey_beside_a_freer_one_is_named(
     assert asked.warnings == () and asked.fractions.unknown == pytest.approx(0.64)
 
 
+def test_of_two_frequent_greys_the_more_frequent_is_named(tmp_path: Path) -> None:
+    pixels = np.full((100, 100), 254, np.uint8)
+    pixels[:50], pixels[50:60], pixels[60:62] = 216, 235, 0
+    [warning] = [line for line in load_map(write_map(tmp_path, pixels)).warnings if "216" in line]
+    assert warning.startswith("50 % of the pixels have grey 216 and read as free")
+
+
+def test_where_dark_is_free_the_frequent_grey_is_the_lighter_one(tmp_path: Path) -> None:
+    pixels = np.full((100, 100), 38, np.uint8)
+    pixels[60:90], pixels[90:] = 0, 255
+    found = load_map(write_map(tmp_path, pixels, negate=1)).warnings
+    line = "60 % of the pixels have grey 38 and read as free, as grey 0 does"
+    assert any(message.startswith(line) for message in found)
+
+
 @pytest.mark.parametrize("mode", ["Trinary", "TRINARY", "Scale", "rAw"])
 def test_a_mode_may_be_written_in_capitals(tmp_path: Path, mode: str) -> None:
     assert load_map(write_map(tmp_path, PIXELS, mode=mode)).rules.mode == mode.lower()
