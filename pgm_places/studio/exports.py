@@ -14,14 +14,19 @@ from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.exports import export
+from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
 from pgm_places.io.places.topology_files import (
     read_own_names,
-    save_topology,
-    write_checks,
 )
-from pgm_places.labelling.files import earlier_places
-from pgm_places.labelling.places import places_of
+from pgm_places.labelling.files import (
+    PLACES,
+    SETTINGS,
+    PageFacts,
+    earlier_places,
+    write_topology,
+)
+from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.options import Options, option_values, plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.progress import warn
@@ -33,7 +38,6 @@ from pgm_places.studio.lesson import renamed
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology import place_edits
-from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import NAMES
 
@@ -160,9 +164,16 @@ def _corrections(desk: Desk, folder: Path) -> list[Path]:
 
 def _places(desk: Desk, folder: Path) -> list[Path]:
     topology, others, own = _named_places(desk, folder)
-    written, names_file = save_topology(folder, topology), folder / NAMES_FILE
-    if places_to_check(topology):
-        written.append(write_checks(folder / CHECK_FILE, topology))
+    names_file, found = folder / NAMES_FILE, desk.answer.labelled
+    there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    page: PageFacts = {
+        "names": {*there, *PLACES, *SETTINGS},
+        "map_name": desk.source.yaml_path.name,
+        "warnings": (*desk.source.warnings, *found.warnings),
+    }
+    gates = separating_gates(found.doorways, desk.rules)
+    written = save_settings(folder, PlaceSettings(desk.rules, gates))
+    written += write_topology(folder, desk.grid, topology, title=desk.source.name, page=page)
     if names := others | own:
         lines = (f"{key}: {json.dumps(name, ensure_ascii=False)}\n" for key, name in names.items())
         written.append(write_text(names_file, "".join(lines)))
@@ -328,9 +339,9 @@ EXPORTS = {
     ),
     "places": Export(
         "Places",
-        ("places.json", "regions.png", "regions.geojson"),
+        PLACES,
         _places,
-        more=(CHECK_FILE, NAMES_FILE),
+        more=(CHECK_FILE, NAMES_FILE, *SETTINGS),
         content=Content.PLACES,
     ),
     "nav2": Export(

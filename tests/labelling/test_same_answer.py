@@ -169,7 +169,7 @@ def check_all(commands: Commands) -> None:
 
 def test_every_command_labels_a_generated_map_alike(run: Run, tmp_path: Path) -> None:
     save_map(generate_building(5, size="small", resolution_m=0.1).grid, tmp_path / "map")
-    rules = TopologyOptions(min_width_m=0.3, min_area_m2=1.5)
+    rules = TopologyOptions(min_width_m=0.3, min_area_m2=1.5, min_clearance_m=0.25)
     entered = EnteredOptions(disc_radius_m=0.25)
     options = {name: vars(item) for name, item in (("topology", rules), ("entered", entered))}
     model = save(places(), tmp_path / "model", record={"config": options})
