@@ -1,9 +1,9 @@
 """Commands about places: topology, export, where, and changes by hand: rename, merge and split."""
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import pgm_places as pp
 from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownValue
@@ -12,6 +12,7 @@ from pgm_places.cli.entry import EXIT_NOT_FOUND
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
 from pgm_places.errors import InputError
+from pgm_places.io.places.result_folder import NAMES_FILE
 from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pgm_places.graph.layout import GridLayout
+    from pgm_places.io.output_set import OutputSet
+    from pgm_places.labelling.files import PageFacts
     from pgm_places.spaces.doorways import Doorways
     from pgm_places.topology.topological_map import TopologicalMap
 
@@ -170,96 +173,26 @@ def export(
     map_yaml : MAP.yaml
         For nav2 and map: the map; by default the one that was labelled.
     """
+    from pgm_places.cli.place_exports import ExportRequest, record_exports, recorded_exports
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.exports import export as write_export
-    from pgm_places.io.places.exports import write_cleaned_map
     from pgm_places.io.places.topology_files import load_named_topology
 
-    topology = load_named_topology(folder)
-    with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        if keep_out and to not in ("nav2", "nav2-route"):
-            raise InputError(f"the export {to!r} takes no --keep-out; nav2 and nav2-route do")
-        if map_yaml and to not in ("nav2", "map"):
-            raise InputError(f"the export {to!r} takes no --map; nav2 and map do")
-        if to == "nav2":
-            topology.ids_of(keep_out or ())  # a slip is said before anything is read
-            for_nav2 = {
-                "speeds_m_s": _values(values or ()),
-                "grid": _map_for_nav2(folder, map_yaml),
-            }
-            _write_routes(
-                files.stage, topology, robot_radius_m, out or folder, keep_out or (), for_nav2
-            )
-        elif to == "map":
-            grid = _map_for_nav2(folder, map_yaml)
-            if grid is None:
-                raise InputError(f"{folder}: the map is not where it was labelled; pass --map")
-            write_cleaned_map(files.stage, topology, grid)
-        elif to == "nav2-route" and not values:
-            _write_routes(files.stage, topology, robot_radius_m, out or folder, keep_out or ())
-        else:
-            write_export(
-                topology,
-                to,
-                files.stage,
-                values=_values(values or ()) or None,
-                robot_radius_m=robot_radius_m,
-                name=folder.resolve().name,
-                lies_in=out or folder,
-            )
-    say_written(files)
-
-
-def _write_routes(
-    folder: Path,
-    topology: "TopologicalMap",
-    robot_radius_m: float | None,
-    lies_in: Path,
-    keep_out: Sequence[str],
-    for_nav2: dict[str, Any] | None = None,
-) -> None:
-    """The route graph and its picture; says what the robot cannot reach."""
-    from pgm_places.pictures.route_picture import routes_summary, write_routes
-    from pgm_places.topology.route_graph import ROBOT_RADIUS_M
-
-    radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
-    routes = write_routes(
-        folder,
-        topology,
-        robot_radius_m=radius,
-        keep_out=keep_out,
-        for_nav2=for_nav2,
-        lies_in=lies_in,
-    )
-    say(routes_summary(topology, routes))
-
-
-def _map_for_nav2(folder: Path, given: Path | None) -> "pp.OccupancyGrid | None":
-    """The map that was labelled, or the one that was given instead; says what is amiss."""
-    from pgm_places.labelling.files import labelled_map
-
-    path = given or labelled_map(folder)
-    if path is None:
-        complain("the map is not copied, because it is not where it was labelled; pass --map")
-        return None
-    grid = pp.load_map(path).grid
-    if grid.yaw_rad:
-        complain(
-            f"the origin of the map is turned by {grid.yaw_rad:g} rad, which Nav2's costmaps and "
-            "filters ignore: save the map with a yaw of 0"
+    topology, target = load_named_topology(folder), out or folder
+    with output_set(target, f"export {to}", force=force, shared=True) as files:
+        asked = ExportRequest(
+            to,
+            tuple(values or ()),
+            robot_radius_m,
+            tuple(keep_out or ()),
+            None if map_yaml is None else str(map_yaml),
         )
-    return grid
-
-
-def _values(texts: Sequence[str]) -> dict[str, float]:
-    """``["room=100"]`` as ``{"room": 100.0}``."""
-    values = {}
-    for text in texts:
-        name, equals, number = text.rpartition("=")
-        if not equals or not name or not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{1,9})?", number.strip()):
-            raise InputError(f"--set expects NAME=NUMBER, such as room=100, got {text!r}")
-        values[name.strip()] = float(number)
-    return values
+        summary = asked.write(files.stage, folder, target, topology)
+        if target.resolve() == folder.resolve():
+            others = (item for item in recorded_exports(folder) if item.to != to)
+            record_exports(files.stage, [*others, asked])
+    if summary:
+        say(summary)
+    say_written(files)
 
 
 def where(
@@ -288,21 +221,38 @@ def where(
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
-    """Give a place a name of your own, in place_names.yaml.
+    """Give a place a name of your own, in all files of the folder at once.
+
+    The exports in the folder are written again with the name.
 
     Parameters
     ----------
     name
         Its new name.
     """
+    from pgm_places.cli.place_exports import recorded_exports, write_exports
+    from pgm_places.io.output_set import is_as_written
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
+    from pgm_places.io.staging import file_names
     from pgm_places.topology.place_edits import renamed
 
     topology = load_named_topology(folder)
-    number = topology.place(_key(place)).id
-    renamed(topology, {number: name})  # a name that another place has is refused here
-    path = write_own_name(folder, number, name)
-    say(f"place {number} is called {name!r} (in {path})")
+    region = topology.place(_key(place))
+    edited = renamed(topology, {region.id: name})  # a name that another place has is refused here
+    exports = [item.renamed(region.name, name) for item in recorded_exports(folder)]
+    changed = []
+    with _edited(folder, edited, "rename") as files:
+        own = {*file_names(files.stage)}
+        if exports:
+            write_exports(files.stage, folder, edited, exports)
+        write_own_name(folder, region.id, name, into=files.stage)
+        for file in sorted({*file_names(files.stage)} - own - {NAMES_FILE}):
+            if (folder / file).is_file() and not is_as_written(folder / file, folder):
+                (files.stage / file).unlink()
+                changed.append(file)
+    say(f"place {region.id} is called {name!r} (in {folder})")
+    for file in changed:
+        complain(f"{folder / file} was changed since it was exported and keeps the earlier name")
 
 
 def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")]) -> None:
@@ -361,6 +311,17 @@ def _key(text: str) -> int | str:
 
 
 def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
+    from pgm_places.report.places_summary import places_summary
+
+    with _edited(folder, topology, by) as files:
+        pass
+    say(places_summary(topology, folder))
+    say_written(files)
+
+
+@contextmanager
+def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[OutputSet]":
+    """The files of edited places as a set, to which others can be added."""
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.place_settings import PlaceSettings, load_settings, save_settings
     from pgm_places.io.places.result_folder import (
@@ -370,16 +331,20 @@ def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
         settings_path,
     )
     from pgm_places.io.staging import file_names
-    from pgm_places.labelling.files import PLACES, write_topology
-    from pgm_places.report.places_summary import places_summary
+    from pgm_places.labelling.files import PLACES, label_record, labelled_map, write_topology
 
-    # The command that wrote the folder goes on owning its other files.
-    with output_set(folder, by, force=True, shared=True, replaces=OLD_FILES) as files:
+    # The command that wrote a file goes on owning it.
+    with output_set(
+        folder, by, force=True, shared=True, replaces=OLD_FILES, keeps_owners=True
+    ) as files:
         if settings_path(folder).name == PLACES_FILE:  # of an earlier version: its name is taken
             save_settings(files.stage, load_settings(folder) or PlaceSettings(TopologyOptions()))
         names = {*file_names(folder.resolve()), *PLACES} - {OLD_PLACES_FILE}
-        write_topology(
-            files.stage, topology.grid, topology, title=folder.name, page={"names": names}
-        )
-    say(places_summary(topology, folder))
-    say_written(files)
+        page: PageFacts = {"names": names, "warnings": label_record(folder).get("warnings", ())}
+        grid, title, path = topology.grid, folder.name, labelled_map(folder)
+        if path is not None:
+            page["map_name"], source = path.name, pp.load_map(path)
+            if source.grid.frame == grid.frame and source.grid.shape == grid.shape:
+                grid, title = source.grid, source.name  # with its walls, for the pictures
+        write_topology(files.stage, grid, topology, title=title, page=page)
+        yield files

@@ -61,6 +61,7 @@ def output_set(
     force: bool = False,
     shared: bool = False,
     replaces: Iterable[str] = (),
+    keeps_owners: bool = False,
 ) -> Iterator[OutputSet]:
     """A set to write files to; all of them stand in the folder when the block ends well.
 
@@ -84,6 +85,9 @@ def output_set(
     replaces : iterable of str
         Files of ours, by whichever command, that the new ones make superfluous: they are removed,
         unless they were changed.
+    keeps_owners : bool
+        A file that another command wrote goes on counting as its file, and files of an earlier set
+        by the same command stay.
 
     Raises
     ------
@@ -115,10 +119,13 @@ def output_set(
                 new = {
                     name: entry
                     for name, entry in old.items()
-                    if entry["by"] != by and name not in gone
+                    if (keeps_owners or entry["by"] != by) and name not in gone
                 }
                 new |= {
-                    name: {"by": by, "sha256": sha256_of(files.stage / name)}
+                    name: {
+                        "by": old[name]["by"] if keeps_owners and name in old else by,
+                        "sha256": sha256_of(files.stage / name),
+                    }
                     for name in sorted(written)
                 }
                 (files.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
@@ -163,9 +170,10 @@ def has_all_files(folder: Path) -> bool:
     )
 
 
-def is_as_written(path: Path) -> bool:
-    """Whether we wrote a file, and nobody has changed it since."""
-    entry = (_record(path.parent) or {}).get(path.name)
+def is_as_written(path: Path, folder: Path | None = None) -> bool:
+    """Whether we wrote a file of a folder, its own by default, and it is unchanged since."""
+    home = folder or path.parent
+    entry = (_record(home) or {}).get(path.relative_to(home).as_posix())
     return entry is not None and path.is_file() and sha256_of(path) == entry["sha256"]
 
 

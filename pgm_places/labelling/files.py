@@ -292,16 +292,21 @@ def _write_overview(
     return packing.write(folder / "overview.png", drawing)
 
 
+def label_record(folder: Path) -> dict[str, Any]:
+    """The record that ``label`` left in a folder, by ``summary.json``; empty without one."""
+    path = detail_path(folder, SUMMARY_FILE)
+    if not path.is_file():
+        return {}
+    record = read_json(path, InputError, "a summary of 'pgm-places label'", max_bytes=MAX_BYTES)
+    return record if isinstance(record, dict) else {}
+
+
 def labelled_map(folder: Path) -> Path | None:
     """The map that was labelled into a folder; None where that is unknown or it has gone.
 
     A relative path is looked up where the command runs, as it was when the map was labelled.
     """
-    path = detail_path(folder, SUMMARY_FILE)
-    if not path.is_file():
-        return None
-    record = read_json(path, InputError, "a summary of 'pgm-places label'", max_bytes=MAX_BYTES)
-    name = record.get("map") if isinstance(record, dict) else None
+    name = label_record(folder).get("map")
     path_of_map = Path(name) if isinstance(name, str) else None
     return path_of_map if path_of_map is not None and path_of_map.is_file() else None
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from pgm_places import load_topology
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.staging import file_names
 from pgm_places.labelling.files import PLACES
@@ -287,3 +288,72 @@ def test_where_imports_nothing_that_it_does_not_need(places: Path) -> None:
     command = [sys.executable, "-c", code, str(places)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == "no place at this position\n\n"
+
+
+def texts(folder: Path, name: str) -> list[str]:
+    """The files of a folder that hold a name."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return sorted(
+        path.relative_to(folder).as_posix() for path in files if name.encode() in path.read_bytes()
+    )
+
+
+@pytest.fixture
+def exported(places: Path, run: Run) -> tuple[Path, int]:
+    """Places of which one is called kitchen, with exports that name it; its id."""
+    record = json.loads((places / "places.json").read_text())
+    rooms = [region["id"] for region in record["regions"] if region["label"] == "room"]
+    assert run("rename", places, rooms[0], "kitchen")[0] == 0
+    for arguments in (
+        ("nav2", "--set", "kitchen=0.4", "--set", "corridor=0.8", "--robot-radius", "0.1"),
+        ("graphml",),
+        ("node-link",),
+        ("dot",),
+        ("mcap",),
+        ("coverage", "--robot-radius", "0.1"),
+        ("lif", "--robot-radius", "0.1"),
+        ("zones", "--set", "kitchen=100"),
+    ):
+        code, _, err = run("export", places, "--to", *arguments)
+        assert code == 0, err
+    return places, rooms[0]
+
+
+def test_rename_changes_every_file_of_the_folder(exported: tuple[Path, int], run: Run) -> None:
+    folder, number = exported
+    named = texts(folder, "kitchen")
+    least = {"places.json", "regions.geojson", "place_names.yaml", "poses.yaml", "places.dot"}
+    least |= {"nav2_route.geojson", "places.graphml", "place_graph.json", "details/exports.json"}
+    assert {*named} >= least
+    masks = [(folder / file).read_bytes() for file in ("speed_m_s.png", "zones.png")]
+    picture = (folder / "topology.png").read_bytes()
+    code, _, err = run("rename", folder, "kitchen", "workshop")
+    assert code == 0, err
+    assert texts(folder, "kitchen") == []
+    assert texts(folder, "workshop") == named
+    assert [(folder / file).read_bytes() for file in ("speed_m_s.png", "zones.png")] == masks
+    assert (folder / "topology.png").read_bytes() != picture
+    assert load_topology(folder).place("workshop").id == number
+    code, _, err = run("export", folder, "--to", "dot")  # its files still belong to the export
+    assert code == 0, err
+
+
+def test_a_rename_that_fails_changes_no_file(exported: tuple[Path, int], run: Run) -> None:
+    folder, _ = exported
+    (folder / "poses.yaml").unlink()
+    (folder / "poses.yaml").mkdir()
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    code, _, err = run("rename", folder, "kitchen", "workshop")
+    assert code == 1 and "poses.yaml" in err
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_an_export_changed_by_hand_stays_and_is_named(exported: tuple[Path, int], run: Run) -> None:
+    folder, _ = exported
+    edited = (folder / "places.dot").read_text() + "// mine\n"
+    (folder / "places.dot").write_text(edited)
+    code, _, err = run("rename", folder, "kitchen", "workshop")
+    assert code == 0
+    assert "places.dot was changed since it was exported and keeps the earlier name" in err
+    assert (folder / "places.dot").read_text() == edited
+    assert texts(folder, "kitchen") == ["places.dot"]

@@ -11,6 +11,7 @@ DETAILS = "details"
 
 SETTINGS_FILE, GATES_FILE = f"{DETAILS}/settings.json", f"{DETAILS}/gate_places.png"
 SUMMARY_FILE, MANIFEST_FILE = f"{DETAILS}/summary.json", f"{DETAILS}/manifest.json"
+EXPORTS_FILE = f"{DETAILS}/exports.json"
 THUMBNAIL_FILE = f"{DETAILS}/thumbnail.png"
 
 OLD_PLACES_FILE = "topology.json"

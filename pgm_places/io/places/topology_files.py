@@ -281,8 +281,10 @@ def _region(
     return Region(**values, polygons=polygons, gate=None if gate is None else read_gate(gate))
 
 
-def write_own_name(folder: Path | str, number: int, name: str) -> Path:
+def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | None = None) -> Path:
     """Write a user's name for an id into ``place_names.yaml``; other lines stay as they are.
+
+    The file is that of ``folder``, or where ``into`` is given a changed copy in that folder.
 
     Raises
     ------
@@ -301,7 +303,7 @@ def write_own_name(folder: Path | str, number: int, name: str) -> Path:
         lines[at[0]] = own
     else:
         lines.append(own)
-    return write_text(path, "\n".join(lines) + "\n")
+    return write_text((into or path.parent) / NAMES_FILE, "\n".join(lines) + "\n")
 
 
 def read_own_names(folder: Path | str) -> dict[int, str]:
