@@ -380,16 +380,8 @@ def write_topology(
 def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
     """The same values, read-only, from a file without a name, which goes when they do.
 
-    Arrays of fewer bytes than ``at_least`` stay in memory; so do those for which the folder has no
-    room.
-
-    Parameters
-    ----------
-    array : array
-        Of any shape; whoever holds it must let it go for the memory to be free.
-    folder : Path
-        On the disk that the file is to lie on.
-    at_least : int
+    Arrays of fewer bytes than ``at_least``, and those for which the folder has no room, stay in
+    memory. The caller must drop its own reference for the memory to be free.
     """
     if array.nbytes < max(at_least, 1):
         return array

@@ -344,7 +344,7 @@ def test_a_rename_that_fails_changes_no_file(exported: tuple[Path, int], run: Ru
     (folder / "poses.yaml").mkdir()
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     code, _, err = run("rename", folder, "kitchen", "workshop")
-    assert code == 1 and "poses.yaml" in err
+    assert code == 2 and "poses.yaml" in err
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
