@@ -311,6 +311,11 @@ def right_calls(t: Things, folder: Path) -> list[RightCall]:
             {"labels": node_labels, "status": p.Status.EXACT, "beliefs": prob, "score": 1.0}
             | {"bound": 1.0, "info": {"a": 1}},
         ),
+        "Labeling.is_optimal": (t.labeling.is_optimal, {"tolerance": 0.5}),
+        "Labeling.check": (
+            t.labeling.check,
+            {"problem": t.problem, "potentials": t.potentials},
+        ),
         "Labeling.part": (t.labeling.part, {"nodes": np.array([0, 2])}),
         "score": (
             p.score,

@@ -12,9 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import finite_array, integer_array, row_blocks, set_fields
+from pgm_places._checks import (
+    finite_array,
+    integer_array,
+    require_at_least,
+    row_blocks,
+    set_fields,
+)
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
+from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.plotting import charts
 from pgm_places.plotting.axes import axes_or_new
@@ -218,8 +225,74 @@ class Labeling:
             return None
         return max(self.bound - self.score, 0.0)
 
+    def is_optimal(self, tolerance: float = 0.0) -> bool:
+        """Whether it is proved that no labelling scores more by over ``tolerance``.
+
+        Proved by the method (``EXACT``, up to rounding) or by the gap; False without a bound.
+        """
+        require_at_least("tolerance", tolerance, 0)
+        return self.status is Status.EXACT or (self.gap is not None and self.gap <= tolerance)
+
+    def check(self, problem: LabelingProblem, potentials: Potentials | None = None) -> list[str]:
+        """What is wrong with the labelling, a sentence each; [] where nothing is.
+
+        Checked are the number of nodes, that labels are those of the problem and allowed at their
+        nodes (``known``, -inf in ``unary``), that beliefs are probabilities of the allowed labels,
+        and that the bound is not below the score; with potentials, also that the score is that of
+        the labels, to 1e-9 of what it is the sum of.
+
+        Parameters
+        ----------
+        problem : LabelingProblem
+            What was labelled.
+        potentials : Potentials, optional
+            Of the method: ``method.potentials(problem)``. What cliques earn is not in them, so that
+            the score of a problem with cliques is not computed again.
+
+        Examples
+        --------
+        >>> from pgm_places.graph.label_graph import LabelGraph
+        >>> graph, known = LabelGraph.from_edges(2, [(0, 1)]), np.array([0, -1])
+        >>> problem = LabelingProblem(graph, ["a", "b"], known=known)
+        >>> Labeling(np.array([1, 1]), Status.CONVERGED).check(problem)
+        ["1 labels are not allowed, the first is 'b' at node 0"]
+        """
+        n, k = problem.graph.n_nodes, problem.n_labels
+        if len(self.labels) != n:
+            return [f"it labels {len(self.labels)} nodes, the problem has {n}"]
+        if self.labels.max(initial=0) >= k:
+            return [f"label {self.labels.max()} is none of the problem's {k}"]
+        found = []
+        allowed = _preferred(problem, np.arange(n)) > -np.inf
+        broken = np.flatnonzero(~allowed[np.arange(n), self.labels])
+        if len(broken):
+            name = problem.label_names[self.labels[broken[0]]]
+            found.append(
+                f"{len(broken)} labels are not allowed, the first is {name!r} at node {broken[0]}"
+            )
+        if self.beliefs is not None and self.beliefs.shape != (n, k):
+            found.append(f"beliefs have shape {self.beliefs.shape} instead of {(n, k)}")
+        elif self.beliefs is not None and (
+            self.beliefs.min(initial=0.0) < 0 or self.beliefs[~allowed].any()
+        ):
+            found.append("beliefs are negative, or above 0 for labels that are not allowed")
+        if self.score is None:
+            return found
+        size = abs(self.score)
+        if potentials is not None and problem.cliques is None:
+            again = score(problem.graph, potentials, self.labels)
+            size += float(np.abs(potentials.unary[np.arange(n), self.labels]).sum())
+            if abs(again - self.score) > ROUNDING * size:
+                found.append(f"the labels score {again:.12g}, not {self.score:.12g}")
+        if self.bound is not None and self.bound < self.score - ROUNDING * size:
+            found.append(f"the bound {self.bound:.12g} is below the score {self.score:.12g}")
+        return found
+
 
 _NODES_AT_ONCE = 262_144
+
+ROUNDING = 1e-9
+"""Share of a score by which sums in another order may differ."""
 
 
 def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
