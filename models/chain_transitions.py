@@ -1,6 +1,6 @@
 """Transitions of a hidden Markov model along a chain: of each step, or of the way between two."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, Self
@@ -68,6 +68,25 @@ def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.fl
     return np.asarray(given, np.float64)
 
 
+def known_lengths(
+    problems: Sequence[LabelingProblem], lengths: StepLength
+) -> list[NDArray[np.float64]]:
+    """The lengths of the steps of chains: of those with positions, where no length is asked for.
+
+    Raises
+    ------
+    InputError
+        Lengths are asked for, and a chain has none, or all are 0.
+    """
+    if lengths == "usual":
+        placed = [item for item in problems if item.graph.positions_m is not None]
+        return [np.asarray(step_lengths(item, "positions")) for item in placed]
+    found = [np.asarray(step_lengths(item, lengths)) for item in problems]
+    if not any(part.any() for part in found):
+        raise InputError("all steps have length 0: transitions cannot go by their length")
+    return found
+
+
 class ChainTransitions(StepFilter):
     """What a hidden Markov model does with its transitions, which it holds itself."""
 
@@ -126,7 +145,7 @@ class ChainTransitions(StepFilter):
         """What the mode's algorithm finds; ``lengths`` (T - 1,) are those of the steps."""
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
         methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
-        moved = moved_steps(graph, self.stay_below_m)
+        moved = self._moved(graph)
         if lengths is None:
             tables, actions = self._transitions, np.where(moved, MOVE, STAY)
         else:
@@ -136,6 +155,9 @@ class ChainTransitions(StepFilter):
             tables = np.concatenate([of_lengths, self._transitions[STAY:]])
             actions = np.where(moved, led.reshape(-1), len(different))
         return methods[self.mode](markov_chain(self._start(), tables, observed, actions))
+
+    def _moved(self, graph: LabelGraph) -> NDArray[np.bool_]:
+        return moved_steps(graph, self.stay_below_m)
 
     def _next(
         self, observed: NDArray[np.float64], state: Any, moved_m: float | None

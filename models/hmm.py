@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError, NotFittedError
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Traits, learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
@@ -22,10 +21,14 @@ from pgm_places.models.chain_statistics import (
     counted_tables,
     learned_tables,
     log_impossible,
-    moved_steps,
     require_chain,
 )
-from pgm_places.models.chain_transitions import ChainTransitions, StepLength, step_lengths
+from pgm_places.models.chain_transitions import (
+    ChainTransitions,
+    StepLength,
+    known_lengths,
+    step_lengths,
+)
 from pgm_places.models.evidence_weight import (
     Observation,
     chosen_observation,
@@ -85,17 +88,17 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         A robot that moved less than this between two steps is taken to be at the same place; needs
         positions. 0 never does.
     shrinkage : float or "fitted"
-        The share of the labels' shares in every row of the transitions: 0 takes them as counted, 1
-        makes each step independent of the one before. ``"fitted"`` is chosen with ``observation``
-        and ``evidence_weight`` where both are left open, else 0.
+        The share of the labels' shares in every row of the transitions: 1 makes each step
+        independent of the one before. ``"fitted"``: 0, or with both left open, chosen together with
+        ``observation`` and ``evidence_weight``.
     step_length : {"usual", "positions", "given"}
-        Transitions of one table for every step, or of its length d: ``expm(Q d)``, where the table
-        is ``expm(Q d0)`` for the median length d0 in training, 0.35 m on simulated runs.
-        ``positions`` takes distances in metres between the graph's positions, ``given`` the only
-        column of ``edge_features``: metres, seconds or any other unit, the same as in training.
+        One table for every step, or by its length d ``expm(Q d)``, which is the table at the median
+        length in training (0.35 m on simulated runs): distances of positions in metres, or the only
+        column of ``edge_features`` in any unit.
 
     Examples
     --------
+    >>> from pgm_places import LabelGraph
     >>> graph = LabelGraph.from_trajectory(np.arange(12.0).reshape(6, 2))
     >>> truth = np.array([0, 0, 0, 1, 1, 1])
     >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
@@ -141,8 +144,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
     fitted_observations: NDArray[np.int64] | None = learned()
     """(3,) the observation model for each mode, as an index into ``OBSERVATIONS``."""
     fitted_scores: NDArray[np.float64] | None = learned()
-    """(3, 4) accuracy and balanced accuracy on the training sequences: of each mode with what was
-    chosen for it, and of each step by itself."""
+    """(3, 4) accuracy and balanced accuracy in training: of each mode, and of single steps."""
     learning_curve: NDArray[np.float64] | None = learned()
     """(R,) objective of Baum-Welch by rounds, where steps without a label were learned from."""
 
@@ -182,12 +184,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         labelings: Sequence[NDArray[np.int64]],
         weights: Sequence[NDArray[np.float64]],
     ) -> Self:
-        """A new one with the statistics of labelled trajectories, and nothing chosen."""
-        usual, by = self.step_length == "usual", self.step_length
-        if usual:
-            by = "positions"
-        placed = [item for item in problems if not usual or item.graph.positions_m is not None]
-        lengths = [step for item in placed if (step := step_lengths(item, by)) is not None]
+        """A new one with the statistics of trajectories, and nothing chosen."""
         tables = learned_tables(
             problems,
             labelings,
@@ -195,10 +192,8 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
             self.name,
             smoothing=float(self.smoothing),
             weights=weights,
-            lengths=lengths,
+            lengths=known_lengths(problems, self.step_length),
         )
-        if not usual and tables["counted_m"] is None:
-            raise InputError("all steps have length 0: transitions cannot go by their length")
         return replace(self, **tables, learning_curve=None).with_names_of(problems[0])
 
     def _counted_elsewhere(
@@ -216,9 +211,9 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         for held_out in set(fold):
             rest = [k for k, number in enumerate(fold) if number != held_out]
             known = any(((labelings[k] >= 0) & (weights[k] > 0)).any() for k in rest)
-            some, truth = [problems[k] for k in rest], [labelings[k] for k in rest]
+            parts = [problems[k] for k in rest], [labelings[k] for k in rest]
             counts = [weights[k] for k in rest]
-            models[held_out] = self._counted(some, truth, counts) if known else self
+            models[held_out] = self._counted(*parts, counts) if known else self
         return [models[number] for number in fold]
 
     def with_sequences(
@@ -403,6 +398,3 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
             raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
         confusion = finite_array("confusion", self.confusion, ("K", "K"))
         return confusion, finite_array("prior", self.prior, (len(confusion),))
-
-    def _moved(self, graph: LabelGraph) -> NDArray[np.bool_]:
-        return moved_steps(graph, self.stay_below_m)
