@@ -18,7 +18,7 @@ from pgm_places.io.input_file import parsed_json
 from pgm_places.progress import warnings_noted
 from pgm_places.studio import records
 from pgm_places.studio.desk import Desk
-from pgm_places.studio.exports import exports_record, write_export
+from pgm_places.studio.exports import edit_with_exports, exports_record, write_export
 from pgm_places.studio.guard import Guard
 from pgm_places.studio.layers import Theme
 from pgm_places.studio.shelf import LIVE_S, Shelf
@@ -141,7 +141,7 @@ class _Answers(_Files):
     async def edit(self, request: Request) -> Response:
         body = await _body(request)
         desk = await run_in_threadpool(lambda: self.desk)
-        remark = await run_in_threadpool(desk.edit, body)
+        remark = await run_in_threadpool(edit_with_exports, desk, body)
         revision = desk.painting.revision
         return _json({"tick": desk.tick, "revision": revision, "remark": remark})
 

@@ -13,6 +13,7 @@ from pgm_places.errors import InputError
 from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.output_set import output_set
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
@@ -55,7 +56,7 @@ class Export:
     files : tuple of str
         The names of what it always writes.
     write : callable
-        Writes it of a desk into a folder; the paths.
+        Writes it for a desk into a folder, which may be a stage of the second one; the paths.
     more : tuple of str
         The names of what it may write beside that.
     content : Content
@@ -64,7 +65,7 @@ class Export:
 
     words: str
     files: tuple[str, ...]
-    write: Callable[[Desk, Path], list[Path]]
+    write: Callable[[Desk, Path, Path], list[Path]]
     more: tuple[str, ...] = ()
     content: Content = Content.LABELS
 
@@ -143,28 +144,58 @@ def write_export(
     if item.content in (Content.LABELS, Content.PLACES) and lesson is not None:
         paint, learns = lesson.taught.paint, lesson.learns
     state = digest(desk, item.content, paint, learns=learns)
-    written = item.write(desk, folder)
+    written = item.write(desk, folder, folder)
     is_same = desk.lesson is lesson and desk.painting.revision == question.revision
     record = ExportRecord(desk.folder / RECORD_FILE)
     record.note(folder, name, state if is_same else "", written)
     return written
 
 
-def _labels(desk: Desk, folder: Path) -> list[Path]:
+def edit_with_exports(desk: Desk, request: Mapping[str, Any]) -> str:
+    """Carry out an edit; a new name of a place is written into the exports that are up to date.
+
+    All files in the desk's folder change at once, or none.
+
+    Raises
+    ------
+    InputError
+        The edit is refused; nothing has changed then.
+    OutputError
+        A file cannot be written.
+    """
+    if request.get("kind") != "rename":
+        return desk.edit(request)
+    folder, now = desk.folder, desk.question
+    before = ExportRecord(folder / RECORD_FILE)
+    state = digest(desk, Content.PLACES, now.paint, learns=now.learns)
+    current = [name for name in ("places", "nav2") if before.is_current(folder, name, state)]
+    remark = desk.edit(request)
+    if current:
+        with output_set(folder, "studio", force=True, shared=True, keeps_owners=True) as files:
+            written = {name: EXPORTS[name].write(desk, files.stage, folder) for name in current}
+        record = ExportRecord(folder / RECORD_FILE)
+        state = digest(desk, Content.PLACES, now.paint, learns=now.learns)
+        for name, paths in written.items():
+            there = (folder / path.relative_to(files.stage) for path in paths)
+            record.note(folder, name, state, there)
+    return remark
+
+
+def _labels(desk: Desk, folder: Path, _: Path) -> list[Path]:
     taught = desk.answer
     return [*save_labels(folder / "labels.png", taught.labels, taught.label_names)]
 
 
-def _corrections(desk: Desk, folder: Path) -> list[Path]:
+def _corrections(desk: Desk, folder: Path, _: Path) -> list[Path]:
     paint = _paint(desk)
     image = paint.save(folder / CORRECTIONS, desk.grid)
     shapes = paint.save(folder / "corrections.geojson", desk.grid)
     return [image, image.with_suffix(".yaml"), shapes]
 
 
-def _places(desk: Desk, folder: Path) -> list[Path]:
+def _places(desk: Desk, stage: Path, folder: Path) -> list[Path]:
     topology, others, own = _named_places(desk, folder)
-    names_file, found = folder / NAMES_FILE, desk.answer.labelled
+    found = desk.answer.labelled
     there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     page: PageFacts = {
         "names": {*there, *PLACES, *SETTINGS},
@@ -172,13 +203,13 @@ def _places(desk: Desk, folder: Path) -> list[Path]:
         "warnings": (*desk.source.warnings, *found.warnings),
     }
     gates = separating_gates(found.doorways, desk.rules)
-    written = save_settings(folder, PlaceSettings(desk.rules, gates))
-    written += write_topology(folder, desk.grid, topology, title=desk.source.name, page=page)
+    written = save_settings(stage, PlaceSettings(desk.rules, gates))
+    written += write_topology(stage, desk.grid, topology, title=desk.source.name, page=page)
     if names := others | own:
         lines = (f"{key}: {json.dumps(name, ensure_ascii=False)}\n" for key, name in names.items())
-        written.append(write_text(names_file, "".join(lines)))
+        written.append(write_text(stage / NAMES_FILE, "".join(lines)))
     else:
-        names_file.unlink(missing_ok=True)
+        (folder / NAMES_FILE).unlink(missing_ok=True)
     ExportRecord(desk.folder / RECORD_FILE).note_names(folder, own)
     return written
 
@@ -208,18 +239,18 @@ def _named_places(desk: Desk, folder: Path) -> _NamedPlaces:
     return _NamedPlaces(place_edits.renamed(topology, others | own), others, own)
 
 
-def _nav2(desk: Desk, folder: Path) -> list[Path]:
+def _nav2(desk: Desk, stage: Path, folder: Path) -> list[Path]:
     topology = _named_places(desk, folder).topology
     kinds = ("nav2-route", "zones")
-    return [path for kind in kinds for path in export(topology, kind, folder)]
+    return [path for kind in kinds for path in export(topology, kind, stage, lies_in=folder)]
 
 
-def _training(desk: Desk, folder: Path) -> list[Path]:
+def _training(desk: Desk, folder: Path, _: Path) -> list[Path]:
     """A configuration by which ``pgm-places train`` learns what the studio has learned."""
     names = [name for name, n in _paint(desk).counts.items() if n]
     title = f"{desk.source.yaml_path.stem}, painted in the studio"
     written = write_training([desk], folder, title, names, beside=True)
-    return [written[0], *_corrections(desk, folder)]
+    return [written[0], *_corrections(desk, folder, folder)]
 
 
 def write_training(
@@ -312,7 +343,7 @@ def _keys(values: Mapping[str, Any]) -> list[str]:
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 
 
-def _model(desk: Desk, folder: Path) -> list[Path]:
+def _model(desk: Desk, folder: Path, _: Path) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
     if desk.answer.labeler is desk.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")

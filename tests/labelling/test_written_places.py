@@ -86,3 +86,26 @@ def test_a_label_that_is_no_part_of_a_file_name_is_refused_before_anything_is_wr
     with pytest.raises(OutputError, match="cannot be part of a file name; rename it"):
         write_labels(result, source, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_edited_origin_and_another_map_are_said_in_a_line(tmp_path: Path) -> None:
+    def places(origin_xy_m: tuple[float, float], labels: np.ndarray) -> tuple[list[int], list[str]]:
+        heard = Heard()
+        grid = floor_grid(labels, origin_xy_m=origin_xy_m)
+        with reported(heard), output_set(tmp_path / "out", "test", force=True) as files:
+            found = write_places(
+                files, "a floor", LabelledCells(grid, labels, NAMES), TopologyOptions()
+            )
+        return [place.id for place in found.regions], heard.warnings
+
+    first, silent = places((0.0, 0.0), floor_labels())
+    assert not silent
+    again, [said] = places((50.0, -7.0), floor_labels())
+    assert again == first
+    assert "(0, 0) m" in said and "(50, -7) m" in said and "they keep their ids" in said
+    assert places((50.0, -7.0), floor_labels()) == (first, [])
+    other = np.full((4, 9), -1, np.int16)
+    other[1:3, 1:8] = 1
+    new, [said] = places((0.0, 0.0), other)
+    assert min(new) > max(first)
+    assert "those of another map" in said

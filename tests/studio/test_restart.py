@@ -2,19 +2,20 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, OutputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.topology_files import load_named_topology, save_topology
 from pgm_places.labelling.places import places_of
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
-from pgm_places.studio.exports import exports_record, write_export
+from pgm_places.studio.exports import EXPORTS, edit_with_exports, exports_record, write_export
 from pgm_places.studio.records import state_record
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.place_ids import PlaceIds
@@ -223,3 +224,39 @@ def test_filling_never_removes_a_doorway_that_was_drawn(
     if at[0] == 15.0:
         desk.edit({**fill, "label": -1})
         assert not (desk.painting.labels[drawn] == names.index("doorway")).any()
+
+
+def test_a_new_name_is_in_all_exports_at_once_or_in_none(studio: Open) -> None:
+    desk = studio()
+    for what in ("places", "nav2"):
+        write_export(desk, what)
+    request = {"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"}
+    edit_with_exports(desk, request)
+    assert older(desk) == set()
+    files = ("places.json", "regions.geojson", "place_names.yaml", "nav2_route.geojson")
+    assert all("kitchen" in (desk.folder / name).read_text() for name in files)
+    (desk.folder / "zones.png").unlink()
+    (desk.folder / "zones.png").mkdir()  # so that it is out of date, and not written again
+    edit_with_exports(desk, {**request, "name": "lab"})
+    assert "lab" in (desk.folder / "places.json").read_text()
+    assert "kitchen" in (desk.folder / "nav2_route.geojson").read_text()
+    assert older(desk) == {"nav2"}
+
+
+def test_a_new_name_that_one_export_cannot_write_is_in_none(
+    studio: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk = studio()
+    for what in ("places", "nav2"):
+        write_export(desk, what)
+    files = {path: path.read_bytes() for path in desk.folder.glob("*.*json")}
+
+    def fails(*_: object) -> list[Path]:
+        raise OutputError("no space left")
+
+    monkeypatch.setitem(EXPORTS, "nav2", replace(EXPORTS["nav2"], write=fails))
+    with pytest.raises(OutputError, match="no space left"):
+        edit_with_exports(desk, {"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    changed = {path.name for path, text in files.items() if path.read_bytes() != text}
+    assert changed <= {"exports.json"}
+    assert older(desk) == {"places", "nav2"}
