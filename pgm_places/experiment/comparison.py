@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,14 @@ from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.judgement import Judgement, judge
 from pgm_places.experiment.labelled_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
+from pgm_places.plotting import charts
+from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
 from pgm_places.spaces.door_truth import DoorScores
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_FIGURES = {"accuracy": "accuracy", "balanced_accuracy": "balanced accuracy"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +77,7 @@ class MethodResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Plotted):
     """All results of a comparison, for the table, the pictures and the report.
 
     ``maps`` are the labelled items: maps, drives, or, for nodes of both kinds, each map with the
@@ -95,6 +102,64 @@ class Comparison:
     choices: Mapping[str, str] = field(default_factory=dict)
     splits: Mapping[str, range] = field(default_factory=dict)
     gates: tuple[DoorScores, ...] = ()
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw accuracy and balanced accuracy of the methods with their 95 % intervals.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            New axes if not given.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        bars = {
+            title: [100 * getattr(method.evaluation, figure) for method in self.methods]
+            for figure, title in _FIGURES.items()
+        }
+        errors = {
+            title: 100 * np.abs([self._ends(method, figure) for method in self.methods]).T
+            for figure, title in _FIGURES.items()
+        }
+        ax = axes_or_new(ax)
+        names = [method.id for method in self.methods]
+        charts.draw_bars(ax, names, bars, errors, "percent of the nodes")
+        return ax
+
+    def _ends(self, method: MethodResult, figure: str) -> tuple[float, float]:
+        """How far the ends of a figure's interval are from it; 0 without one."""
+        interval = method.intervals.get(figure)
+        value = getattr(method.evaluation, figure)
+        return (0.0, 0.0) if interval is None else (interval.low - value, interval.high - value)
+
+    def to_dataframe(self) -> Any:
+        """The methods as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Index ``method``; columns ``accuracy``, ``balanced_accuracy``, the ends of their 95 %
+            intervals, ``recall`` of each label, from 0 to 1, and seconds by stage.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed.
+        """
+        columns: dict[str, Any] = {"method": [method.id for method in self.methods]}
+        for figure in _FIGURES:
+            columns[figure] = [getattr(method.evaluation, figure) for method in self.methods]
+            found = [method.intervals.get(figure) for method in self.methods]
+            for end in ("low", "high"):
+                columns[f"{figure}_{end}"] = [getattr(item, end, np.nan) for item in found]
+        for name in self.label_names:
+            found_shares = [method.evaluation.recall[name] for method in self.methods]
+            columns[f"recall_{name}"] = np.array(found_shares, np.float64)
+        for stage in dict.fromkeys(stage for method in self.methods for stage in method.seconds):
+            columns[f"seconds_{stage}"] = [m.seconds.get(stage, np.nan) for m in self.methods]
+        return data_frame(columns, "method")
 
     @cached_property
     def judgement(self) -> Judgement:

@@ -84,3 +84,29 @@ def draw_graph(
             zorder=5,
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.7, "linewidth": 0},
         )
+
+
+def draw_bars(
+    ax: "Axes",
+    names: Sequence[str],
+    bars: Mapping[str, Sequence[float]],
+    errors: Mapping[str, NDArray[np.floating[Any]]],
+    xlabel: str,
+) -> None:
+    """Draw bars for each name, a group of figures; errors (2, N) are distances to both ends."""
+    height = 0.8 / len(bars)
+    at = np.arange(len(names), dtype=float)
+    for number, (figure, values) in enumerate(bars.items()):
+        ax.barh(
+            at + (number - (len(bars) - 1) / 2) * height,
+            values,
+            0.9 * height,
+            xerr=errors.get(figure),
+            color=palette.LABEL_COLOURS[(1, 0, 2)[number % 3]],
+            ecolor=palette.WALL,
+            label=figure,
+        )
+    ax.set_yticks(at, names)
+    ax.invert_yaxis()
+    ax.set(xlabel=xlabel, xlim=(0, 100))
+    legend_beside(ax, ax.get_legend_handles_labels()[0])

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,13 @@ from PIL import Image
 import pgm_places as p
 from pgm_places import palette
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.bootstrap import Interval
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.models.decoding import decode
+from tests.report.comparisons import small_comparison
 
 NAMES = ("corridor", "room")
 CELLS = np.full((12, 16), -1, np.int8)
@@ -191,3 +194,28 @@ def test_tables_hold_places_and_steps() -> None:
         "time_s": 0.0, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.5, "label": "room",
     }  # fmt: skip
     assert steps["label"].isna().tolist() == [False, True]
+
+
+def test_a_comparison_draws_its_methods_with_intervals() -> None:
+    comparison = small_comparison()
+    first, second = comparison.methods
+    sure = replace(first, intervals={"accuracy": Interval(0.96, 0.8, 0.99)})
+    ax: Any = replace(comparison, methods=(sure, second)).plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["plain", "relaxation"]
+    widths = [round(bar.get_width(), 6) for bar in ax.patches]
+    accuracy = 100 * first.evaluation.accuracy
+    assert widths[:2] == [round(accuracy, 6)] * 2
+    ends = ax.collections[0].get_segments()[0][:, 0]
+    assert ends == pytest.approx([80.0, 99.0])
+    assert Image.open(io.BytesIO(comparison._repr_png_())).size == (640, 480)
+
+
+def test_a_comparison_is_a_table_by_method() -> None:
+    pytest.importorskip("pandas")
+    table = small_comparison().to_dataframe()
+    assert table.index.tolist() == ["plain", "relaxation"]
+    evaluation = small_comparison().methods[0].evaluation
+    assert table.loc["plain", "balanced_accuracy"] == evaluation.balanced_accuracy
+    assert table.loc["plain", "recall_doorway"] == evaluation.recall["doorway"]
+    assert table["accuracy_low"].isna().all()
+    assert table["seconds_learn"].tolist() == [1.5, 1.5]
