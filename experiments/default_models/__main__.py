@@ -110,7 +110,7 @@ inference = "mean-field"
 max_iterations = 20
 temperature = 1.6
 """
-"""The temperature is from buildings left out: see docs/trained_models.md."""
+"""The temperature is from buildings left out: see docs/how_good_is_it.md."""
 
 
 def configuration(title: str, maps: Iterable[Table], examples: int, space: str = "") -> str:

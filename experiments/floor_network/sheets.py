@@ -48,17 +48,18 @@ def write_sheets(folder: Path, pairs: Sequence[LabelledPair]) -> None:
     """``robots_KIND.png`` for each kind of building, the worst map last."""
     for kind in sorted({pair.known.kind for pair in pairs}):
         mine = [pair for pair in pairs if pair.known.kind == kind]
-        panels = [
-            panel
-            for pair in sorted(mine, key=lambda pair: -pair.accuracy)
-            for panel in pair.panels()
-        ]
         name = f"robots_{kind.replace(',', '').replace(' ', '_')}.png"
-        data = sheet(
-            panels,
-            columns=2 * _PAIRS_ACROSS,
-            legend=(*label_swatches(NAMES), *GROUND_SWATCHES),
-            scale_bar=False,
-            long_side=2400,
-        ).png()
-        (folder / name).write_bytes(data)
+        write_sheet(folder / name, mine)
+
+
+def write_sheet(path: Path, pairs: Sequence[LabelledPair]) -> None:
+    """A picture of pairs, the worst map last."""
+    ordered = sorted(pairs, key=lambda pair: -pair.accuracy)
+    data = sheet(
+        [panel for pair in ordered for panel in pair.panels()],
+        columns=2 * _PAIRS_ACROSS,
+        legend=(*label_swatches(NAMES), *GROUND_SWATCHES),
+        scale_bar=False,
+        long_side=2400,
+    ).png()
+    path.write_bytes(data)

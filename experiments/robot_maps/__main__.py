@@ -16,12 +16,16 @@ import argparse
 from pathlib import Path
 
 from experiments.floor_network.held_out import shipped_without
+from experiments.floor_network.sheets import LabelledPair, write_sheet
 from experiments.paper.setting import data_folder
 from experiments.robot_maps.catalogue import GROUPS, chosen_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.cli.terminal import LineProgress
 from pgm_places.trained import DEFAULT, trained_labeler
+
+_WORST = 6
+"""How many maps ``--worst`` draws."""
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -40,6 +44,7 @@ def main(argv: list[str] | None = None) -> None:
         action="store_true",
         help="label each map of DATA/robots without the shipped networks trained on its building",
     )
+    parser.add_argument("--worst", type=Path, help="a picture of the six worst maps")
     given = parser.parse_args(argv)
     evidence = None if given.evidence is None else evidence_named(given.evidence)
     labeler = trained_labeler(given.model)
@@ -49,14 +54,19 @@ def main(argv: list[str] | None = None) -> None:
     of_map = shipped_without(data) if given.held_out else lambda _: labeler
     maps = list(chosen_maps(data, given.maps))
     figures: list[MapFigures] = []
+    pairs: list[LabelledPair] = []
     with LineProgress().stage("maps") as stage:
         for known, weight in maps:
             source = Source(of_map(known.item.name), given.method, evidence)
-            figures.append(measured(known, weight, source.label(known.item.grid)))
+            found = source.label(known.item.grid)
+            figures.append(measured(known, weight, found))
+            pairs.append(LabelledPair(known, found.labels, figures[-1].cells.accuracy))
             stage.update(len(figures) / len(maps), known.item.name)
     print(table(figures))
     if given.out is not None:
         write_figures(given.out, figures)
+    if given.worst is not None:
+        write_sheet(given.worst, sorted(pairs, key=lambda pair: pair.accuracy)[:_WORST])
 
 
 if __name__ == "__main__":

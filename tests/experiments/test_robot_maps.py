@@ -144,7 +144,9 @@ def test_the_command_prints_the_table(
 ) -> None:
     monkeypatch.setattr(command, "chosen_maps", lambda *_: iter([(known_map(), 1.0)]))
     monkeypatch.setattr(command, "trained_labeler", lambda _: places())
-    command.main(["--out", str(tmp_path / "figures.csv")])
+    picture = tmp_path / "worst.png"
+    command.main(["--out", str(tmp_path / "figures.csv"), "--worst", str(picture)])
+    assert picture.read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
     assert "| homes, robots' maps | 1 |" in printed
     assert "| **all** | 1 |" in printed
