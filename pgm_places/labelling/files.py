@@ -218,7 +218,7 @@ def write_places(
         title=title,
         packing=packing,
         picture=picture,
-        page=page,
+        page=page or {"names": (*PLACES, *SETTINGS)},
     )
     return topology
 
@@ -360,19 +360,20 @@ def write_topology(
     if picture:  # first: the largest is packed beside what follows
         drawing = topology_drawing(grid, topology, title=title)
         written.append(packing.write(folder / "topology.png", drawing))
-    facts = page or {}
+    facts, checks = page or {}, places_to_check(topology)
+    names = {*facts.get("names", PLACES)} - {CHECK_FILE} | ({CHECK_FILE} if checks else set())
     shown = MapPage(
         grid,
         topology,
         title=title or "Places",
         picture=picture,
-        names=facts.get("names", PLACES),
+        names=names,
         map_name=facts.get("map_name", "MAP.yaml"),
         warnings=facts.get("warnings", ()),
     )
     written.append(packing.write_made(folder / PAGE_FILE, shown.content))
     written += topology_files.save_topology(folder, topology)
-    if places_to_check(topology):
+    if checks:
         written.append(topology_files.write_checks(folder / CHECK_FILE, topology))
     return written
 

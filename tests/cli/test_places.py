@@ -29,6 +29,8 @@ def places(building: Path, run: Run) -> Path:
 
 def test_topology_writes_files_and_a_picture(places: Path) -> None:
     assert file_names(places) == {RECORD_FILE, *PLACES, "details/settings.json"}
+    page = (places / "index.html").read_text()
+    assert '<a href="details/">' in page and "check.csv" not in page  # no probabilities are known
     found = json.loads((places / "places.json").read_text())
     assert {region["label"] for region in found["regions"]} == {"corridor", "room", "doorway"}
     assert found["connections"]
