@@ -185,9 +185,11 @@ class _UnderWay:
             self._function, sent.task, pure=False, workers=sorted(sent.only) or None
         )
         self._sent[sent.future.key] = sent
-        sent.future.add_done_callback(
-            lambda ended: self._judging.submit(self._judged, sent.task, ended)
-        )
+        sent.future.add_done_callback(partial(self._judge_later, sent.task))
+
+    def _judge_later(self, task: Any, future: Any) -> None:
+        with suppress(RuntimeError):  # closed: nobody waits for the result any more
+            self._judging.submit(self._judged, task, future)
 
     def _judged(self, task: Any, future: Any) -> None:
         try:

@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import pytest
 
-from pgm_places.batch.dask_workers import DaskWorkers
+from pgm_places.batch.dask_workers import DaskWorkers, _UnderWay
 from pgm_places.batch.local_workers import OVERDUE, Fault
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
@@ -176,6 +176,13 @@ def test_tasks_that_are_bad_everywhere_leave_no_worker_out(address: str) -> None
     assert judge.out == []
     with pytest.raises(ValueError, match="another version"):
         list(patient(address).run(refused_everywhere, range(20), judge=judge))
+
+
+def test_results_that_come_after_the_end_are_let_go() -> None:
+    """A lost scheduler cancels its tasks while the batch ends with one line."""
+    under_way = _UnderWay(None, double, iter(()), None)
+    under_way.close()
+    under_way._judge_later(1, None)
 
 
 def test_no_scheduler_is_one_line() -> None:
