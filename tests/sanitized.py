@@ -23,7 +23,8 @@ TESTS = [
     *(f"tests/solvers/test_{name}.py" for name in SOLVERS),
     *(f"tests/spaces/test_{name}.py" for name in SPACES),
     *(f"tests/datasets/test_{name}.py" for name in ("layouts", "survey")),
-    *(f"tests/topology/test_{name}.py" for name in ("layouts", "skeleton")),
+    *(f"tests/topology/test_{name}.py" for name in ("clearance", "layouts", "skeleton")),
+    "tests/sensing/test_local_map.py",
     "tests/models/test_layouts.py",
     "tests/studio/test_strokes.py",
 ]
