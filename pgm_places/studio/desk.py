@@ -360,13 +360,14 @@ class Desk:
                 before.labels, lesson.labels, lesson.taught.paint.labels, self.grid.resolution_m
             )
         agrees = None if truth is None else share_that_agrees(lesson.labels, truth)
+        # On the disk before they are shown, as edits are.
+        if before is None or before.taught.topology.regions != lesson.taught.topology.regions:
+            write_session(self.folder / IDS_FILE, self.ids)
         with self._lock:
             self.lesson, self.changes, self.agrees = lesson, changes, agrees
             self.n_lessons += 1
             self.layers.learned(lesson, changes)
         self.moved()
-        if before is None or before.taught.topology.regions != lesson.taught.topology.regions:
-            write_session(self.folder / IDS_FILE, self.ids)
 
 
 def _arguments(
