@@ -138,7 +138,7 @@ def write_export(
     there = [target.name for target in targets if target.exists()]
     new = next((name for name in there if replaced is not None and name not in replaced), None)
     if new is not None:
-        raise InputError(f"{new} has come there meanwhile; look at the list again")
+        raise InputError(f"{new} was written there in the meantime; look at the list again")
     lesson, question = desk.lesson, desk.question
     paint, learns = question.paint, question.learns
     if item.content in (Content.LABELS, Content.PLACES) and lesson is not None:

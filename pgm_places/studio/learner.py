@@ -1,4 +1,4 @@
-"""The learner: a thread that answers the newest question and drops those that it replaces."""
+"""Learner: a background thread that answers the newest question and drops replaced ones."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -94,6 +94,11 @@ class Learner(Generic[Question, Answer]):
     def start(self) -> None:
         """Begin to answer."""
         self._thread.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether questions are answered at all."""
+        return self._thread.is_alive()
 
     def ask(self, question: Question) -> None:
         """Ask, in place of all that was asked before."""

@@ -210,3 +210,16 @@ def test_a_map_that_grows_on_a_canvas_is_labelled_as_by_itself() -> None:
         assert found.topology.region.shape == canvas.shape
     assert found.update is not None
     assert found.update.n_cast < found.update.n_cells
+
+
+def test_a_session_whose_map_has_another_origin_keeps_its_ids_and_says_so(
+    building: OccupancyGrid,
+) -> None:
+    first = LiveMap(places())
+    before = first.on_map(building)
+    assert before.warnings == ()
+    moved = OccupancyGrid(building.cells, building.resolution_m, (200.0, -30.0), building.yaw_rad)
+    after = LiveMap(places(), memory=first.memory).on_map(moved)
+    np.testing.assert_array_equal(after.topology.region, before.topology.region)
+    [warning] = after.warnings
+    assert "(200, -30) m" in warning and warning.endswith("they keep their ids")

@@ -93,7 +93,7 @@ def test_only_what_was_seen_is_replaced(desk: Desk, tmp_path: Path, folders: Exp
     theirs.write_text(before)
     refused = client.post("export", json=request)
     assert refused.status_code == 400
-    assert "corrections.geojson has come there meanwhile" in refused.json()["problem"]
+    assert "corrections.geojson was written there in the meantime" in refused.json()["problem"]
     assert theirs.read_text() == before
     assert not (tmp_path / "told" / "corrections.png").exists()
     items = {item["name"]: item for item in exports_record(desk, folders, "../told")["items"]}
