@@ -205,10 +205,8 @@ class SemiMarkovChain:
             )
         total = 0.0
         if n_steps:
-            with np.errstate(divide="ignore"):
-                log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
             total = _core.best_stretches(
-                log_start, log_leaving, self._model, states, observed, origins, labels, impossible
+                *self._logs, self._model, states, observed, origins, labels, impossible
             )
         return ChainPath(labels, float(total), np.flatnonzero(impossible))
 
@@ -252,6 +250,12 @@ class SemiMarkovChain:
         total = _core.weigh_states(held, np.ascontiguousarray(rows), factor)
         return SemiMarkovState(age_m, recent * factor, old * factor), bool(total > 0.0)
 
+    @property
+    def _logs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Logarithms of where a chain starts (K,) and of where labels lead (K, K)."""
+        with np.errstate(divide="ignore"):
+            return np.log(self._start), np.log(self._model.leaving)
+
     def _explained(
         self, moved_m: ArrayLike, log_likelihood: ArrayLike, *, smooth: bool
     ) -> ChainBeliefs:
@@ -289,13 +293,10 @@ class SemiMarkovChain:
             low=np.empty(len(observed), np.int64),
             impossible=np.empty(len(observed), np.bool_),
         )
-        with np.errstate(divide="ignore"):
-            log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
-        evidence = _core.filter_stretches_in_logs(
-            log_start, log_leaving, self._model, states, observed, found
-        )
+        logs = self._logs
+        evidence = _core.filter_stretches_in_logs(*logs, self._model, states, observed, found)
         if smooth:
-            _core.smooth_stretches_in_logs(log_leaving, self._model, states, found)
+            _core.smooth_stretches_in_logs(logs[1], self._model, states, found)
         beliefs = np.exp(found.beliefs)
         beliefs /= beliefs.sum(axis=1, keepdims=True)
         return ChainBeliefs(beliefs, evidence, np.flatnonzero(found.impossible))
