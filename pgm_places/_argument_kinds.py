@@ -326,8 +326,9 @@ def _array(kind: Any, value: Any) -> Any:
     if issubclass(kind, np.bool_):  # node numbers are no mask, nor is NaN
         fits = number == "b" or (number in "iu" and value.ndim > 1)
     elif issubclass(kind, np.integer):
-        whole = number == "f" and np.isfinite(value).all() and (np.floor(value) == value).all()
-        fits = number in "iu" or bool(whole)
+        if number == "f" and np.isfinite(value).all() and (np.floor(value) == value).all():
+            value = value.astype(np.int64)  # whole numbers, as many tools write them
+        fits = value.dtype.kind in "iu"
     elif issubclass(kind, np.floating):
         fits = number in "biuf"
     else:
