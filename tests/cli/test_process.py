@@ -104,7 +104,8 @@ def test_without_streams_files_are_written_as_with_them(building: Path) -> None:
         out = building / f"out{number}"
         arguments = ("topology", building / "labels.png", building / "map.yaml", "-o", out)
         assert closed(streams, *arguments).returncode == 0
-        written.append({path.name: path.read_bytes() for path in out.iterdir()})
+        files = (path for path in out.rglob("*") if path.is_file())
+        written.append({path.relative_to(out): path.read_bytes() for path in files})
     assert written[0] == written[1]
 
 

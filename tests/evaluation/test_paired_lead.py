@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pgm_places.evaluation.paired_lead import ERRORS, is_ahead, stretches
 
@@ -24,7 +25,7 @@ def test_what_is_the_same_everywhere_has_no_error(lead: float) -> None:
 
 def test_a_stretch_that_counts_twice_is_the_stretch_twice() -> None:
     rng = np.random.default_rng(1)
-    lead = rng.integers(-1, 2, 60) + 0.2
+    lead: NDArray[np.float64] = rng.integers(-1, 2, 60) + np.float64(0.2)
     stretch = np.repeat(np.arange(12), 5)
     counts = np.where(stretch < 4, 2.0, np.where(stretch == 11, 0.0, 1.0))
     twice = np.concatenate([lead[stretch != 11], lead[stretch < 4]])
