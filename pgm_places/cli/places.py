@@ -221,9 +221,9 @@ def where(
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
-    """Give a place a name of your own, in all files of the folder at once.
+    """Give a place a name of your own, in all files of its folder.
 
-    The exports in the folder are written again with the name.
+    All files change at once, or none; exports in the folder are written again with the name.
 
     Parameters
     ----------

@@ -240,7 +240,9 @@ def test_a_place_that_could_be_two_rooms_is_split_by_a_key(
         page.keyboard.press(key)  # a corner keeps the other class alive
         drag(page, left, right)
     wait_taught(page, 2)
-    page.evaluate("studio.goTo(studio.places.regions.find((region) => region.area_m2 > 20).id)")
+    large = "(region) => region.area_m2 > 20"
+    until(page, f"studio.places.regions.some({large})")
+    page.evaluate(f"studio.goTo(studio.places.regions.find({large}).id)")
     until(page, "document.body.textContent.includes('Split into 2')")
     page.keyboard.press("a")
     wait_taught(page, 3)
