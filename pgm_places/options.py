@@ -92,13 +92,16 @@ def option_lines(cls: type[Any]) -> dict[str, str]:
 
 
 def described(item: Any) -> dict[str, tuple[str, str]]:
-    """What the docstring of a class or a function says of each parameter: its kind, and a text."""
-    _, _, parameters = inspect.cleandoc(item.__doc__ or "").partition("\n----------\n")
-    return {
-        name: (kind, " ".join(text.split()))
-        for names, kind, text in _PARAMETER.findall(parameters)
-        for name in names.split(", ")
-    }
+    """What the docstring of a function, or of a class and its bases, says of each parameter.
+
+    Its kind, and a text.
+    """
+    said: dict[str, tuple[str, str]] = {}
+    for one in reversed(inspect.getmro(item)) if isinstance(item, type) else (item,):
+        _, _, parameters = inspect.cleandoc(one.__doc__ or "").partition("\n----------\n")
+        for names, kind, text in _PARAMETER.findall(parameters):
+            said |= dict.fromkeys(names.split(", "), (kind, " ".join(text.split())))
+    return said
 
 
 def check_options(item: Any) -> None:

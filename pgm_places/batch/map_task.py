@@ -17,7 +17,7 @@ from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import read_json, sha256_of
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.io.output_set import has_all_files, output_set
+from pgm_places.io.output_set import has_all_files
 from pgm_places.io.places.result_folder import (
     MANIFEST_FILE,
     NAMES_FILE,
@@ -25,12 +25,13 @@ from pgm_places.io.places.result_folder import (
     detail_path,
 )
 from pgm_places.io.staging import claimed
-from pgm_places.labelling.files import WrittenMap, label_file, output_file_names
+from pgm_places.labelling.files import WrittenMap, label_files, write_labelled
+from pgm_places.labelling.label import label
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.options import option_values
 from pgm_places.pictures.map_pictures import thumbnail
-from pgm_places.progress import Silent, duration
+from pgm_places.progress import duration
 from pgm_places.topology.checks import doubtful_share, places_to_check
 
 
@@ -359,21 +360,20 @@ def _ready(options: LabelOptions, sha256: str) -> LoadedModel:  # noqa: ARG001  
 def _labelled(task: MapTask, model: LoadedModel) -> LabelledRow:
     start = time.perf_counter()
     outputs = task.options.outputs
-    names = (*output_file_names(model.labeler.label_names, outputs), THUMBNAIL_FILE, MANIFEST_FILE)
-    with output_set(task.folder, "label", names=names, force=task.force) as files:
+    labels, more = model.labeler.label_names, (THUMBNAIL_FILE, MANIFEST_FILE)
+    with label_files(task.folder, labels, outputs, more=more, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
         if task.source:
             warnings = tuple(map(task.as_called, source.warnings))
             source = replace(source, yaml_path=Path(task.source), warnings=warnings)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
-        labelled = label_file(
-            model,
+        labelled = write_labelled(
+            label(model, source.grid, max_cells=task.options.max_cells, n_threads=task.n_threads),
             source,
             files,
-            max_cells=task.options.max_cells,
+            model.rules,
             outputs=outputs,
             n_threads=task.n_threads,
-            progress=Silent(),
         )
         if outputs.pictures:
             picture = thumbnail(source.grid, labelled.labels, labelled.topology.label_names)

@@ -272,16 +272,26 @@ def option_flags(
     return decorated
 
 
-def grouped(parameter: str, cls: type[Any]) -> Callable[[Command], Command]:
-    """A decorator: a command takes what the fields of a class declare, as one object of it."""
+def grouped(
+    parameter: str,
+    cls: type[Any],
+    *,
+    without: Collection[str] = (),
+    of: Mapping[str, Any] | None = None,
+) -> Callable[[Command], Command]:
+    """A decorator: a command takes what the fields of a class declare, as one object of it.
+
+    Fields ``without`` a flag keep their defaults; ``of`` declares some as other commands do.
+    """
     fields = {
         item.name: inspect.Parameter(
             item.name,
             inspect.Parameter.KEYWORD_ONLY,
             default=item.default,
-            annotation=Annotated[item.hint, item.declared],
+            annotation=(of or {}).get(item.name, Annotated[item.hint, item.declared]),
         )
         for item in parameters_of(cls)
+        if item.name not in without
     }
 
     def decorated(command: Command) -> Command:

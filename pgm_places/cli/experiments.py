@@ -105,7 +105,7 @@ def _compare(
     if splits and (runs.by_building or runs.n_folds):
         raise InputError("the configuration lists [[splits]]; leave out --by-building and --folds")
     if not splits and runs[:3] == _Runs()[:3]:
-        if runs.workers.given:
+        if runs.workers != WorkerOptions():
             raise InputError(
                 "--jobs, --scheduler and --memory share out several splits or seeds: give "
                 "--by-building, --folds or --seeds"

@@ -1,7 +1,7 @@
 """``pgm-places label``: one map into a folder, or many, each into a folder of its own; index."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,14 +14,14 @@ from pgm_places.cli.inputs import read_map
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
-from pgm_places.options import Positive, Whole
+from pgm_places.labelling.options import LabelOptions, Outputs
+from pgm_places.options import Positive, option_hints
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
     from pgm_places.batch.local_workers import Workers
     from pgm_places.batch.overview import Overview
     from pgm_places.labelling.model import LoadedModel
-    from pgm_places.labelling.options import LabelOptions
     from pgm_places.progress import Progress
 
 
@@ -42,11 +42,6 @@ class WorkerOptions:
     jobs: Annotated[Annotated[int, Ge(1), Le(1024)] | None, Option("--jobs", "-j")] = None
     scheduler: str | None = None
     memory: str | None = None
-
-    @property
-    def given(self) -> bool:
-        """Whether any flag was given."""
-        return self != WorkerOptions()
 
 
 def make_workers(
@@ -81,41 +76,22 @@ _MOST_NAMES = 10
 
 @dataclass(frozen=True)
 class LabelFlags:
-    """The flags of one map and of many.
+    """The flags of one map and of many that do not belong to the options of labelling.
 
     Parameters
     ----------
     maps
         map_server maps, folders to look through, or quoted patterns.
-    doorways : gates|labels
-        What separates places: gates, if the model finds any, or cells labelled as doorways; by
-        default, as set in the model's [topology].
-    halls : corridor|room|hall
-        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
-        set in the model's [labels].
-    doorway_depth_m : M
-        How deep doorways are labelled along the passage; by default, as in the maps that the model
-        learned from (m).
     corrections : FILE.png|FILE.geojson
         Known labels of a single map: a label image of its size, or polygons and lines in metres
         with a property 'class'. Every method keeps them.
-    max_cells
-        Largest number of cells that a map coarser than the model is split into; 100 million by
-        default.
     outputs : pictures,probabilities|none
         What to write besides labels and places; both by default.
     """
 
     maps: Annotated[list[str], Argument("MAP.yaml...")]
     out: Out
-    model: Model = "default"
-    method: Method = None
-    doorways: str | None = None
-    halls: str | None = None
-    doorway_depth_m: Positive | None = None
     corrections: Path | None = None
-    unknown_value: UnknownValue = None
-    max_cells: Whole | None = None
     outputs: str | None = None
     force: Force = False
     n_threads: Threads = None
@@ -143,15 +119,10 @@ class BatchOptions:
     retry_failed: bool = False
     dry_run: bool = False
 
-    @property
-    def given(self) -> bool:
-        """Whether any flag was given."""
-        return self != BatchOptions()
-
 
 def label_many(
     asked: LabelFlags,
-    options: "LabelOptions",
+    options: LabelOptions,
     workers: WorkerOptions,
     batch: BatchOptions,
     progress: "Progress",
@@ -241,16 +212,18 @@ def index(
         say(f"wrote {path}")
 
 
-_OF_MODEL = ("model", "method", "doorways", "halls", "doorway_depth_m", "unknown_value")
+_SHARED = {"model": Model, "method": Method, "unknown_value": UnknownValue}
 
 
 @declarations.option_flags("entered", EnteredOptions, only_given=True)
 @grouped("batch", BatchOptions)
 @grouped("workers", WorkerOptions)
+@grouped("options", LabelOptions, without=("outputs", *option_hints(EnteredOptions)), of=_SHARED)
 @grouped("asked", LabelFlags)
 def label(
-    asked: LabelFlags,
     *,
+    asked: LabelFlags,
+    options: LabelOptions,
     entered: GivenOptions[EnteredOptions],
     workers: WorkerOptions,
     batch: BatchOptions,
@@ -264,16 +237,16 @@ def label(
     """
     from pgm_places.batch.found_maps import names_many
     from pgm_places.io.input_file import is_address
-    from pgm_places.labelling.options import LabelOptions, Outputs
 
-    options = LabelOptions(
-        **{name: getattr(asked, name) for name in _OF_MODEL},
-        max_cells=asked.max_cells,
-        outputs=Outputs() if asked.outputs is None else Outputs.named(asked.outputs),
-        **entered.values,
-    )
+    outputs = options.outputs if asked.outputs is None else Outputs.named(asked.outputs)
+    options = replace(options, outputs=outputs, **entered.values)
     progress, (first, *others) = make_progress(quiet=asked.quiet), asked.maps
-    one = not (workers.given or batch.given or is_address(first) or is_address(asked.out))
+    one = not (
+        workers != WorkerOptions()
+        or batch != BatchOptions()
+        or is_address(first)
+        or is_address(asked.out)
+    )
     if one and not others and not names_many(first):
         _label_one(asked, options, progress)
         return
@@ -285,9 +258,9 @@ def label(
     label_many(asked, options, workers, batch, progress)
 
 
-def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress") -> None:
-    from pgm_places.io.output_set import output_set
-    from pgm_places.labelling.files import label_file, output_file_names
+def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -> None:
+    from pgm_places.labelling.files import label_files, write_labelled
+    from pgm_places.labelling.label import label as label_grid
     from pgm_places.report.places_summary import places_summary
 
     model = _read(options, progress)
@@ -298,18 +271,24 @@ def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress")
         from pgm_places.teaching.paint import Paint
 
         observed = Paint.read(asked.corrections, loaded.grid, model.labeler.label_names_).labels
-    names = output_file_names(model.labeler.label_names, options.outputs)
-    with output_set(asked.out, "label", names=names, force=asked.force) as files:
+    labels = model.labeler.label_names
+    with label_files(asked.out, labels, options.outputs, force=asked.force) as files:
         say(shares_line(loaded.fractions))
-        found = label_file(
-            model,
+        found = write_labelled(
+            label_grid(  # without a name here, so that the labels of a huge map can be freed
+                model,
+                loaded.grid,
+                observed=observed,
+                max_cells=options.max_cells,
+                n_threads=asked.n_threads,
+                progress=progress,
+            ),
             loaded,
             files,
-            observed=observed,
-            max_cells=options.max_cells,
+            model.rules,
+            progress,
             outputs=options.outputs,
             n_threads=asked.n_threads,
-            progress=progress,
         )
     say(f"{found.summary}\n{places_summary(found.topology, asked.out)}")
     if found.unentered is not None:
@@ -317,7 +296,7 @@ def _label_one(asked: LabelFlags, options: "LabelOptions", progress: "Progress")
     say_written(files)
 
 
-def _read(options: "LabelOptions", progress: "Progress") -> "LoadedModel":
+def _read(options: LabelOptions, progress: "Progress") -> "LoadedModel":
     """The model; what the flags get wrong shows now."""
     from pgm_places.labelling.model import LoadedModel
 

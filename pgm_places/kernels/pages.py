@@ -2,6 +2,8 @@
 
 import mmap
 import sys
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,3 +89,20 @@ def _anonymous(size: int) -> mmap.mmap:
     if hasattr(mmap, "MADV_HUGEPAGE"):  # as NumPy asks for its own large arrays
         memory.madvise(mmap.MADV_HUGEPAGE)
     return memory
+
+
+def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
+    """The same values, read-only, from a file without a name, which goes when they do.
+
+    Arrays of fewer bytes than ``at_least``, and those for which the folder has no room, stay in
+    memory. The caller must drop its own reference for the memory to be free.
+    """
+    if array.nbytes < max(at_least, 1):
+        return array
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            array.tofile(file)
+            file.flush()
+            return np.memmap(file, array.dtype, "r", shape=array.shape)
+    except OSError:
+        return array

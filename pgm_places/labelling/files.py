@@ -1,7 +1,7 @@
-"""The files of a labelled map: their names, and the one writer of labels and places."""
+"""The files of a labelled map: their names, the one writer of labels and places, the record."""
 
-import tempfile
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypedDict
@@ -17,7 +17,7 @@ from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.maps.raster_image import raster_png
-from pgm_places.io.output_set import OutputSet
+from pgm_places.io.output_set import OutputSet, output_set
 from pgm_places.io.places import topology_files
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import (
@@ -29,10 +29,8 @@ from pgm_places.io.places.result_folder import (
     places_path,
     probability_file,
 )
-from pgm_places.kernels.pages import return_freed
+from pgm_places.kernels.pages import return_freed, set_aside
 from pgm_places.labelers.labelled_places import LabelledCells, LabelledPlaces
-from pgm_places.labelling.label import label
-from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import Outputs
 from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -80,6 +78,26 @@ def output_file_names(labels: Iterable[str], outputs: Outputs | None = None) -> 
     return names if outputs.pictures else tuple(name for name in names if name not in _PICTURES)
 
 
+def label_files(
+    folder: Path,
+    labels: Iterable[str],
+    outputs: Outputs,
+    *,
+    more: Sequence[str] = (),
+    force: bool,
+) -> AbstractContextManager[OutputSet]:
+    """The set of files that ``pgm-places label`` writes for a map, and ``more``.
+
+    Raises
+    ------
+    InputError
+        The user's names in the folder cannot be read, which shows before the work.
+    """
+    topology_files.read_own_names(folder)
+    names = (*output_file_names(labels, outputs), *more)
+    return output_set(folder, "label", names=names, force=force)
+
+
 MAX_BYTES = 64 << 20
 
 
@@ -111,47 +129,12 @@ class WrittenMap:
     unentered: Unentered | None = None
 
 
-def label_file(
-    model: LoadedModel,
-    source: MapFile,
-    files: OutputSet,
-    *,
-    observed: NDArray[np.int16] | None = None,
-    max_cells: int | None = None,
-    outputs: Outputs | None = None,
-    n_threads: int | None = None,
-    progress: Progress,
-) -> WrittenMap:
-    """Label a map that has been read and write everything that ``pgm-places label`` promises.
-
-    ``observed`` (H, W) holds observed labels, -1 elsewhere; no map is refined to more cells than
-    ``max_cells``; ``outputs`` leaves some files out.
-    """
-    topology_files.read_own_names(files.folder)  # a damaged file shows before the work
-    return write_labelled(
-        label(  # without a name here, so that the labels of a huge map's nodes can be freed
-            model,
-            source.grid,
-            observed=observed,
-            max_cells=max_cells,
-            n_threads=n_threads,
-            progress=progress,
-        ),
-        source,
-        files,
-        model.rules,
-        progress,
-        outputs=outputs,
-        n_threads=n_threads,
-    )
-
-
 def write_labelled(
     result: LabelledPlaces,
     source: MapFile,
     files: OutputSet,
     rules: TopologyOptions,
-    progress: Progress,
+    progress: Progress | None = None,
     *,
     outputs: Outputs | None = None,
     n_threads: int | None = None,
@@ -376,20 +359,3 @@ def write_topology(
     if checks:
         written.append(topology_files.write_checks(folder / CHECK_FILE, topology))
     return written
-
-
-def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
-    """The same values, read-only, from a file without a name, which goes when they do.
-
-    Arrays of fewer bytes than ``at_least``, and those for which the folder has no room, stay in
-    memory. The caller must drop its own reference for the memory to be free.
-    """
-    if array.nbytes < max(at_least, 1):
-        return array
-    try:
-        with tempfile.TemporaryFile(dir=folder) as file:
-            array.tofile(file)
-            file.flush()
-            return np.memmap(file, array.dtype, "r", shape=array.shape)
-    except OSError:
-        return array

@@ -122,8 +122,88 @@ def label(
         )
         return part.on_whole(grid, window)
     with threads(n_threads), reported(progress):
-        # Nothing holds the scores while the method runs: a huge map needs their memory.
-        return score_map(model, grid, observed, cache, max_cells=max_cells).task().labelled()
+        return score_map(model, grid, observed, cache, max_cells=max_cells).labelled()
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredMap:
+    """A map at the resolution of a model, and the problem that its method has to solve.
+
+    Parameters
+    ----------
+    model : LoadedModel
+    grid, used : OccupancyGrid
+        The map, and the same at the model's resolution.
+    observed : KnownCells or None
+    warnings : tuple of str
+    doorways : Doorways or None
+        The accepted gates, where the model knows any.
+    layout : GridLayout
+        The cells behind the problem's nodes.
+    problem : LabelingProblem
+    hall : (N,) float32 or None
+        The probability that a node's circulation is a hall.
+    kept : (LabelGraph, CellScores), optional
+        The scores of the cells and their graph, for other methods; a huge map has no room for them.
+    """
+
+    model: LoadedModel
+    grid: OccupancyGrid
+    used: OccupancyGrid
+    observed: KnownCells | None
+    warnings: tuple[str, ...]
+    doorways: Doorways | None
+    layout: GridLayout
+    problem: LabelingProblem
+    hall: NDArray[np.float32] | None
+    kept: tuple[LabelGraph, CellScores] | None = None
+
+    def by(self, method: str) -> "ScoredMap":
+        """The problem of another method, from the scores that were kept."""
+        assert self.kept is not None  # asked for
+        model = replace(self.model, method=method)
+        return replace(self, model=model, problem=_problem(model, *self.kept, self.observed))
+
+    def labelled(self, independent: Backend | None = None) -> LabelledPlaces:
+        """The map as the method labels it, or each cell by itself; observed labels are kept."""
+        model, observed = self.model, self.observed
+        name = model.method if independent is None else "independent"
+        return_freed()  # what scoring took
+        with staged(f"labelling with {name}"):
+            labeling = infer(independent or model.chosen.backend, self.problem)
+            labeling = model.labeler.with_halls(labeling, self.hall)
+        if observed is not None:
+            labeling = observed.kept(labeling, self.layout)
+        return on_own_raster(
+            self.grid,
+            self.used,
+            self.layout,
+            self._with_rectangles(labeling),
+            label_names=model.labeler.label_names_,
+            method=name,
+            warnings=self.warnings,
+            doorways=self.doorways,
+            known=observed,
+            entered=model.entered,
+        )
+
+    def _with_rectangles(self, labeling: Labeling) -> Labeling:
+        """The labels with a rectangle of doorway at each gate that separates places."""
+        rules, names = self.model.rules, self.model.labeler.label_names_
+        gates = separating_gates(self.doorways, rules)
+        if gates is None or rules.doorway_label not in names:
+            return labeling
+        labels = doorways_as_rectangles(
+            self.layout.to_raster(labeling.labels.astype(np.int16), fill=-1),
+            self.used,
+            gates,
+            names.index(rules.doorway_label),
+            depth_m=self.model.labeler.doorway_depth_m,
+            fixed=None if self.observed is None else self.observed.on_cells >= 0,
+        )
+        return replace(
+            labeling, labels=self.layout.from_raster(labels).astype(labeling.labels.dtype)
+        )
 
 
 def score_map(
@@ -133,16 +213,16 @@ def score_map(
     cache: FeaturesOf | None = None,
     *,
     max_cells: int | None = None,
-    with_spaces: bool = False,
-) -> "ScoredMap":
-    """The scores of a map's cells, as the model's method needs them.
+    keep_scores: bool = False,
+) -> ScoredMap:
+    """A map with its cells scored, as the model's method needs them.
 
     Parameters
     ----------
     model, grid, observed, cache, max_cells
         As of :func:`label`.
-    with_spaces : bool
-        Keep segments, gates and places, to explain the scores.
+    keep_scores : bool
+        Keep the scores with segments, gates and places, for other methods and to explain them.
     """
     labeler = model.labeler
     used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
@@ -157,122 +237,26 @@ def score_map(
         used,
         methods=[model.method],
         lean=True,
-        with_spaces=with_spaces,
+        with_spaces=keep_scores,
         known=raster,
         own=None if cache is None else cache(used),
     )
-    doorways = accepted_doorways(labeler.unary_model_, used, scores, raster)
-    return ScoredMap(MapAtModel(model, grid, used, cells, tuple(warnings), doorways), graph, scores)
+    return ScoredMap(
+        model,
+        grid,
+        used,
+        cells,
+        tuple(warnings),
+        accepted_doorways(labeler.unary_model_, used, scores, raster),
+        graph.grid_layout,
+        _problem(model, graph, scores, cells),
+        scores.hall,
+        (graph, scores) if keep_scores else None,
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class MapAtModel:
-    """A map at the resolution of a model.
-
-    Parameters
-    ----------
-    model : LoadedModel
-    grid, used : OccupancyGrid
-        The map, and the same at the model's resolution.
-    observed : KnownCells or None
-    warnings : tuple of str
-    doorways : Doorways or None
-        The accepted gates, where the model knows any.
-    """
-
-    model: LoadedModel
-    grid: OccupancyGrid
-    used: OccupancyGrid
-    observed: KnownCells | None
-    warnings: tuple[str, ...]
-    doorways: Doorways | None
-
-
-@dataclass(frozen=True, eq=False)
-class ScoredMap:
-    """The scores of a map's cells, from which methods label it.
-
-    Parameters
-    ----------
-    map : MapAtModel
-    graph : LabelGraph
-        Of the free cells.
-    scores : CellScores
-    """
-
-    map: MapAtModel
-    graph: LabelGraph
-    scores: CellScores
-
-    def task(self, method: str | None = None) -> "LabellingTask":
-        """What a method has to solve; the model's own method by default."""
-        labeler, observed = self.map.model.labeler, self.map.observed
-        name, layout = method or self.map.model.method, self.graph.grid_layout
-        chosen = labeler.method(name)
-        known = None if observed is None else observed.of_nodes(layout)
-        problem = labeler.problem_of(self.graph, self.scores, chosen, known=known)
-        return LabellingTask(self.map, layout, problem, self.scores.hall, name, chosen.backend)
-
-
-@dataclass(frozen=True, eq=False)
-class LabellingTask:
-    """The labelling problem of a map's cells, and the method that solves it.
-
-    Parameters
-    ----------
-    map : MapAtModel
-    layout : GridLayout
-        The cells behind the problem's nodes.
-    problem : LabelingProblem
-    hall : (N,) float32 or None
-        The probability that a node's circulation is a hall.
-    method : str
-    backend : Backend
-    """
-
-    map: MapAtModel
-    layout: GridLayout
-    problem: LabelingProblem
-    hall: NDArray[np.float32] | None
-    method: str
-    backend: Backend
-
-    def labelled(self) -> LabelledPlaces:
-        """The map as the method labels it; observed labels are kept."""
-        at, labeler = self.map, self.map.model.labeler
-        return_freed()  # what scoring took
-        with staged(f"labelling with {self.method}"):
-            labeling = labeler.with_halls(infer(self.backend, self.problem), self.hall)
-        if at.observed is not None:
-            labeling = at.observed.kept(labeling, self.layout)
-        labeling = self._with_rectangles(labeling)
-        return on_own_raster(
-            at.grid,
-            at.used,
-            self.layout,
-            labeling,
-            label_names=labeler.label_names_,
-            method=self.method,
-            warnings=at.warnings,
-            doorways=at.doorways,
-            known=at.observed,
-            entered=at.model.entered,
-        )
-
-    def _with_rectangles(self, labeling: Labeling) -> Labeling:
-        """The labels with a rectangle of doorway at each gate that separates places."""
-        at, rules = self.map, self.map.model.rules
-        names, gates = at.model.labeler.label_names_, separating_gates(at.doorways, rules)
-        if gates is None or rules.doorway_label not in names:
-            return labeling
-        labels = doorways_as_rectangles(
-            self.layout.to_raster(labeling.labels.astype(np.int16), fill=-1),
-            at.used,
-            gates,
-            names.index(rules.doorway_label),
-            depth_m=at.model.labeler.doorway_depth_m,
-            fixed=None if at.observed is None else at.observed.on_cells >= 0,
-        )
-        return replace(
-            labeling, labels=self.layout.from_raster(labels).astype(labeling.labels.dtype)
-        )
+def _problem(
+    model: LoadedModel, graph: LabelGraph, scores: CellScores, observed: KnownCells | None
+) -> LabelingProblem:
+    known = None if observed is None else observed.of_nodes(graph.grid_layout)
+    return model.labeler.problem_of(graph, scores, model.chosen, known=known)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from pgm_places.errors import InputError, nearest_name
-from pgm_places.options import UnknownGrey
+from pgm_places.options import Positive, UnknownGrey, Whole
 from pgm_places.trained import DEFAULT, model_folder
 
 _NONE = "none"
@@ -59,23 +59,28 @@ class ModelOptions:
     ----------
     model : str
         A folder, or the name of a model that ships with the package.
-    method : str, optional
+    method : str
         One of the model's methods; its last one by default.
-    doorways, halls : str, optional
-        Replace those of the model's tables ``[topology]`` and ``[labels]``.
-    doorway_depth_m : float, optional
-        Replaces that of the model's table ``[labels]``.
-    disc_radius_m : float, optional
-    unentered : bool, optional
-        Replace those of the model's table ``[entered]``:
-        :class:`~pgm_places.spaces.entered_options.EnteredOptions`.
+    doorways : gates|labels
+        What separates places: gates, if the model finds any, or cells labelled as doorways; by
+        default, as set in the model's [topology].
+    halls : corridor|room|hall
+        What lobbies, foyers and other halls are labelled, if the model knows them; by default, as
+        set in the model's [labels].
+    doorway_depth_m : M
+        How deep doorways are labelled along the passage; by default, as in the maps that the model
+        learned from (m).
+    disc_radius_m : float
+    unentered : bool
+        As of :class:`~pgm_places.spaces.entered_options.EnteredOptions`; by default, as set in the
+        model's [entered].
     """
 
     model: str = DEFAULT
     method: str | None = None
     doorways: str | None = None
     halls: str | None = None
-    doorway_depth_m: float | None = None
+    doorway_depth_m: Positive | None = None
     disc_radius_m: float | None = None
     unentered: bool | None = None
 
@@ -91,17 +96,16 @@ class LabelOptions(ModelOptions):
 
     Parameters
     ----------
-    model, method, doorways, halls, doorway_depth_m, disc_radius_m, unentered
-        As of :class:`ModelOptions`.
-    unknown_value : int or "none", optional
+    unknown_value
         Grey value of maps that is read as unknown, as for
         :func:`~pgm_places.io.maps.map_server.load_map`.
-    max_cells : int, optional
-        No map is refined to more cells than this; 100 million by default.
+    max_cells
+        Largest number of cells that a map coarser than the model is split into; 100 million by
+        default.
     outputs : Outputs
         The files to write besides labels and places.
     """
 
     unknown_value: UnknownGrey | None = None
-    max_cells: int | None = None
+    max_cells: Whole | None = None
     outputs: Outputs = field(default_factory=Outputs)

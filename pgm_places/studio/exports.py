@@ -20,13 +20,7 @@ from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
 from pgm_places.io.places.topology_files import (
     read_own_names,
 )
-from pgm_places.labelling.files import (
-    PLACES,
-    SETTINGS,
-    PageFacts,
-    earlier_places,
-    write_topology,
-)
+from pgm_places.labelling.files import PLACES, SETTINGS, PageFacts, earlier_places, write_topology
 from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.options import Options, option_values, plain_values
 from pgm_places.persistence.stored import save

@@ -222,18 +222,18 @@ class Teacher:
             self._part,
             self._cut(paint.with_classes(labeler.label_names_)),
             lambda _: self._rows(labeler),
-            with_spaces=True,
+            keep_scores=True,
         )
-        task = scored.task()
-        unary = self._whole(replace(task, method="independent", backend=Independent()).labelled())
+        assert scored.kept is not None  # as asked for
+        unary = self._whole(scored.labelled(Independent()))
         with kept_in(self._field):
-            labelled = self._whole(task.labelled())
+            labelled = self._whole(scored.labelled())
         with staged("places"):
             topology = places_of(labelled.cells, model.rules, ids=self.known_places)
         self.known_places.learn(topology)
 
         def labelled_by(name: str) -> LabelledPlaces:
-            return self._whole(scored.task(name).labelled())
+            return self._whole(scored.by(name).labelled())
 
         others = {
             name: cache(partial(labelled_by, name))
@@ -243,7 +243,7 @@ class Teacher:
             and not isinstance(item.backend, Independent)
         }
         seconds = time.perf_counter() - start
-        return Taught(labelled, unary, topology, paint, labeler, scored.scores, seconds, others)
+        return Taught(labelled, unary, topology, paint, labeler, scored.kept[1], seconds, others)
 
     def _cut(self, paint: Paint) -> NDArray[np.int16]:
         """The labels of the paint on the part of the map that is labelled."""

@@ -27,7 +27,8 @@ from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
 from pgm_places.io.staging import claimed, open_own
-from pgm_places.labelling.files import WrittenMap, label_file
+from pgm_places.labelers.labelled_places import LabelledPlaces
+from pgm_places.labelling.files import WrittenMap, write_labelled
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
 from tests.batch.tasks import hang_on
@@ -207,7 +208,7 @@ def test_a_dead_worker_is_a_failure_of_its_map(batch: Batch, maps: Path) -> None
 def test_any_error_is_a_failure_of_its_map(
     batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(map_task, "label_file", lambda *_, **__: [][1])
+    monkeypatch.setattr(map_task, "write_labelled", lambda *_, **__: [][1])
     batch()
     failed = failures(maps.parent / "out")["floor1/map"]
     assert failed["error"] == "IndexError"
@@ -218,14 +219,16 @@ def test_any_error_is_a_failure_of_its_map(
 def test_a_full_disk_or_quota_ends_the_batch_and_keeps_what_is_done(
     batch: Batch, again: Again, maps: Path, monkeypatch: pytest.MonkeyPatch, reason: int
 ) -> None:
-    def until_full(model: Any, source: MapFile, files: OutputSet, **options: Any) -> WrittenMap:
+    def until_full(
+        result: LabelledPlaces, source: MapFile, files: OutputSet, *rest: Any, **options: Any
+    ) -> WrittenMap:
         if files.folder.parent.name == "floor2":
             error = OSError(reason, os.strerror(reason))
             raise OutputError(f"cannot write {files.folder}") from error
-        return label_file(model, source, files, **options)
+        return write_labelled(result, source, files, *rest, **options)
 
     with monkeypatch.context() as changed, pytest.raises(NoSpaceError, match="floor2"):
-        changed.setattr(map_task, "label_file", until_full)
+        changed.setattr(map_task, "write_labelled", until_full)
         batch()
     assert not (maps.parent / "out" / "floor2").exists()
     assert again() == ["floor2/map"]
@@ -439,7 +442,7 @@ def test_what_a_worker_cannot_write_may_be_its_own_fault(
     def refuse(*_: Any, **__: Any) -> None:
         raise OutputError("cannot write") from PermissionError()
 
-    monkeypatch.setattr(map_task, "label_file", refuse)
+    monkeypatch.setattr(map_task, "write_labelled", refuse)
     batch(Elsewhere(lambda _: None))
     failed = failures(maps.parent / "out")
     assert failed["floor1/map"]["message"] == "cannot write (worker tcp://b:1)"
@@ -476,7 +479,7 @@ def test_a_map_that_takes_too_long_is_given_up(
                 sum(range(1000))
 
     with monkeypatch.context() as changed:
-        changed.setattr(map_task, "label_file", slow)
+        changed.setattr(map_task, "write_labelled", slow)
         batch(how={"limit_s": 0.2})
     failed = failures(maps.parent / "out")["floor1/map"]
     assert (failed["error"], failed["message"]) == (

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.kernels.pages import Planes, leave_in_file
-from pgm_places.labelling.files import set_aside
+from pgm_places.kernels.pages import Planes, leave_in_file, set_aside
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="pages are given back on Linux")
 
