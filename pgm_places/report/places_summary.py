@@ -49,9 +49,9 @@ def doubt_summary(topology: TopologicalMap) -> str | None:
         return None
     first = "; ".join(
         f"{check.place.name} ({check.doubtful_m2:.1f} m²"
-        + (f" perhaps {check.second_label})" if check.second_label else ")")
+        + (f" may be {check.second_label})" if check.second_label else ")")
         for check in marked_checks(topology)
     )
-    return f"in doubt: {100 * share:.1f} % of the area" + (
-        f"; check first: {first}" if first else ""
+    return f"Uncertain: {100 * share:.1f} % of the area." + (
+        f" Check first: {first}" if first else ""
     )

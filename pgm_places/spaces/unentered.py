@@ -89,8 +89,8 @@ class Unentered:
         if self.outside_m2:
             outside = f"{self.outside_m2:.1f} m² outside the building at the edge of the map, "
         return (
-            f"{self.area_m2:.1f} m² of free space ({share:.1f} %) was never entered: {outside}rays "
-            "through windows, glimpses through doors, and what a robot cannot reach"
+            f"the robot cannot reach {self.area_m2:.1f} m² of free space ({share:.1f} %): {outside}"
+            "seen through windows or doors, or too narrow"
         )
 
 

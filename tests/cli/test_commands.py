@@ -74,7 +74,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
     rows = (out / "check.csv").read_text().splitlines()
     regions = json.loads((out / "places.json").read_text())["regions"]
     assert len(rows) == 1 + len(regions)
-    assert "in doubt: " in text
+    assert "Uncertain: " in text
 
     truth = pixels(building / "labels.png")
     known = truth > 0

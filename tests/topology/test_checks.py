@@ -121,8 +121,8 @@ def test_gates_alone_say_nothing_of_the_area() -> None:
 
 def test_the_summary_and_the_picture_name_the_first(topology: TopologicalMap) -> None:
     assert doubt_summary(topology) == (
-        "in doubt: 32.0 % of the area; check first: room 2 (3.0 m² perhaps corridor); hall 3 "
-        "(2.4 m² perhaps room); corridor 1 (1.0 m² perhaps hall)"
+        "Uncertain: 32.0 % of the area. Check first: room 2 (3.0 m² may be corridor); hall 3 "
+        "(2.4 m² may be room); corridor 1 (1.0 m² may be hall)"
     )
     assert len(marked_checks(topology)) == 3
     unknown = topological_map(topology.grid, CELLS[None], NAMES)
