@@ -258,6 +258,11 @@ def test_true_places_come_from_a_table_the_log_itself_or_a_labelled_map(folder: 
         loaded(folder, log="drive.log.gz", map="map.yaml")
 
 
+def test_a_drive_has_its_files_name_unless_it_is_given_another(folder: Path) -> None:
+    assert loaded(folder, **LOG).name == "drive"
+    assert loaded(folder, **LOG, name="monday").name == "monday"
+
+
 def test_classes_are_translated_and_the_rest_is_unknown(folder: Path) -> None:
     plain = loaded(folder, log="drive.csv")
     found = loaded(folder, log="drive.csv", classes={"room": "corridor"})
