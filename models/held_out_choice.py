@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import learned_number, number_array
+from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 
 NODE_CHOICES = ("auto", "logz", "logz+raw")
@@ -160,6 +162,17 @@ def _table(scores: Mapping[Candidate, tuple[float, float]]) -> NDArray[np.float6
             for each, both in sorted(scores.items())
         ]
     )
+
+
+def check_choices(table: NDArray[np.float64] | None) -> None:
+    """Refuse the table of a :class:`Choice` that a file has spoiled."""
+    if table is None:
+        return
+    if number_array("penalty_search", table).ndim != 2:
+        raise InputError(f"penalty_search must be a table, got shape {table.shape}")
+    for column, words in enumerate((NODE_CHOICES, LEARNERS) if table.shape[1] == 5 else ()):
+        for row in range(len(table)):
+            learned_number("penalty_search", table[:, column], row, len(words))
 
 
 def choice_record(

@@ -35,7 +35,13 @@ from pgm_places.models.cliques import (
 from pgm_places.models.completion import LossOf
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
-from pgm_places.models.held_out_choice import NODE_CHOICES, choice_record, choice_words, node_choice
+from pgm_places.models.held_out_choice import (
+    NODE_CHOICES,
+    check_choices,
+    choice_record,
+    choice_words,
+    node_choice,
+)
 from pgm_places.models.labelled_examples import ClassWeight, Example, node_losses
 from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
@@ -338,6 +344,7 @@ class LinearModel(LearnedNames):
             self.node_choice.shape == (1,) and 0 <= self.node_choice[0] < len(NODE_CHOICES)
         ):
             raise InputError(f"node_choice must hold one number below {len(NODE_CHOICES)}")
+        check_choices(self.penalty_search)
 
 
 def require_edge_features(count: int, n_known: int) -> None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, pose_array, require_at_least
+from pgm_places._checks import finite_array, pose_array
 from pgm_places._core import cast_rays, coarse_cells, write_disc, write_scan
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import (
@@ -36,6 +36,9 @@ MOST_CELLS = 20_000
 
 _FARTHEST = 2.0**40
 """Cells, beyond every window: longer beams and radii end there, and fit an integer."""
+
+_MOST_WHOLE = 2**31
+"""Cells of a square, or along the side of one of its cells."""
 
 
 class Window(NamedTuple):
@@ -229,8 +232,14 @@ class LocalMap:
             Half the side of the square, in cells of the window; beyond it the square ends.
         factor : int
             Cells of the window along the side of a cell of the map.
+
+        Raises
+        ------
+        InputError
+            The position is not finite or more than 10^7 m away, or a number is not a whole one.
         """
-        require_at_least("factor", factor, 1)
+        _check_whole("n_cells", n_cells, 0)
+        _check_whole("factor", factor, 1)
         offset = pose_array("centre_m", centre_m, (2,)) - self._origin_m
         middle = np.floor(offset / self.resolution_m).astype(np.int64)
         low = np.maximum(middle - n_cells, 0)
@@ -286,6 +295,12 @@ class LocalMap:
 def _check_reach(max_range_m: float, *, or_infinite: bool = False) -> None:
     if not (0 < max_range_m < np.inf or (or_infinite and max_range_m == np.inf)):
         raise InputError(f"max_range_m must be a positive number of metres, got {max_range_m}")
+
+
+def _check_whole(name: str, value: int, low: int) -> None:
+    """Kernels add and multiply such numbers: larger ones would overflow."""
+    if not isinstance(value, (int, np.integer)) or not low <= value <= _MOST_WHOLE:
+        raise InputError(f"{name} must be a whole number from {low} to {_MOST_WHOLE}, got {value}")
 
 
 def _entered(corner: int, step: int, n: int) -> NDArray[np.int64]:

@@ -433,6 +433,11 @@ def test_records_survive_as_arrays(status: str, certified: float | None) -> None
         ("feature_columns", np.full(5, 99), "feature_columns must hold integers"),
         ("feature_scale", np.zeros(5), "feature_scale must be positive"),
         ("learning", np.zeros(3), "learning must hold 13 numbers"),
+        ("penalty_search", np.zeros(5), "penalty_search must be a table"),
+        ("penalty_search", np.array([["room"] * 5]), "penalty_search must"),
+        ("penalty_search", np.array([[3.0, 0, 1, 1, 1]]), "penalty_search must hold 0 to 2"),
+        ("penalty_search", np.array([[0, 1e300, 1, 1, 1]]), "penalty_search must hold 0 to 5"),
+        ("penalty_search", np.array([[0, np.nan, 1, 1, 1]]), "penalty_search must hold 0 to 5"),
         ("feature_mean", None, "has not learned"),
     ],
 )

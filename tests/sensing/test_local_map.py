@@ -1,5 +1,6 @@
 from itertools import pairwise
 from math import inf, pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -294,6 +295,14 @@ class TestFarAway:
             local.cast([0.0, far, 0.0], [0.0], max_range_m=5.0)
         with pytest.raises(InputError, match="centre_m must hold metres"):
             local.square([0.0, far], 4, 1)
+
+    @pytest.mark.parametrize("number", [-1, 2**62, 2**63 - 1, 10**30, 0.5, float("nan")])
+    def test_squares_of_other_numbers_of_cells_are_refused(self, number: Any) -> None:
+        local = LocalMap(size_m=4.0, resolution_m=0.1)
+        with pytest.raises(InputError, match="n_cells must be a whole number from 0 to"):
+            local.square([0.0, 0.0], number, 2)
+        with pytest.raises(InputError, match="factor must be a whole number from 1 to"):
+            local.square([0.0, 0.0], 10, number)
 
     def test_beams_without_end_cross_the_window(self) -> None:
         local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=0.0)

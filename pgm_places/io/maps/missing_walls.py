@@ -43,6 +43,7 @@ def wall_share(cells: NDArray[np.int8], resolution_m: float) -> float:
     resolution_m : float
     """
     n_border, n_near = 0, 0
+    cells = _around_free(cells, resolution_m)
     for border, rows in _borders(cells):
         n_border += int(np.count_nonzero(border))
         if border.any():
@@ -53,10 +54,11 @@ def wall_share(cells: NDArray[np.int8], resolution_m: float) -> float:
 
 def lacks_walls(cells: NDArray[np.int8], resolution_m: float) -> bool:
     """Whether less than a tenth of the border of free space has a wall."""
-    n_border = sum(int(np.count_nonzero(border)) for border, _ in _borders(cells))
+    around = _around_free(cells, resolution_m)
+    n_border = sum(int(np.count_nonzero(border)) for border, _ in _borders(around))
     if np.count_nonzero(cells == OCCUPIED) >= n_border:
         return False  # as in nearly all maps: counting is faster than measuring distances
-    return wall_share(cells, resolution_m) < FEWEST_WALLS
+    return wall_share(around, resolution_m) < FEWEST_WALLS
 
 
 def wall_threshold(
@@ -113,6 +115,20 @@ def with_walls(cells: NDArray[np.int8]) -> NDArray[np.int8]:
     return walled
 
 
+def _around_free(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.int8]:
+    """The part of a raster that says what lies near its free cells, without a canvas around it."""
+    margin = int(_near_cells(resolution_m)) + 1  # where the part ends, no wall counts as near
+    free = cells == FREE
+    spans = []
+    for axis in (1, 0):
+        taken = np.flatnonzero(free.any(axis=axis))
+        if not len(taken):
+            return cells
+        spans.append(slice(max(int(taken[0]) - margin, 0), int(taken[-1]) + 1 + margin))
+    rows, columns = spans
+    return cells[rows, columns]
+
+
 def _borders(cells: NDArray[np.int8]) -> Iterator[tuple[NDArray[np.bool_], slice]]:
     """Free cells with a side at a cell that is not free, and the rows they are in, by bands."""
     height = cells.shape[0]
@@ -126,11 +142,16 @@ def _borders(cells: NDArray[np.int8]) -> Iterator[tuple[NDArray[np.bool_], slice
         yield inner & ~surrounded, rows
 
 
+def _near_cells(resolution_m: float) -> float:
+    """How many cells 0.15 m are, at least one."""
+    return max(NEAR_M / resolution_m, 1.0) + 1e-6
+
+
 def _near(
     cells: NDArray[np.int8], kind: int, rows: slice, resolution_m: float
 ) -> NDArray[np.bool_]:
     """Which cells of some rows lie within 0.15 m of cells of a kind."""
-    return _within(cells, kind, rows, max(NEAR_M / resolution_m, 1.0) + 1e-6)
+    return _within(cells, kind, rows, _near_cells(resolution_m))
 
 
 def _within(cells: NDArray[np.int8], kind: int, rows: slice, distance: float) -> NDArray[np.bool_]:

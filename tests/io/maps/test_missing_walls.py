@@ -58,6 +58,8 @@ def test_the_share_equals_a_slow_reference(cells: np.ndarray, resolution_m: floa
     assert wall_share(cells, resolution_m) == pytest.approx(slow_share(cells, resolution_m))
     if lacks_walls(cells, resolution_m):
         assert wall_share(cells, resolution_m) < FEWEST_WALLS
+    canvas = np.pad(cells, 6, constant_values=UNKNOWN)  # looked at around the free cells alone
+    assert wall_share(canvas, resolution_m) == pytest.approx(slow_share(canvas, resolution_m))
 
 
 @given(RASTERS)
