@@ -58,6 +58,11 @@ def _root_in(folder: Path) -> Path | None:
     return root if is_address(root) or root.is_dir() else None
 
 
+def batch_of(folder: Path) -> Path | None:
+    """The folder of the batch that labelled a map into this one; None where no batch did."""
+    return next((path for path in folder.resolve().parents if (path / _RECORD).is_file()), None)
+
+
 def write_root(out: Path, root: Path) -> None:
     """Keep the root for later runs.
 

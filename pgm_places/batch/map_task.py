@@ -181,7 +181,7 @@ def done_figures(
     It is done where the manifest says that it was made from the same map, model, options and
     version, and where every file that was written then is still there, and all that are wanted.
     """
-    record = _record(folder)
+    record = manifest_record(folder)
     if record is None:
         return None
     try:
@@ -198,7 +198,7 @@ def done_figures(
 
 def labelled_row(folder: Path, name: str) -> LabelledRow | None:
     """What a folder's manifest says came out; None where it is no labelled map's, or damaged."""
-    record = _record(folder)
+    record = manifest_record(folder)
     try:
         if record is not None:
             row = LabelledRow.of_figures(name, str(record["map"]), dict(record["figures"]))
@@ -214,7 +214,7 @@ def warnings_of(folder: Path) -> tuple[str, ...]:
     return () if row is None else row.warnings
 
 
-def _record(folder: Path) -> dict[str, Any] | None:
+def manifest_record(folder: Path) -> dict[str, Any] | None:
     """The content of a folder's manifest; None where there is none, or it is no manifest."""
     path = detail_path(folder, MANIFEST_FILE)
     try:

@@ -11,8 +11,8 @@ from pgm_places.cli.declarations import Argument, GivenOptions, Option, option_f
 from pgm_places.cli.entry import EXIT_NOT_FOUND
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
-from pgm_places.errors import InputError
-from pgm_places.io.places.result_folder import NAMES_FILE
+from pgm_places.errors import InputError, OutputError
+from pgm_places.io.places.result_folder import MANIFEST_FILE, NAMES_FILE
 from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
@@ -173,23 +173,31 @@ def export(
     map_yaml : MAP.yaml
         For nav2 and map: the map; by default the one that was labelled.
     """
-    from pgm_places.cli.place_exports import ExportRequest, record_exports, recorded_exports
+    from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import output_set
+    from pgm_places.io.places.export_record import ExportRequest, record_exports
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology, target = load_named_topology(folder), out or folder
+    inside = target.resolve() == folder.resolve()
+    asked = ExportRequest(
+        to,
+        tuple(values or ()),
+        robot_radius_m,
+        tuple(keep_out or ()),
+        None if map_yaml is None else str(map_yaml),
+        None if inside else str(target.resolve()),
+    )
     with output_set(target, f"export {to}", force=force, shared=True) as files:
-        asked = ExportRequest(
-            to,
-            tuple(values or ()),
-            robot_radius_m,
-            tuple(keep_out or ()),
-            None if map_yaml is None else str(map_yaml),
-        )
-        summary = asked.write(files.stage, folder, target, topology)
-        if target.resolve() == folder.resolve():
-            others = (item for item in recorded_exports(folder) if item.to != to)
-            record_exports(files.stage, [*others, asked])
+        summary = write_export(asked, files.stage, folder, target, topology)
+        if inside:
+            record_exports(files.stage, folder, [asked])
+    if not inside:
+        try:
+            with output_set(folder, "export", shared=True, force=True, keeps_owners=True) as beside:
+                record_exports(beside.stage, folder, [asked])
+        except OutputError as error:
+            complain(f"{error}; 'rename' will not say that {target} keeps an earlier name")
     if summary:
         say(summary)
     say_written(files)
@@ -230,8 +238,10 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
     name
         Its new name.
     """
-    from pgm_places.cli.place_exports import recorded_exports, write_exports
+    from pgm_places.batch.renamed_rows import write_check_first, write_row_again
+    from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import is_as_written
+    from pgm_places.io.places.export_record import record_exports, recorded_exports
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
     from pgm_places.io.staging import file_names
     from pgm_places.topology.place_edits import renamed
@@ -243,14 +253,25 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
     changed = []
     with _edited(folder, edited, "rename") as files:
         own = {*file_names(files.stage)}
+        for item in exports:
+            if item.out is None and (
+                summary := write_export(item, files.stage, folder, folder, edited)
+            ):
+                say(summary)
         if exports:
-            write_exports(files.stage, folder, edited, exports)
+            record_exports(files.stage, folder, exports)
+        is_first = write_check_first(folder, files.stage, region.name, name)
         write_own_name(folder, region.id, name, into=files.stage)
-        for file in sorted({*file_names(files.stage)} - own - {NAMES_FILE}):
+        for file in sorted({*file_names(files.stage)} - own - {NAMES_FILE, MANIFEST_FILE}):
             if (folder / file).is_file() and not is_as_written(folder / file, folder):
                 (files.stage / file).unlink()
                 changed.append(file)
+    if is_first:
+        write_row_again(folder)
     say(f"place {region.id} is called {name!r} (in {folder})")
+    away = [f"{item.to} in {item.out}" for item in exports if item.out and Path(item.out).is_dir()]
+    if away:
+        complain(f"exports in other folders keep the earlier name: {', '.join(away)}")
     for file in changed:
         complain(f"{folder / file} was changed since it was exported and keeps the earlier name")
 
@@ -332,6 +353,7 @@ def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[Outp
     )
     from pgm_places.io.staging import file_names
     from pgm_places.labelling.files import PLACES, label_record, labelled_map, write_topology
+    from pgm_places.pictures.map_page import earlier_title
 
     # The command that wrote a file goes on owning it.
     with output_set(
@@ -341,10 +363,11 @@ def _edited(folder: Path, topology: "TopologicalMap", by: str) -> "Iterator[Outp
             save_settings(files.stage, load_settings(folder) or PlaceSettings(TopologyOptions()))
         names = {*file_names(folder.resolve()), *PLACES} - {OLD_PLACES_FILE}
         page: PageFacts = {"names": names, "warnings": label_record(folder).get("warnings", ())}
-        grid, title, path = topology.grid, folder.name, labelled_map(folder)
+        title = earlier_title(folder) or folder.resolve().name
+        grid, path = topology.grid, labelled_map(folder)
         if path is not None:
             page["map_name"], source = path.name, pp.load_map(path)
             if source.grid.frame == grid.frame and source.grid.shape == grid.shape:
-                grid, title = source.grid, source.name  # with its walls, for the pictures
+                grid = source.grid  # with its walls, for the pictures
         write_topology(files.stage, grid, topology, title=title, page=page)
         yield files

@@ -165,6 +165,7 @@ def write_labelled(
             )
         record["area_m2"] = topology.area_m2
         warnings = (*warnings, *of_places)
+        record["warnings"] = [*warnings]
         write_json(files.stage / SUMMARY_FILE, record, indent=2, allow_nan=True)
     areas = ", ".join(f"{name} {area:.1f} m²" for name, area in topology.area_m2.items())
     summary = f"{record['method']}: {areas} ({record['status']}: {record['status_meaning']})"
@@ -257,7 +258,7 @@ def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, Any]:
         "unentered_m2": 0.0 if result.unentered is None else result.unentered.area_m2,
         "score": result.labeling.score,
         "bound": result.labeling.bound,
-        "warnings": [*source.warnings, *result.warnings],
+        "warnings": [],
     }
 
 

@@ -1,7 +1,10 @@
 """index.html of a labelled map: its places in a picture and a table, what to check, the files."""
 
+import html
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -14,6 +17,7 @@ from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
 PAGE_FILE = "index.html"
+_TITLE = re.compile("<title>([^<]+)</title>")
 
 _MOST_ROWS = 1000
 """Rows of a table; places.json has all."""
@@ -30,6 +34,16 @@ _FILES = (
     ("place_names.yaml", "the names that you gave"),
     ("details", "files that programs read: probabilities, settings, record of the run"),
 )
+
+
+def earlier_title(folder: Path) -> str | None:
+    """The title of the page in a folder; None without one."""
+    try:
+        with (folder / PAGE_FILE).open("rb") as file:
+            found = _TITLE.search(file.read(1 << 16).decode("utf-8", "replace"))
+    except OSError:
+        return None
+    return None if found is None else html.unescape(found[1])
 
 
 class MapPage:

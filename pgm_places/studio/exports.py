@@ -1,8 +1,7 @@
 """Exports of the studio: files that the command line and other tools read."""
 
 import json
-import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,33 +9,39 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pgm_places.errors import InputError
-from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
-from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.output_set import output_set
+from pgm_places.io.places.export_record import ExportRequest, record_exports
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
-from pgm_places.io.places.result_folder import CHECK_FILE, NAMES_FILE
+from pgm_places.io.places.result_folder import (
+    CHECK_FILE,
+    NAMES_FILE,
+    OVERVIEW_FILE,
+    probability_file,
+)
 from pgm_places.io.places.topology_files import (
     read_own_names,
 )
-from pgm_places.labelling.files import PLACES, SETTINGS, PageFacts, earlier_places, write_topology
+from pgm_places.labelling.files import (
+    PLACES,
+    SETTINGS,
+    PageFacts,
+    earlier_places,
+    write_labels,
+    write_topology,
+)
 from pgm_places.labelling.places import places_of, separating_gates
-from pgm_places.options import Options, option_values, plain_values
+from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.progress import warn
-from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.export_record import RECORD_FILE, Content, ExportRecord, digest
 from pgm_places.studio.lesson import renamed
-from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
-from pgm_places.teaching.paint import Paint
+from pgm_places.studio.training_config import CORRECTIONS, paint_of, rules_of, write_training
 from pgm_places.topology import place_edits
 from pgm_places.topology.topological_map import TopologicalMap
-from pgm_places.trained import NAMES
-
-CORRECTIONS = "corrections.png"
 
 
 @dataclass(frozen=True)
@@ -50,11 +55,13 @@ class Export:
     files : tuple of str
         The names of what it always writes.
     write : callable
-        Writes it for a desk into a folder, which may be a stage of the second one; the paths.
+        Writes it for a desk into a stage of a folder; the paths.
     more : tuple of str
         The names of what it may write beside that.
     content : Content
         What it follows from.
+    per_class : bool
+        Whether it writes the probabilities of each class beside that.
     """
 
     words: str
@@ -62,10 +69,14 @@ class Export:
     write: Callable[[Desk, Path, Path], list[Path]]
     more: tuple[str, ...] = ()
     content: Content = Content.LABELS
+    per_class: bool = False
 
-    def targets(self, folder: Path) -> list[Path]:
+    def targets(self, folder: Path, desk: Desk) -> list[Path]:
         """All that it may write into a folder."""
-        return [folder / name for name in (*self.files, *self.more)]
+        classes = desk.painting.classes.names if self.per_class else ()
+        return [
+            folder / name for name in (*self.files, *self.more, *map(probability_file, classes))
+        ]
 
 
 def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
@@ -89,7 +100,7 @@ def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict
                 "name": name,
                 "words": item.words,
                 "files": list(item.files),
-                "there": [path.name for path in item.targets(folder) if path.exists()],
+                "there": _there(item, desk, folder),
                 "written": is_there,
                 "older": is_there and not record.is_current(folder, name, state),
             }
@@ -127,9 +138,9 @@ def write_export(
     item = EXPORTS[name]
     folders = folders or ExportFolders.started_here()
     folder = folders.chosen(chosen, desk.folder)
-    targets = item.targets(folder)
+    targets = item.targets(folder, desk)
     folders.check_free(targets, [desk.source.yaml_path, desk.source.image_path])
-    there = [target.name for target in targets if target.exists()]
+    there = _there(item, desk, folder)
     new = next((name for name in there if replaced is not None and name not in replaced), None)
     if new is not None:
         raise InputError(f"{new} was written there in the meantime; look at the list again")
@@ -138,7 +149,7 @@ def write_export(
     if item.content in (Content.LABELS, Content.PLACES) and lesson is not None:
         paint, learns = lesson.taught.paint, lesson.learns
     state = digest(desk, item.content, paint, learns=learns)
-    written = item.write(desk, folder, folder)
+    written = _written(desk, [name], folder)[name]
     is_same = desk.lesson is lesson and desk.painting.revision == question.revision
     record = ExportRecord(desk.folder / RECORD_FILE)
     record.note(folder, name, state if is_same else "", written)
@@ -165,23 +176,45 @@ def edit_with_exports(desk: Desk, request: Mapping[str, Any]) -> str:
     current = [name for name in ("places", "nav2") if before.is_current(folder, name, state)]
     remark = desk.edit(request)
     if current:
-        with output_set(folder, "studio", force=True, shared=True, keeps_owners=True) as files:
-            written = {name: EXPORTS[name].write(desk, files.stage, folder) for name in current}
+        written = _written(desk, current, folder)
         record = ExportRecord(folder / RECORD_FILE)
         state = digest(desk, Content.PLACES, now.paint, learns=now.learns)
         for name, paths in written.items():
-            there = (folder / path.relative_to(files.stage) for path in paths)
-            record.note(folder, name, state, there)
+            record.note(folder, name, state, paths)
     return remark
 
 
-def _labels(desk: Desk, folder: Path, _: Path) -> list[Path]:
-    taught = desk.answer
-    return [*save_labels(folder / "labels.png", taught.labels, taught.label_names)]
+def _there(item: Export, desk: Desk, folder: Path) -> list[str]:
+    """The files of an export that lie in a folder already."""
+    targets = item.targets(folder, desk)
+    return [path.relative_to(folder).as_posix() for path in targets if path.exists()]
+
+
+def _written(desk: Desk, names: Sequence[str], folder: Path) -> dict[str, list[Path]]:
+    """Write exports into a folder, all of their files or none; the paths of each."""
+    own = _named_places(desk, folder).own if "places" in names else None
+    with output_set(folder, "studio", force=True, shared=True, keeps_owners=True) as files:
+        staged = {name: EXPORTS[name].write(desk, files.stage, folder) for name in names}
+        has_names = (files.stage / NAMES_FILE).exists()
+    if own is not None:
+        if not has_names:
+            (folder / NAMES_FILE).unlink(missing_ok=True)
+        ExportRecord(desk.folder / RECORD_FILE).note_names(folder, own)
+    return {
+        name: [
+            folder / path.relative_to(files.stage) if path.is_relative_to(files.stage) else path
+            for path in paths
+        ]
+        for name, paths in staged.items()
+    }
+
+
+def _labels(desk: Desk, stage: Path, _: Path) -> list[Path]:
+    return write_labels(desk.answer.labelled, desk.source, stage)
 
 
 def _corrections(desk: Desk, folder: Path, _: Path) -> list[Path]:
-    paint = _paint(desk)
+    paint = paint_of(desk)
     image = paint.save(folder / CORRECTIONS, desk.grid)
     shapes = paint.save(folder / "corrections.geojson", desk.grid)
     return [image, image.with_suffix(".yaml"), shapes]
@@ -202,9 +235,6 @@ def _places(desk: Desk, stage: Path, folder: Path) -> list[Path]:
     if names := others | own:
         lines = (f"{key}: {json.dumps(name, ensure_ascii=False)}\n" for key, name in names.items())
         written.append(write_text(stage / NAMES_FILE, "".join(lines)))
-    else:
-        (folder / NAMES_FILE).unlink(missing_ok=True)
-    ExportRecord(desk.folder / RECORD_FILE).note_names(folder, own)
     return written
 
 
@@ -236,126 +266,33 @@ def _named_places(desk: Desk, folder: Path) -> _NamedPlaces:
 def _nav2(desk: Desk, stage: Path, folder: Path) -> list[Path]:
     topology = _named_places(desk, folder).topology
     kinds = ("nav2-route", "zones")
+    record_exports(stage, folder, [*map(ExportRequest, kinds)])
     return [path for kind in kinds for path in export(topology, kind, stage, lies_in=folder)]
 
 
-def _training(desk: Desk, folder: Path, _: Path) -> list[Path]:
+def _training(desk: Desk, stage: Path, _: Path) -> list[Path]:
     """A configuration by which ``pgm-places train`` learns what the studio has learned."""
-    names = [name for name, n in _paint(desk).counts.items() if n]
+    names = [name for name, n in paint_of(desk).counts.items() if n]
     title = f"{desk.source.yaml_path.stem}, painted in the studio"
-    written = write_training([desk], folder, title, names, beside=True)
-    return [written[0], *_corrections(desk, folder, folder)]
+    written = write_training([desk], stage, title, names, beside=True)
+    return [written[0], *_corrections(desk, stage, stage)]
 
 
-def write_training(
-    desks: Sequence[Desk],
-    folder: Path,
-    title: str,
-    painted: Collection[str],
-    *,
-    beside: bool = False,
-) -> list[Path]:
-    """Write a configuration that teaches one model the paint of all these maps, and the paint.
-
-    ``painted`` are the classes that are painted anywhere. The desks need not be open. The paint is
-    written into each desk's folder, or ``beside`` the configuration.
-
-    Raises
-    ------
-    InputError
-        Without a model to build on, fewer than two classes are painted.
-    """
-    first = desks[0]
-    alone = first.labeler is None
-    if alone and len(set(painted)) < 2:
-        raise InputError("paint at least two classes; there is nothing to tell apart yet")
-    options = option_values(TeachingOptions())
-    if alone:
-        options = {name: options[name] for name in OF_PAINT_ALONE}
-    names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
-    paths = [(folder if beside else desk.folder) / CORRECTIONS for desk in desks]
-    images = [
-        _paint(desk).with_classes(names).save(path, desk.grid)
-        for desk, path in zip(desks, paths, strict=True)
-    ]
-    text = "\n".join(
-        [
-            *_keys({"title": title, "base_model": _base_model(first)}),
-            *_table("[labels]", {"names": names}),
-            *_table("[teaching]", options),
-            *_tables_of_rules(first),
-            *(
-                line
-                for desk, path in zip(desks, paths, strict=True)
-                for line in _table("[[train]]", _source(desk, path, folder))
-            ),
-            "",
-        ]
-    )
-    return [write_text(folder / "train.toml", text), *images]
-
-
-def _rules(desk: Desk) -> dict[str, Options]:
-    """The rules of the model, by their table in a configuration."""
-    loaded = desk.loaded
-    return {
-        "topology": desk.rules,
-        "entered": EnteredOptions() if loaded is None else loaded.entered,
-    }
-
-
-def _tables_of_rules(desk: Desk) -> Iterator[str]:
-    """The rules that are not the defaults, as tables of a configuration."""
-    for name, options in _rules(desk).items():
-        if options != type(options)():
-            yield from _table(f"[{name}]", option_values(options))
-
-
-def _source(desk: Desk, corrections: Path, folder: Path) -> dict[str, Any]:
-    """What a configuration in a folder says of a painted map."""
-    found: dict[str, Any] = {
-        "map": str(desk.source.yaml_path.resolve()),
-        "corrections": os.path.relpath(corrections.resolve(), folder.resolve()),
-    }
-    if desk.source.unknown_value is not None:
-        found["unknown_value"] = desk.source.unknown_value
-    return found
-
-
-def _base_model(desk: Desk) -> str:
-    if desk.labeler is None:
-        return NO_MODEL
-    return desk.model if desk.model in NAMES else str(Path(desk.model).resolve())
-
-
-def _table(header: str, values: Mapping[str, Any]) -> list[str]:
-    return ["", header, *_keys(values)]
-
-
-def _keys(values: Mapping[str, Any]) -> list[str]:
-    """Lines of TOML; JSON writes strings, numbers, booleans and lists of them just so."""
-    return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
-
-
-def _model(desk: Desk, folder: Path, _: Path) -> list[Path]:
+def _model(desk: Desk, _: Path, folder: Path) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
     if desk.answer.labeler is desk.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
     record = {
         "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
-        "config": plain_values(_rules(desk)),
+        "config": plain_values(rules_of(desk)),
     }
     return [save(desk.answer.labeler, folder / "model", record=record)]
 
 
-def _paint(desk: Desk) -> Paint:
-    if not desk.painting.n_painted:
-        raise InputError("nothing is painted yet")
-    return Paint(desk.painting.labels.copy(), desk.painting.classes.names)
-
-
 EXPORTS = {
-    "labels": Export("Label image", ("labels.png", "labels.yaml"), _labels),
+    "labels": Export(
+        "Label image", ("labels.png", "labels.yaml"), _labels, (OVERVIEW_FILE,), per_class=True
+    ),
     "corrections": Export(
         "Corrections",
         (CORRECTIONS, "corrections.yaml", "corrections.geojson"),

@@ -10,7 +10,7 @@ from typing import Any, Self
 from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
-from pgm_places.studio.exports import write_training
+from pgm_places.studio.training_config import write_training
 
 MOST_OPEN = 4
 """So many maps stay in memory with all that is known of their cells, and all that have a tab."""

@@ -1,6 +1,8 @@
 """Places from the command line: found, kept, exported, asked for."""
 
 import json
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -359,3 +361,30 @@ def test_an_export_changed_by_hand_stays_and_is_named(exported: tuple[Path, int]
     assert "places.dot was changed since it was exported and keeps the earlier name" in err
     assert (folder / "places.dot").read_text() == edited
     assert texts(folder, "kitchen") == ["places.dot"]
+
+
+def test_rename_names_the_exports_in_other_folders(places: Path, tmp_path: Path, run: Run) -> None:
+    out = tmp_path / "elsewhere"
+    for to in ("graphml", "dot"):
+        code, _, err = run("export", places, "--to", to, "--out", out)
+        assert code == 0, err
+    code, _, err = run("rename", places, 1, "workshop")
+    assert code == 0
+    assert (
+        f"exports in other folders keep the earlier name: graphml in {out}, dot in {out}\n" in err
+    )
+    assert "workshop" not in (out / "places.graphml").read_text()
+    shutil.rmtree(out)
+    assert "other folders" not in run("rename", places, "workshop", "lab")[2]
+
+
+def test_the_title_of_the_page_stays_when_places_change(places: Path, run: Run) -> None:
+    page = places / "index.html"
+    title = re.search("<title>.*</title>", page.read_text())
+    summary = places / "details" / "summary.json"
+    assert title is not None and places.name not in title[0]
+    summary.unlink(missing_ok=True)  # so that the map is not known any more
+    record = json.loads((places / "places.json").read_text())
+    room = next(region for region in record["regions"] if region["label"] == "room")
+    assert run("split", places, room["id"], *room["anchor_m"])[0] == 0
+    assert title[0] in page.read_text()

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pgm_places.cli.places import rename
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.places.export_record import recorded_exports
 from pgm_places.io.places.topology_files import load_named_topology, save_topology
+from pgm_places.labelling.files import write_labels
 from pgm_places.labelling.places import places_of
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
@@ -260,3 +263,54 @@ def test_a_new_name_that_one_export_cannot_write_is_in_none(
     changed = {path.name for path, text in files.items() if path.read_bytes() != text}
     assert changed <= {"exports.json"}
     assert older(desk) == {"places", "nav2"}
+
+
+@pytest.mark.parametrize("what", ["places", "training", "labels"])
+def test_an_export_that_fails_changes_no_file(
+    studio: Open, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    desk = studio()
+    paint(desk, "room", (6, 6), (24, 24))
+    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    write_export(desk, what)
+    if what == "places":
+        desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": ""})
+    paint(desk, "corridor", (27, 6), (45, 24))
+
+    def files() -> dict[Path, bytes]:
+        found = (path for path in desk.folder.rglob("*") if path.is_file())
+        return {path: path.read_bytes() for path in found}
+
+    before, write = files(), EXPORTS[what].write
+
+    def fails(*arguments: Any) -> list[Path]:
+        write(*arguments)
+        raise OutputError("no space left")
+
+    monkeypatch.setitem(EXPORTS, what, replace(EXPORTS[what], write=fails))
+    with pytest.raises(OutputError, match="no space left"):
+        write_export(desk, what)
+    assert files() == before
+
+
+def test_a_rename_by_the_command_line_makes_the_exports_of_the_studio_again(studio: Open) -> None:
+    desk = studio()
+    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    for what in ("places", "nav2"):
+        write_export(desk, what)
+    assert [item.to for item in recorded_exports(desk.folder)] == ["nav2-route", "zones"]
+    rename(desk.folder, "kitchen", "workshop")
+    for name in ("places.json", "nav2_route.geojson"):
+        text = (desk.folder / name).read_text()
+        assert "workshop" in text and "kitchen" not in text
+
+
+def test_the_labels_of_the_studio_come_with_probabilities_and_an_overview(
+    studio: Open, tmp_path: Path
+) -> None:
+    desk = studio()
+    written = write_export(desk, "labels")
+    found = write_labels(desk.answer.labelled, desk.source, tmp_path / "same")
+    assert [path.name for path in written] == [path.name for path in found]
+    assert {"overview.png", "probability_room.png"} <= {path.name for path in written}
+    assert [path.read_bytes() for path in written] == [path.read_bytes() for path in found]

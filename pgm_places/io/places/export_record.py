@@ -1,0 +1,91 @@
+"""Record of exports: what was exported of places, so that it can be exported again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+from pgm_places.errors import InputError
+from pgm_places.io.atomic import write_json
+from pgm_places.io.input_file import read_record
+from pgm_places.io.places.result_folder import EXPORTS_FILE
+from pgm_places.options import from_mapping, plain_values
+
+FORMAT, SCHEMA = "pgm-places exports", 1
+MAX_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class ExportRequest:
+    """An export of places, as ``pgm-places export`` is asked for it.
+
+    Parameters
+    ----------
+    to : str
+        The format.
+    values : tuple of str
+        ``NAME=NUMBER``.
+    robot_radius_m : float or None
+    keep_out : tuple of str
+        Classes and places.
+    map_yaml : str or None
+        The map; None for the one that was labelled.
+    out : str or None
+        The folder of the files; None for that of the places.
+    """
+
+    to: str
+    values: tuple[str, ...] = ()
+    robot_radius_m: float | None = None
+    keep_out: tuple[str, ...] = ()
+    map_yaml: str | None = None
+    out: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.keep_out and self.to not in ("nav2", "nav2-route"):
+            raise InputError(f"the export {self.to!r} takes no --keep-out; nav2 and nav2-route do")
+        if self.map_yaml and self.to not in ("nav2", "map"):
+            raise InputError(f"the export {self.to!r} takes no --map; nav2 and map do")
+
+    def renamed(self, old: str, new: str) -> Self:
+        """The request with another name for a place."""
+        values = tuple(
+            f"{new}={text.rpartition('=')[2]}" if text.rpartition("=")[0].strip() == old else text
+            for text in self.values
+        )
+        keep_out = tuple(new if name == old else name for name in self.keep_out)
+        return replace(self, values=values, keep_out=keep_out)
+
+
+def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest]) -> None:
+    """Write the record of exports, by which ``rename`` repeats them.
+
+    Requests take the place of earlier ones in the ``folder`` of the places: those of one format
+    that lie in one folder.
+    """
+    new = {(item.to, item.out) for item in requests}
+    others = (item for item in recorded_exports(folder) if (item.to, item.out) not in new)
+    requests = [*others, *requests]
+    record = {"format": FORMAT, "schema": SCHEMA, "exports": [*map(plain_values, requests)]}
+    path = stage / EXPORTS_FILE
+    path.parent.mkdir(exist_ok=True)
+    write_json(path, record, indent=1)
+
+
+def recorded_exports(folder: Path) -> list[ExportRequest]:
+    """The exports of the places in a folder, the newest of each format and folder of its files.
+
+    Raises
+    ------
+    InputError
+        The record is damaged.
+    """
+    path = folder / EXPORTS_FILE
+    if not path.exists():
+        return []
+    remedy = "delete it and export again"
+    with read_record(
+        path, "a record of exports", FORMAT, SCHEMA, max_bytes=MAX_BYTES, remedy=remedy
+    ) as record:
+        items = enumerate(record["exports"])
+        return [from_mapping(ExportRequest, item, path=f"exports[{k}]") for k, item in items]

@@ -1,0 +1,116 @@
+"""Training configuration of the studio: ``train.toml`` by which 'train' learns what was painted."""
+
+import json
+import os
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pgm_places.errors import InputError
+from pgm_places.experiment.config import NO_MODEL
+from pgm_places.io.atomic import write_text
+from pgm_places.options import Options, option_values
+from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.studio.desk import Desk
+from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
+from pgm_places.teaching.paint import Paint
+from pgm_places.trained import NAMES
+
+CORRECTIONS = "corrections.png"
+
+
+def write_training(
+    desks: Sequence[Desk],
+    folder: Path,
+    title: str,
+    painted: Collection[str],
+    *,
+    beside: bool = False,
+) -> list[Path]:
+    """Write a configuration that teaches one model the paint of all these maps, and the paint.
+
+    ``painted`` are the classes that are painted anywhere. The desks need not be open. The paint is
+    written into each desk's folder, or ``beside`` the configuration.
+
+    Raises
+    ------
+    InputError
+        Without a model to build on, fewer than two classes are painted.
+    """
+    first = desks[0]
+    alone = first.labeler is None
+    if alone and len(set(painted)) < 2:
+        raise InputError("paint at least two classes; there is nothing to tell apart yet")
+    options = option_values(TeachingOptions())
+    if alone:
+        options = {name: options[name] for name in OF_PAINT_ALONE}
+    names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
+    paths = [(folder if beside else desk.folder) / CORRECTIONS for desk in desks]
+    images = [
+        paint_of(desk).with_classes(names).save(path, desk.grid)
+        for desk, path in zip(desks, paths, strict=True)
+    ]
+    text = "\n".join(
+        [
+            *_keys({"title": title, "base_model": _base_model(first)}),
+            *_table("[labels]", {"names": names}),
+            *_table("[teaching]", options),
+            *_tables_of_rules(first),
+            *(
+                line
+                for desk, path in zip(desks, paths, strict=True)
+                for line in _table("[[train]]", _source(desk, path, folder))
+            ),
+            "",
+        ]
+    )
+    return [write_text(folder / "train.toml", text), *images]
+
+
+def rules_of(desk: Desk) -> dict[str, Options]:
+    """The rules of the model, by their table in a configuration."""
+    loaded = desk.loaded
+    return {
+        "topology": desk.rules,
+        "entered": EnteredOptions() if loaded is None else loaded.entered,
+    }
+
+
+def _tables_of_rules(desk: Desk) -> Iterator[str]:
+    """The rules that are not the defaults, as tables of a configuration."""
+    for name, options in rules_of(desk).items():
+        if options != type(options)():
+            yield from _table(f"[{name}]", option_values(options))
+
+
+def _source(desk: Desk, corrections: Path, folder: Path) -> dict[str, Any]:
+    """What a configuration in a folder says of a painted map."""
+    found: dict[str, Any] = {
+        "map": str(desk.source.yaml_path.resolve()),
+        "corrections": os.path.relpath(corrections.resolve(), folder.resolve()),
+    }
+    if desk.source.unknown_value is not None:
+        found["unknown_value"] = desk.source.unknown_value
+    return found
+
+
+def _base_model(desk: Desk) -> str:
+    if desk.labeler is None:
+        return NO_MODEL
+    return desk.model if desk.model in NAMES else str(Path(desk.model).resolve())
+
+
+def _table(header: str, values: Mapping[str, Any]) -> list[str]:
+    return ["", header, *_keys(values)]
+
+
+def _keys(values: Mapping[str, Any]) -> list[str]:
+    """Lines of TOML; JSON writes strings, numbers, booleans and lists of them just so."""
+    return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
+
+
+def paint_of(desk: Desk) -> Paint:
+    """What is painted; refused where nothing is."""
+    if not desk.painting.n_painted:
+        raise InputError("nothing is painted yet")
+    return Paint(desk.painting.labels.copy(), desk.painting.classes.names)
