@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import evident_unary
 from pgm_places.models.evidence import divided_share
 from pgm_places.models.held_out_choice import held_out_words
@@ -39,8 +41,10 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
     """(P, 4) iterations, shares of the prior, accuracy and balanced accuracy on held-out parts.
 
     ``method`` is a :class:`~pgm_places.models.relaxation.Relaxation`. The first row is that of the
-    scores alone. None where nothing can be held out: a problem has no unary, or one that says
-    nothing, or every part has all examples of a label.
+    scores alone. Where steps are linked to cells, both scores are means over these two kinds of
+    nodes: the few steps of a drive count as much as the many cells of its map. None where nothing
+    can be held out: a problem has no unary, or one that says nothing, or every part has all
+    examples of a label.
     """
     for problem, _ in examples:
         if problem.unary is None or (problem.unary == problem.unary[:, :1]).all():
@@ -50,33 +54,33 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
     shares = SHARES if method.evidence == "auto" else (divided_share(method.evidence),)
     k = examples[0][0].n_labels
     rows = [(0, 0.0), *product(ITERATIONS, shares)]
-    counts = {row: np.zeros((k, k)) for row in rows}
+    counts = {row: np.zeros((2, k, k)) for row in rows}
+    steps = [_linked_steps(problem.graph) for problem, _ in examples]
     plain = replace(method, max_iterations=ITERATIONS[-1], evidence=0.0, tolerance=0.0)
     for part in range(N_PARTS):
         rest = _among(examples, [where != part for where in parts])
-        asked = _among(examples, [where == part for where in parts])
+        masks = [where == part for where in parts]
+        asked = _among(examples, masks)
+        kinds = [on[mask] for on, mask in zip(steps, masks, strict=True) if mask.any()]
         if not asked or len({y for _, truth in rest for y in np.unique(truth).tolist()}) < k:
             continue
         if not any(plain.counts(*example).any() for example in rest):
             continue
         fitted = plain.fit([problem for problem, _ in rest], [truth for _, truth in rest])
-        for problem, truth in asked:
+        for (problem, truth), kind in zip(asked, kinds, strict=True):
             alone = evident_unary(problem, "relaxation", single=True).argmax(axis=1)
-            counts[0, 0.0] += confusion_matrix(truth, alone, k)
+            counts[0, 0.0] += _by_kind(kind, truth, alone, k)
             for share in shares:
                 run = replace(fitted, evidence=share)
                 found = {n: counts[n, share] for n in ITERATIONS}
-                end = run.relaxed(problem.graph, run.start(problem), _adds(truth, found))
+                end = run.relaxed(problem.graph, run.start(problem), _adds(kind, truth, found))
                 labels = end.beliefs.argmax(axis=1)  # nothing changes after its last iteration
                 for n in ITERATIONS:
                     if n > end.iterations:
-                        counts[n, share] += confusion_matrix(truth, labels, k)
+                        counts[n, share] += _by_kind(kind, truth, labels, k)
     if not counts[0, 0.0].any():
         return None
-    scores = [
-        (np.trace(table) / table.sum(), float(balanced_accuracy(table)))
-        for table in counts.values()
-    ]
+    scores = [_mean_scores(tables) for tables in counts.values()]
     return np.array([(*row, *score) for row, score in zip(rows, scores, strict=True)])
 
 
@@ -127,14 +131,39 @@ def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> l
     ]
 
 
+def _linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:
+    """(N,) nodes of edges in time, in a graph that links them to others; none elsewhere."""
+    steps = np.zeros(graph.n_nodes, np.bool_)
+    kinds = graph.edge_kind
+    if kinds is not None and (kinds == EdgeKind.LINK).any():
+        steps[graph.edges[(kinds == EdgeKind.TIME) | (kinds == EdgeKind.LOOP)]] = True
+    return steps
+
+
+def _by_kind(
+    steps: NDArray[np.bool_], truth: NDArray[np.int64], labels: NDArray[np.int64], k: int
+) -> NDArray[np.int64]:
+    """(2, K, K) counts of truth and label: of cells, and of the steps that are linked to them."""
+    return np.stack([confusion_matrix(truth[on], labels[on], k) for on in (~steps, steps)])
+
+
+def _mean_scores(tables: NDArray[np.float64]) -> tuple[float, float]:
+    """Accuracy and balanced accuracy, each the mean over the kinds of nodes that there are."""
+    some = [table for table in tables if table.any()]
+    accuracy = float(np.mean([np.trace(table) / table.sum() for table in some]))
+    return accuracy, float(np.mean([balanced_accuracy(table) for table in some]))
+
+
 def _adds(
-    truth: NDArray[np.int64], counts: dict[int, NDArray[np.float64]]
+    steps: NDArray[np.bool_],
+    truth: NDArray[np.int64],
+    counts: dict[int, NDArray[np.float64]],
 ) -> Callable[[int, float, Callable[[], Any]], None]:
-    """What adds the labels after certain iterations to counts (K, K) of truth and label."""
+    """What adds the labels after certain iterations to counts (2, K, K) of truth and label."""
 
     def note(iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
         if iteration in counts:
-            table = counts[iteration]
-            table += confusion_matrix(truth, beliefs().argmax(axis=1), len(table))
+            tables = counts[iteration]
+            tables += _by_kind(steps, truth, beliefs().argmax(axis=1), tables.shape[1])
 
     return note

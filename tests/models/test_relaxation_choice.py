@@ -55,6 +55,44 @@ def test_held_out_counts_are_those_of_relaxing_each_part_by_itself() -> None:
         assert row[2] == count / len(truth)
 
 
+def joint() -> tuple[LabelingProblem, NDArray[np.int64], NDArray[np.bool_]]:
+    """The narrow map and a drive along its middle, whose scans are as often wrong as right."""
+    cells, truth = narrow()
+    at = np.argwhere(np.ones((9, 80)))[:, ::-1].astype(float)
+    under = np.flatnonzero(at[:, 1] == 4)
+    chain = LabelGraph.from_trajectory(at[under])
+    fine = LabelGraph.from_edges(len(at), cells.graph.edges, positions_m=at)
+    graph = LabelGraph.joined(fine, chain, np.column_stack([under, np.arange(80)]))
+    rng = np.random.default_rng(3)
+    scans = np.log(softmax(3.0 * rng.normal(size=(80, 3)), axis=1))
+    assert cells.unary is not None
+    problem = LabelingProblem(graph, NAMES, unary=np.concatenate([cells.unary, scans]))
+    return problem, np.concatenate([truth, truth[under]]), np.arange(800) >= 720
+
+
+def test_steps_of_a_drive_count_as_much_as_the_cells_of_its_map() -> None:
+    problem, truth, is_step = joint()
+    table = Relaxation().fit([problem], [truth]).held_out
+    assert table is not None
+    parts = contiguous_parts(problem.graph, 4, truth)
+    labels = np.empty((2, len(truth)), np.int64)
+    for part in range(4):
+        rest, asked = parts != part, parts == part
+        method = Relaxation(max_iterations=20, evidence=0.25, tolerance=0.0)
+        method = method.fit([problem.subproblem(rest)], [truth[rest]])
+        assert problem.unary is not None
+        labels[0, asked] = problem.unary[asked].argmax(axis=1)
+        labels[1, asked] = method.infer(problem.subproblem(asked)).labels
+    for row, found in zip(((0, 0.0), (20, 0.25)), labels, strict=True):
+        [scores] = table[(table[:, :2] == row).all(axis=1), 2:]
+        kinds = [
+            [(found == truth)[kind & (truth == label)].mean() for label in range(3)]
+            for kind in (is_step, ~is_step)
+        ]
+        right = [(found == truth)[kind].mean() for kind in (is_step, ~is_step)]
+        np.testing.assert_allclose(scores, [np.mean(right), np.mean(kinds)], rtol=1e-12)
+
+
 def test_iterations_that_are_given_start_from_the_scores_as_they_are() -> None:
     problem, truth = narrow()
     ten = Relaxation(max_iterations=10).fit([problem], [truth])
