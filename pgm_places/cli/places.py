@@ -196,7 +196,7 @@ def export(
         try:
             with output_set(folder, "export", shared=True, force=True, keeps_owners=True) as beside:
                 record_exports(beside.stage, folder, [asked])
-        except OutputError as error:
+        except (InputError, OutputError) as error:
             complain(f"{error}; 'rename' will not say that {target} keeps an earlier name")
     if summary:
         say(summary)
@@ -267,7 +267,10 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
                 (files.stage / file).unlink()
                 changed.append(file)
     if is_first:
-        write_row_again(folder)
+        try:
+            write_row_again(folder)
+        except OutputError as error:
+            complain(f"{error}; the index of all maps keeps the earlier name")
     say(f"place {region.id} is called {name!r} (in {folder})")
     away = [f"{item.to} in {item.out}" for item in exports if item.out and Path(item.out).is_dir()]
     if away:

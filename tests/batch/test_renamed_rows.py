@@ -4,6 +4,8 @@ import csv
 import json
 from pathlib import Path
 
+import pytest
+
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import label_batch
 from pgm_places.cli.places import rename
@@ -38,6 +40,17 @@ def test_the_index_names_the_place_to_check_first_by_its_new_name(maps: Path, mo
     assert (folder.parent.parent / "failures.csv").read_text() == others
     rename(folder, "workshop", "lab")
     assert row_of(folder)["check_first"] == "lab"
+
+
+def test_a_list_that_cannot_be_written_is_said_and_the_name_stays_new(
+    maps: Path, model: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = label(maps, model)
+    first = row_of(folder)["check_first"]
+    (folder.parent.parent / "summary.csv").write_text("a,b\n1,2\n")
+    rename(folder, first, "workshop")
+    assert "summary.csv: its columns are not those of a list of maps" in capsys.readouterr().err
+    assert "workshop" in (folder / "places.json").read_text()
 
 
 def test_the_record_of_a_map_holds_the_line_about_its_edited_origin(

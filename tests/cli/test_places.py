@@ -378,6 +378,17 @@ def test_rename_names_the_exports_in_other_folders(places: Path, tmp_path: Path,
     assert "other folders" not in run("rename", places, "workshop", "lab")[2]
 
 
+def test_a_damaged_record_does_not_keep_an_export_from_another_folder(
+    places: Path, tmp_path: Path, run: Run
+) -> None:
+    record = places / "details" / "exports.json"
+    record.write_text("{")
+    code, _, err = run("export", places, "--to", "dot", "--out", tmp_path / "elsewhere")
+    assert code == 0 and (tmp_path / "elsewhere" / "places.dot").exists()
+    assert "exports.json" in err and "keeps an earlier name" in err
+    assert record.read_text() == "{"
+
+
 def test_the_title_of_the_page_stays_when_places_change(places: Path, run: Run) -> None:
     page = places / "index.html"
     title = re.search("<title>.*</title>", page.read_text())
