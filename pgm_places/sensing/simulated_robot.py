@@ -23,6 +23,11 @@ from pgm_places.trajectories.trajectory import Trajectory
 
 _PIECE_M = 0.05
 
+_MOST_SCANS = 10_000_000
+
+_LONGEST_M = 500e3
+"""A longer way is a slip, and its pieces would not fit into memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRobot(RobotMotion):
@@ -138,9 +143,12 @@ class SimulatedRobot(RobotMotion):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times and poses: driving and turning go on together, the slower one sets the pace."""
         legs = np.diff(way_m, axis=0)
-        moving = np.hypot(legs[:, 0], legs[:, 1]) > 0
+        lengths = np.hypot(legs[:, 0], legs[:, 1])
+        moving = lengths > 0
         if not moving.any():
             raise InputError("a path needs at least two different points")
+        if not lengths.sum() <= _LONGEST_M:
+            raise InputError(f"a path must be at most {_LONGEST_M:g} m long, got {lengths.sum():g}")
         points = _finely(np.concatenate([way_m[:1], way_m[1:][moving]]))
         legs = np.diff(points, axis=0)
         headings = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
@@ -148,6 +156,12 @@ class SimulatedRobot(RobotMotion):
         driving = np.hypot(legs[:, 0], legs[:, 1]) / self.speed_m_s
         turning = np.abs(np.diff(headings)) / self.turn_rad_s
         passed = np.concatenate([[0.0], np.cumsum(np.maximum(driving, turning))])
+        n_scans = passed[-1] / self.scan_every_s
+        if not n_scans <= _MOST_SCANS:
+            raise InputError(
+                f"a drive of {passed[-1]:g} s with a scan every {self.scan_every_s:g} s has "
+                f"{n_scans:.2g} scans, more than {_MOST_SCANS:,}; give a larger scan_every_s"
+            )
         times = np.arange(0.0, passed[-1] + self.scan_every_s, self.scan_every_s)
         x, y, heading = (np.interp(times, passed, values) for values in (*points.T, headings))
         heading = np.mod(heading + np.pi, 2 * np.pi) - np.pi

@@ -35,7 +35,7 @@ class RouteSpace:
             self.blocked |= binary_dilation(shut, np.ones((3, 3), np.bool_))
         self.squared = squared_clearance(self.blocked)
         self.side_m = topology.grid.resolution_m
-        self.radius = robot_radius_m / self.side_m
+        self.radius = min(robot_radius_m / self.side_m, sum(self.region.shape))  # fits nowhere
         # The obstacle's square begins half a cell, at its corner less, before its centre.
         self.fits = ~self.blocked & (self.squared >= (self.radius + 0.5) ** 2 - 1e-9)
 

@@ -145,6 +145,18 @@ def test_a_way_leads_somewhere() -> None:
         SimulatedRobot().follow(HALL, [[1.0, 1.0], [1.0, 1.0]])
 
 
+@pytest.mark.parametrize("far", [6e5, 1e19, 1e300])
+def test_a_way_has_a_length_that_can_be_driven(far: float) -> None:
+    with pytest.raises(InputError, match=r"at most 500000 m long"):
+        SimulatedRobot().follow(HALL, [[1.0, 1.0], [far, 1.0]])
+
+
+@pytest.mark.parametrize("options", [{"scan_every_s": 1e-12}, {"speed_m_s": 1e-300}])
+def test_more_scans_than_memory_holds_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=r"scans, more than 10,000,000; give a larger"):
+        SimulatedRobot(**options).follow(HALL, [[1.0, 1.0], [2.0, 1.0]])  # type: ignore[arg-type]
+
+
 def test_it_stays_in_its_window_but_sees_the_whole_map(building: LabelledBuilding) -> None:
     window = np.zeros(building.grid.shape, np.bool_)
     window[:, : window.shape[1] // 2] = True

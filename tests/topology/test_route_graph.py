@@ -204,6 +204,11 @@ def test_what_does_not_fit_is_left_out_and_said(radius_m: float, n_lost: int) ->
         assert all(place.anchor_m[0] < 3.4 for place in lost)
 
 
+def test_a_disc_of_any_size_is_compared_with_the_map() -> None:
+    topology = narrow_map(7)
+    assert not route_graph(topology, robot_radius_m=1e300).nodes
+
+
 @settings(max_examples=100, deadline=None)
 @given(
     cells=st.lists(st.tuples(st.integers(3, 9), st.integers(3, 9)), min_size=1, max_size=3),
