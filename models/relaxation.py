@@ -84,9 +84,7 @@ class Relaxation(LearnedNames):
     [0, 0, 0, 1, 1, 1]
     """
 
-    traits: ClassVar[Traits] = Traits(
-        uses_node_features=False, learns_from_labels=True, takes_single_precision=True
-    )
+    traits: ClassVar[Traits] = Traits(uses_node_features=False, takes_single_precision=True)
 
     max_iterations: Whole | Literal["auto"] = "auto"
     tolerance: AtLeastZero = 1e-4

@@ -9,6 +9,8 @@ from scipy.special import softmax
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.place_labeler import PlaceMethod
+from pgm_places.labelers.place_learning import learn_from_scores
 from pgm_places.models.relaxation import Relaxation
 from tests.models.test_relaxation import NAMES, beliefs
 
@@ -110,3 +112,7 @@ def test_without_scores_to_compare_there_are_fifty_iterations() -> None:
     fitted = Relaxation().fit([blind], [truth])
     assert fitted.summary == {}
     assert fitted.infer(problem).info["iterations"] <= 50
+
+
+def test_relaxation_alone_gets_scores_to_choose_by() -> None:
+    assert learn_from_scores({"relaxation": PlaceMethod("relaxation")})
