@@ -1,5 +1,6 @@
 """``pgm-places label``: one map into a folder, or many, each into a folder of its own; index."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -294,6 +295,14 @@ def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -
     if found.unentered is not None:
         say(f"{found.unentered}; label it with --unentered")
     say_written(files)
+    paths = (asked.out, asked.out / "index.html", asked.maps[0])
+    out, page, source = (shlex.quote(str(path)) for path in paths)
+    say(
+        "\nNext:\n"
+        f"  open {page} in a browser\n"
+        f"  pgm-places studio {source}  # to correct the labels\n"
+        f"  pgm-places export {out} --to nav2 --out nav2"
+    )
 
 
 def _read(options: LabelOptions, progress: "Progress") -> "LoadedModel":

@@ -75,6 +75,12 @@ def test_train_then_label(building: Path, run: Run) -> None:
     regions = json.loads((out / "places.json").read_text())["regions"]
     assert len(rows) == 1 + len(regions)
     assert "Uncertain: " in text
+    assert text.splitlines()[-4:] == [
+        "Next:",
+        f"  open {out}/index.html in a browser",
+        f"  pgm-places studio {building / 'map.yaml'}  # to correct the labels",
+        f"  pgm-places export {out} --to nav2 --out nav2",
+    ]
 
     truth = pixels(building / "labels.png")
     known = truth > 0
