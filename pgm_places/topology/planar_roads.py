@@ -1,5 +1,7 @@
 """Roads without crossings: where two edges cross there is a node, and nodes keep their distance."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +96,7 @@ def nodes_within(
 def make_planar(roads: Roads) -> None:
     """Put a node wherever edges cross, and let nodes that are too near each other become one."""
     _split(roads)
-    _merge(roads)
+    roads.merge(APART_M, partial(_stands_in, roads))
 
 
 def _split(roads: Roads) -> None:
@@ -131,29 +133,16 @@ def _split(roads: Roads) -> None:
                 roads.join(one, other)
 
 
-def _merge(roads: Roads) -> None:
-    """Leave out nodes beside others that can take their edges over without a crossing."""
-    near = APART_M / roads.space.side_m
-    at = roads.at
-    for node in np.argsort(roads.clear, kind="stable").tolist():
-        if node < roads.n_targets or node not in roads.links:
-            continue
-        others = sorted(
-            (other for other in roads.links[node] if np.hypot(*(at[node] - at[other])) < near),
-            key=lambda other: (other >= roads.n_targets, float(np.hypot(*(at[node] - at[other])))),
-        )
-        for other in others:
-            new = sorted(roads.links[node] - roads.links[other] - {other})
-            pairs = np.array([[other, end] for end in new], np.int64).reshape(-1, 2)
-            if (
-                _detour(at[[*roads.links[node]]], at[node], at[other]) <= DETOUR
-                and roads.are_good(pairs).all()
-                and _stays_planar(roads, node, pairs)
-            ):
-                roads.drop(node)
-                for end in new:
-                    roads.join(other, end)
-                break
+def _stands_in(roads: Roads, node: int, other: int) -> bool:
+    """Whether another node can take a node's edges over without a crossing or a detour."""
+    new = sorted(roads.links[node] - roads.links[other] - {other})
+    pairs = np.array([[other, end] for end in new], np.int64).reshape(-1, 2)
+    ends = roads.at[[*roads.links[node]]]
+    return (
+        _detour(ends, roads.at[node], roads.at[other]) <= DETOUR
+        and bool(roads.are_good(pairs).all())
+        and _stays_planar(roads, node, pairs)
+    )
 
 
 def _detour(ends: NDArray[np.float64], old: NDArray[np.float64], new: NDArray[np.float64]) -> float:

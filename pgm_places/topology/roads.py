@@ -1,6 +1,6 @@
 """Roads: where a robot can drive, from the skeleton of a space to the few edges that are needed."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -108,7 +108,7 @@ def roads_through(space: RouteSpace) -> "Roads":
         roads.add(point)
     for way in skeleton.ways:
         roads.add_way(way)
-    roads.merge()
+    roads.merge(MERGED_M, roads.stands_in)
     roads.connect()
     stops = roads.stops()
     roads.keep_ways(stops)
@@ -196,27 +196,33 @@ class Roads:
         ends = np.array([[*cells[0], *cells[-1]]], np.float64)
         return bool(space.are_good(ends, np.array([room]))[0])
 
-    def merge(self) -> None:
-        """Leave out nodes beside others that can stand in for them."""
-        near = MERGED_M / self.space.side_m
+    def merge(self, within_m: float, stands_in: Callable[[int, int], bool]) -> None:
+        """Leave out nodes beside others that can stand in for them; nodes of places stay.
+
+        ``stands_in(node, other)`` says whether another node can take over the edges of a node.
+        """
+        near = within_m / self.space.side_m
         at = self.at
-        for a in np.argsort(self.clear, kind="stable").tolist():
-            if a < self.n_targets:
+        for node in np.argsort(self.clear, kind="stable").tolist():
+            if node < self.n_targets or node not in self.links:
                 continue
             others = sorted(
-                (b for b in self.links[a] if np.hypot(*(at[a] - at[b])) < near),
-                key=lambda b: (b >= self.n_targets, float(np.hypot(*(at[a] - at[b])))),
+                (other for other in self.links[node] if np.hypot(*(at[node] - at[other])) < near),
+                key=lambda other: (
+                    other >= self.n_targets,
+                    float(np.hypot(*(at[node] - at[other]))),
+                ),
             )
-            for b in others:
-                if self._stands_in(b, self.links[a] - {b}):
-                    for other in self.drop(a):
-                        self.join(b, other)
+            for other in others:
+                if stands_in(node, other):
+                    for end in self.drop(node):
+                        self.join(other, end)
                     break
 
-    def _stands_in(self, node: int, others: Iterable[int]) -> bool:
-        """Whether a node has good edges to all these."""
-        pairs = np.array([[node, other] for other in others], np.int64).reshape(-1, 2)
-        return bool(self.are_good(pairs).all())
+    def stands_in(self, node: int, other: int) -> bool:
+        """Whether another node has good edges to all that a node is linked to."""
+        pairs = np.array([[other, end] for end in self.links[node] - {other}], np.int64)
+        return bool(self.are_good(pairs.reshape(-1, 2)).all())
 
     def drop(self, node: int) -> set[int]:
         """Take a node away; those that it was linked to."""
