@@ -172,7 +172,7 @@ class ChainTransitions(StepFilter):
         return belief, belief, was_possible
 
     def _filter_of(self, parts: int) -> ForwardFilter:
-        """The filter for a step of so many parts of the usual length."""
+        """The filter for a step of ``parts`` times ``FINEST`` usual lengths."""
         found = self._filters.get(parts)
         if found is None:
             found = ForwardFilter(self._start(), self._by_length(np.array([FINEST * parts])))
@@ -188,7 +188,7 @@ class ChainTransitions(StepFilter):
         return ForwardFilter(self._start(), self._transitions)
 
     def _by_length(self, exponents: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(A, K, K) transitions over steps of so many usual lengths; 0 stays where it is."""
+        """(A, K, K) transitions over these numbers of usual lengths; the identity for 0."""
         tables = self._shrunk(transition_powers(self._moves, exponents))
         tables[exponents == 0] = np.eye(tables.shape[1])
         return tables

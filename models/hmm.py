@@ -41,7 +41,7 @@ from pgm_places.solvers.forward import ChainPath
 
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-# From so many trajectories on, options are chosen on those that tables were not counted on.
+# From this number of trajectories on, options are chosen on trajectories held out of the tables.
 FEWEST_DRIVES, FOLDS = 3, 5
 
 

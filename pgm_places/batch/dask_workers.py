@@ -21,7 +21,7 @@ _AHEAD = 4
 """Tasks under way per thread of the cluster: enough to keep it busy, few enough to forget."""
 
 _JUDGED_AT_ONCE = 16
-"""Results that are judged in so many threads: looking for files takes time."""
+"""Threads that judge results: each judgement looks for files."""
 
 _ASK_AGAIN_S = 1.0
 """How old the number of threads may be: workers come and go while tasks run for minutes."""
@@ -93,10 +93,10 @@ class DaskWorkers:
 
 
 _MOST_FAULTS = 3
-"""A worker is left out when others have done so many tasks that it failed on in a row."""
+"""Consecutive failures, on tasks that others have done, after which a worker is left out."""
 
 _MOST_TRIES = 3
-"""On so many workers a task is tried before it is at fault itself."""
+"""Workers that a task is tried on before the task itself is at fault."""
 
 
 @dataclass

@@ -52,7 +52,7 @@ def is_ahead(
 
 
 def stretches(lengths: Sequence[int], total: float | None = None) -> NDArray[np.int64]:
-    """(N,) the stretch of each step of sequences of so many steps, one after the other.
+    """(N,) the stretch of each step of consecutive sequences with the given lengths.
 
     ``total`` is what all steps count together, where that is not 1 each.
 

@@ -30,7 +30,7 @@ _WAITS_S = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0)
 """Between the tries of a request that a busy server refuses: three minutes in all."""
 
 _SAID_FROM_S = 4.0
-"""A user is told of the request that waits so long."""
+"""Wait of a request from which on a warning names it, in seconds."""
 
 _FOLDERS = frozenset(
     ("file", "local", "sftp", "ssh", "ftp", "smb", "hdfs", "arrow_hdfs", "webhdfs", "dbfs")
@@ -268,7 +268,7 @@ def is_there(path: Path | str) -> bool:
 
 @contextlib.contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A local folder that nobody else may read; what killed runs left of such ones goes, too."""
+    """A private local folder; leftovers of killed runs are removed as well."""
     parent = Path(tempfile.gettempdir())
     with contextlib.ExitStack() as ends:
         with as_output_errors(parent):
