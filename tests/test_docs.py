@@ -31,7 +31,7 @@ SETUP = {
         "from pgm_places.datasets import generate_building\n"
         "save_map(generate_building(size='small', resolution_m=0.05).grid, 'map')"
     ),
-    "docs/notebooks.md": (
+    "docs/first_steps.md": (
         "from matplotlib import pyplot\n"
         "pyplot.switch_backend('agg')\n"
         "from pgm_places import save_map\n"

@@ -3,10 +3,10 @@
 from experiments.pictures.svg import arrow, box, link, svg, text, write
 
 WAYS = (
-    ("a map", "label map.yaml", "labels, probabilities, places", ("own map", "topology")),
+    ("a map", "label map.yaml", "labels, probabilities, places", ("label a map", "topology")),
     ("thousands of maps", "label floors/", "the same for each, and a list", ("many maps",)),
     ("labels that are wrong", "studio map.yaml", "corrected labels, a taught model",
-     ("studio", "teaching")),
+     ("studio",)),
     ("labelled maps", "train office.toml", "a model of your own",
      ("training data", "configuration")),
     ("a drive", "track drive.log", "a label for each step", ("trajectories", "vision")),
@@ -14,7 +14,7 @@ WAYS = (
     ("nodes and edges", "from Python", "labels and their bound", ("own problem", "extending")),
 )  # fmt: skip
 """What you have, what you run, what you get, and the pages about it."""
-FILES = {"many maps": "scale"}
+FILES = {"label a map": "first_steps", "many maps": "scale"}
 
 HEADS = ((0, "you have"), (200, "you run: pgm-places"), (420, "you get"), (716, "read"))
 WIDTH, TOP, STEP, BOX = 1000, 40, 54, 38
