@@ -17,17 +17,14 @@ from pgm_places._core import widest_registers
 from pgm_places.experiment.runs import versions
 
 TOPICS = (
-    "first_use",
     "casting",
     "features",
     "boosting",
-    "boosted_trees",
     "spaces",
     "labelling",
     "large_map",
     "relaxation",
     "inference",
-    "distances",
     "amn_learning",
     "forward",
     "problems",
@@ -37,7 +34,6 @@ TOPICS = (
     "teaching",
     "batch",
     "live",
-    "live_dating",
     "live_updates",
 )
 TABLES = TOPICS

@@ -20,8 +20,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.datasets import load_digits
+from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import GroupKFold, cross_val_predict
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
-from experiments.defaults import digit_chains, scored
 from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.pairwise import pairwise_model
@@ -40,6 +44,42 @@ def measured(work: Work) -> tuple[NDArray[Any], float]:
 
 
 # ---------------------------------------------------------------- counting digits
+
+
+def digit_chains(seed: int) -> Iterator[tuple[LabelingProblem, Labels]]:
+    """A counter's handwritten digits with noise; each stays for four steps in the mean."""
+    rng = np.random.default_rng(seed)
+    pictures, digits = load_digits(return_X_y=True)
+    order = rng.permutation(len(digits))
+    names = [str(digit) for digit in range(10)]
+    for number in range(18):
+        pool = order[:900] if number < 12 else order[900:]
+        truth = np.cumsum(rng.random(150) < 0.25) % 10
+        features = np.stack([pictures[rng.choice(pool[digits[pool] == d])] for d in truth])
+        features = features + rng.normal(scale=6.0, size=features.shape)
+        graph = LabelGraph.from_lattice((len(truth),))
+        yield LabelingProblem(graph, names, node_features=features), truth
+
+
+def scored(
+    chains: list[tuple[LabelingProblem, Labels]], n_train: int
+) -> tuple[list[LabelingProblem], list[LabelingProblem]]:
+    """The first chains with held-out scores of logistic regression, and the others."""
+    model = make_pipeline(StandardScaler(), LogisticRegression(C=0.01))
+    features = np.stack([np.asarray(problem.node_features) for problem, _ in chains])
+    length, n_features = features.shape[1:]
+    rows, truth = features[:n_train].reshape(-1, n_features), [labels for _, labels in chains]
+    groups, known = np.repeat(np.arange(n_train), length), np.concatenate(truth[:n_train])
+    held_out = cross_val_predict(
+        model, rows, known, groups=groups, cv=GroupKFold(4), method="predict_proba"
+    )
+    others = model.fit(rows, known).predict_proba(features[n_train:].reshape(-1, n_features))
+    scores = np.log(np.maximum(np.concatenate([held_out, others]), 1e-4))
+    problems = [
+        problem.with_unary(rows)
+        for (problem, _), rows in zip(chains, scores.reshape(len(chains), length, -1), strict=True)
+    ]
+    return problems[:n_train], problems[n_train:]
 
 
 def ours_on_chains(name: str, options: dict[str, Any], data: Any) -> NDArray[Any]:
@@ -68,10 +108,8 @@ def crfsuite_on_chains(data: Any) -> NDArray[Any]:
 
 def chain_rows(quick: bool) -> Iterator[dict[str, Any]]:
     """Learned transitions, ours and CRFsuite's."""
-    from sklearn.linear_model import LogisticRegression
-
     chains = list(digit_chains(0))
-    train, test = scored(chains, 12, LogisticRegression(C=0.01))
+    train, test = scored(chains, 12)
     if quick:
         train = train[:4]
     truths = [truth for _, truth in chains[: len(train)]]

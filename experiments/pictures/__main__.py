@@ -1,32 +1,13 @@
-"""Draw the pictures of the documentation: ``python -m experiments.pictures [NAME ...]``.
+"""Draw pictures of the documentation: ``python -m experiments.pictures [NAME ...]``.
 
-Everything is drawn from generated maps, or from data that ships with the libraries. ``cards`` are
-parts of the other pictures, so they come last.
+Everything is drawn from generated maps. ``cards`` are parts of the other pictures, so they come
+last. Other pictures of the documentation were drawn once; docs/notes/studies.md says how.
 """
 
 import argparse
 from collections.abc import Callable
 
-from experiments.pictures import (
-    batch,
-    chains,
-    chart,
-    energies,
-    floors,
-    frames,
-    guides,
-    hidden,
-    kills,
-    landing,
-    layers,
-    learning,
-    maps,
-    methods,
-    mutants,
-    report_page,
-    training,
-    ways,
-)
+from experiments.pictures import chart, landing, layers, maps, report_page, training, ways
 
 PICTURES: dict[str, Callable[[], None]] = {
     "hero": landing.hero,
@@ -35,41 +16,14 @@ PICTURES: dict[str, Callable[[], None]] = {
     "guide": ways.ways,
     "how_it_works": ways.map_to_labels,
     "layers": layers.write_layers,
-    "independent": methods.independent,
-    "potts": methods.potts,
-    "relaxation": methods.relaxation,
-    "amn": methods.amn,
-    "inference": methods.decoders,
-    "hmm": chains.hmm,
-    "semi_markov": chains.semi_markov,
     "own_map": maps.own_map,
     "painted": maps.painted,
     "topology": maps.topology,
-    "gates": maps.gates,
-    "spaces": maps.spaces,
-    "features": maps.features,
-    "floor": floors.floor,
-    "concepts": maps.concepts,
-    "unknown_as_free": maps.unknown_as_free,
-    "growing_map": maps.growing_map,
-    "explain": maps.explain,
-    "overview": learning.overview,
-    "theory": energies.energies,
-    "boosting": learning.boosting,
-    "vision": learning.vision,
-    "own_problem": learning.own_problem,
+    "floor": maps.networks,
     "kinds_of_buildings": training.kinds_of_buildings,
     "simulated_maps": training.simulated_maps,
     "robot_effects": training.robot_effects,
-    "conventions": frames.conventions,
-    "configuration": guides.configuration,
-    "extending": guides.extending,
-    "faq": guides.faq,
-    "reliability": kills.reliability,
-    "mutation_testing": mutants.mutation_testing,
     "comparison": report_page.comparison_page,
-    "hidden_rooms": hidden.hidden,
-    "many_maps": batch.many_maps,
     "cards": landing.cards,
 }
 

@@ -20,7 +20,7 @@ from pgm_places.datasets.building import LabelledBuilding
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import UNKNOWN, WALL, label_colours
-from pgm_places.pictures.drawing import INK, MUTED
+from pgm_places.pictures.drawing import INK
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 NAMES = ("corridor", "room", "doorway")
@@ -73,19 +73,6 @@ def figure(width: float, height: float, **layout: Any) -> Figure:
 def plain(axis: Axes, title: str = "") -> None:
     """No frame; a title at the left."""
     axis.set_axis_off()
-    if title:
-        axis.set_title(title, loc="left", fontsize=10.5, color=INK)
-
-
-def graph_paper(axis: Axes, title: str = "") -> None:
-    """Two axes in grey and a title at the left, for curves."""
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.spines[["left", "bottom"]].set_color(MUTED)
-    axis.tick_params(colors=MUTED, labelsize=9)
-    axis.xaxis.label.set_color(MUTED)
-    axis.yaxis.label.set_color(MUTED)
-    axis.grid(axis="y", color="#e5e8ec", linewidth=0.8)
-    axis.set_axisbelow(True)
     if title:
         axis.set_title(title, loc="left", fontsize=10.5, color=INK)
 

@@ -15,8 +15,7 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 
 # What takes time, each as so many free cells of the model: to begin with a map, to read and paint a
-# cell of its own, and to label a free one. Fitted to the processor time of maps on one thread:
-# python -m benchmarks.forecast.
+# cell of its own, and to label a free one. Fitted to the processor time of maps on one thread.
 _OF_A_MAP, _OF_A_CELL = 15_000, 0.05
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import OFFICE, RoomSizes, Span, Style
 
-# Rooms and corridors of 13 office and 28 school floors, as `python -m experiments.floor_statistics`
-# measured them in November 2026; quantiles at 10, 20, 40, 50, 60, 80, 90 %, in metres:
+# Rooms and corridors of 13 office and 28 school floors, measured in November 2026;
+# quantiles at 10, 20, 40, 50, 60, 80, 90 %, in metres:
 #
 #                  |            offices               |             schools
 #   longer side    | 3.2  4.4  5.2  5.6  6.1  7.8  9.2 | 3.1  4.3  6.5  7.4  8.1  9.5 11.7

@@ -11,7 +11,7 @@ from pgm_places.datasets.style import Span, Style
 _HALL_LENGTHS: tuple[Span, ...] = ((310, 520), (520, 800), (800, 1100), (1100, 1700))
 _HALL_DEPTHS: tuple[Span, ...] = ((150, 300), (300, 500), (500, 750))
 """Lengths of halls along their corridor and depths beside it. Those of the real floors have 11 to
-200 m2 and are 2.5 to 17 m wide, 10 to 90 % (experiments/floor_statistics.py, Nov 2026)."""
+200 m2 and are 2.5 to 17 m wide, 10 to 90 % (Nov 2026)."""
 
 _WALL_CM = 20
 
