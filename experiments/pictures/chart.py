@@ -66,7 +66,7 @@ def which_method() -> None:
     parts += [
         text(0, y, "Every comparison begins with the labels of the classifier alone:", "small",
              "start"),
-        link(444, y - 17, METHOD, "independent", "independent"),
+        link(444, y - 17, METHOD, "independent", "potts"),
     ]  # fmt: skip
     title = "Which method? Questions that lead from the kind of problem to a method"
     write("which_method", svg(WIDTH, HEIGHT, title, parts))
