@@ -44,7 +44,8 @@ class Relaxation(LearnedNames):
     ----------
     max_iterations : int or "auto"
         Limit of the iterations. ``auto`` is what labels held-out training problems best, or
-        held-out blocks of a single one, and 50 where nothing can be held out; the paper takes 10.
+        held-out blocks of a single one; 0 where none label these as accurately as the scores alone,
+        and 50 where nothing can be held out. The paper takes 10.
     tolerance : float
         Converged when no belief changes by more.
     damping : float
@@ -70,9 +71,8 @@ class Relaxation(LearnedNames):
         What the scores at the start are taken for: posteriors (the paper's), or, with
         ``likelihood``, posteriors divided by the labels' shares in training; a number from 0 to 1
         is the exponent of the shares. Posteriors hold the prior, and so does every neighbour.
-        ``auto`` is an exponent chosen together with ``max_iterations``: of what labels held-out
-        nodes no less accurately than the scores alone, the best mean of accuracy and balanced
-        accuracy. It is 0 where ``max_iterations`` is given.
+        ``auto`` is chosen together with ``max_iterations``
+        (:func:`~pgm_places.models.relaxation_choice.best_row`), and 0 where these are given.
 
     Examples
     --------
@@ -109,6 +109,10 @@ class Relaxation(LearnedNames):
 
     def __post_init__(self) -> None:
         check_options(self)
+        if (
+            self.max_iterations != "auto" or self._is_given
+        ):  # no choice that scores are held out for
+            set_fields(self, traits=replace(self.traits, learns_from_labels=True))
         if self.compatibility is None:
             return
         tables = number_array("compatibility", self.compatibility)
@@ -238,11 +242,8 @@ class Relaxation(LearnedNames):
             raise InputError(f"relaxation {what}, but the problem has {problem.n_labels}")
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
         relaxed = self.relaxed(problem.graph, unary, recorder)
-        history = {
-            "change": relaxed.max_change,
-            "mean_change": relaxed.mean_change,
-            "support": relaxed.support,
-        }
+        changes = {"change": relaxed.max_change, "mean_change": relaxed.mean_change}
+        history = {**changes, "support": relaxed.support}
         info: dict[str, Any] = {"iterations": relaxed.iterations, "history": history}
         info["seconds"] = time.perf_counter() - begin
         if recorder is not None:
@@ -311,8 +312,7 @@ class Relaxation(LearnedNames):
             return relax_graph(unary, near.start, near.node, table, table=which, **options)
         from pgm_places.solvers.grid_relaxation import relax_grid
 
-        layout = graph.layout
-        assert isinstance(layout, GridLayout)  # what grid_connectivity says
+        layout = graph.grid_layout
         return relax_grid(
             unary,
             layout.cells,
@@ -369,8 +369,7 @@ def _labels_and_walls(
     """(H, W) labels, -1 where unknown; walls that touch a labelled cell are label K."""
     from scipy.ndimage import binary_dilation
 
-    layout = graph.layout
-    assert isinstance(layout, GridLayout)  # what grid_connectivity says
+    layout = graph.grid_layout
     raster: NDArray[np.int16] = layout.to_raster(known.astype(np.int16), fill=-1)
     if layout.walls is not None:
         near = binary_dilation(raster >= 0, np.ones((3, 3), np.bool_))

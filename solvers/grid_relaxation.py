@@ -138,7 +138,7 @@ def relax_grid(
     neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
     while the result is read from them.
     """
-    check_schedule(max_iterations, tolerance, damping)
+    check_schedule(max_iterations, tolerance, damping, fewest=0)
     table = np.asarray(unary)
     if table.ndim != 2:
         raise InputError(f"unary must have shape (N, K), got {table.shape}")

@@ -145,11 +145,11 @@ def relax_graph(
     table : (A,) int, optional
         Which of the D tables an entry uses; default the first.
     floor, damping, max_iterations, tolerance
-        See :class:`pgm_places.models.relaxation.Relaxation`.
+        See :class:`pgm_places.models.relaxation.Relaxation`; 0 iterations leave the start.
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    check_schedule(max_iterations, tolerance, damping)
+    check_schedule(max_iterations, tolerance, damping, fewest=0)
     beliefs = starting_beliefs(unary, floor=floor)
     n_nodes, n_labels = beliefs.shape
     rows = integer_array("start", start, (n_nodes + 1,), low=0, high=2**62)

@@ -6,9 +6,11 @@ from pgm_places._checks import require_at_least
 from pgm_places.errors import InputError
 
 
-def check_schedule(max_iterations: int, tolerance: float = 0.0, damping: float = 0.0) -> None:
+def check_schedule(
+    max_iterations: int, tolerance: float = 0.0, damping: float = 0.0, *, fewest: int = 1
+) -> None:
     """Raise InputError unless these describe an iteration that can go on and end."""
-    require_at_least("max_iterations", max_iterations, 1)
+    require_at_least("max_iterations", max_iterations, fewest)
     require_at_least("tolerance", tolerance, 0)
     if not 0 <= damping < 1:
         raise InputError(f"damping must be at least 0 and less than 1, got {damping}")

@@ -1,8 +1,10 @@
 """Iterations and the share of the prior that relaxation chooses on held-out parts."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.special import softmax
 
@@ -12,6 +14,7 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.labelers.place_learning import learn_from_scores
 from pgm_places.models.relaxation import Relaxation
+from pgm_places.models.relaxation_choice import best_row
 from tests.models.test_relaxation import NAMES, beliefs
 
 
@@ -116,3 +119,47 @@ def test_without_scores_to_compare_there_are_fifty_iterations() -> None:
 
 def test_relaxation_alone_gets_scores_to_choose_by() -> None:
     assert learn_from_scores({"relaxation": PlaceMethod("relaxation")})
+
+
+@pytest.mark.parametrize("given", [{"max_iterations": 10}, {"compatibility": np.eye(3)}])
+def test_relaxation_with_nothing_to_choose_needs_no_scores(given: dict[str, Any]) -> None:
+    method = Relaxation(**given)
+    assert not learn_from_scores({"relaxation": PlaceMethod(method)})
+    again = replace(method, max_iterations="auto", compatibility=None)
+    assert learn_from_scores({"relaxation": PlaceMethod(again)})
+
+
+ALONE = (0, 0.0, 0.900, 0.70)
+MILD = (3, 0.25, 0.900, 0.72)
+COSTLY = (5, 0.25, 0.898, 0.80)
+LARGE = (1, 0.5, 0.909, 0.85)
+MUCH_BETTER = (7, 0.5, 0.911, 0.80)
+
+
+@pytest.mark.parametrize(
+    ("rows", "best"),
+    [
+        ([COSTLY, MILD, LARGE], MILD),
+        ([COSTLY, MILD, LARGE, MUCH_BETTER], MUCH_BETTER),
+        ([(2, 0.0, 0.8995, 0.71), COSTLY], (2, 0.0, 0.8995, 0.71)),
+        ([COSTLY, LARGE], ALONE),
+    ],
+)
+def test_a_better_balance_costs_no_accuracy(
+    rows: list[tuple[float, ...]], best: tuple[float, ...]
+) -> None:
+    assert tuple(best_row(np.array([ALONE, *rows])).tolist()) == best
+
+
+@pytest.mark.parametrize("on_raster", [True, False])
+def test_no_iterations_leave_the_scores(on_raster: bool) -> None:
+    problem, truth = narrow()
+    if not on_raster:
+        graph = LabelGraph.from_edges(len(truth), problem.graph.edges)
+        problem = replace(problem, graph=graph)
+    fitted = replace(Relaxation().fit([problem], [truth]), choice=np.zeros(2))
+    found = fitted.infer(problem)
+    assert problem.unary is not None
+    np.testing.assert_array_equal(found.labels, problem.unary.argmax(axis=1))
+    np.testing.assert_allclose(beliefs(found), np.exp(problem.unary), rtol=0, atol=1e-5)
+    assert found.info["iterations"] == 0

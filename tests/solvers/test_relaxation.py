@@ -365,7 +365,7 @@ def test_weights_sum_to_one() -> None:
     ("change", "message"),
     [
         ({"damping": 1.0}, "damping"),
-        ({"max_iterations": 0}, "max_iterations"),
+        ({"max_iterations": -1}, "max_iterations"),
         ({"tolerance": -1.0}, "tolerance"),
         ({"tolerance": float("nan")}, "tolerance"),
         ({"diagonal_weight": -1.0}, "diagonal_weight"),
