@@ -1,4 +1,4 @@
-"""The tables of features in docs/features.md and docs/spaces.md: their rows are the code's own."""
+"""The tables of features in docs/features.md and docs/gates.md: their rows are the code's own."""
 
 from collections.abc import Callable, Sequence
 from itertools import groupby

@@ -47,7 +47,7 @@ labels = "office_labels.png"
 [[methods]]
 name = "independent"
 """
-RUN_PAGES = ("README.md", "ros.md", "topology.md", "training_data.md")
+RUN_PAGES = ("README.md", "ros.md", "places.md", "training_data.md")
 """Pages whose lines run one after the other in one folder, with the files of ``reader``."""
 
 

@@ -3,13 +3,13 @@
 from experiments.pictures.svg import arrow, box, link, svg, text, write
 
 WAYS = (
-    ("a map", "label map.yaml", "labels, probabilities, places", ("label a map", "topology")),
+    ("a map", "label map.yaml", "labels, probabilities, places", ("label a map", "places")),
     ("thousands of maps", "label floors/", "the same for each, and a list", ("many maps",)),
     ("labels that are wrong", "studio map.yaml", "corrected labels, a taught model",
      ("studio",)),
     ("labelled maps", "train office.toml", "a model of your own",
      ("training data", "configuration")),
-    ("a drive", "track drive.log", "a label for each step", ("trajectories", "vision")),
+    ("a drive", "track drive.log", "a label for each step", ("trajectories",)),
     ("a robot that maps", "live --dds", "places that keep their ids", ("live", "ros")),
     ("nodes and edges", "from Python", "labels and their bound", ("own problem", "extending")),
 )  # fmt: skip
@@ -21,13 +21,13 @@ WIDTH, TOP, STEP, BOX = 1000, 40, 54, 38
 HAVE, GET, PILL = 184, 262, 132
 
 STEPS = (
-    (0, 1, ("a map",), "conventions"),
+    (0, 1, ("a map",), "concepts"),
     (1, 0, ("a scan from each", "cell: 321 features"), "features"),
-    (1, 2, ("segments, and the", "gates between them"), "spaces"),
-    (2, 1, ("boosted lists:", "probabilities"), "boosting"),
+    (1, 2, ("segments, and the", "gates between them"), "gates"),
+    (2, 1, ("lists and networks:", "probabilities"), "boosting"),
     (3, 1, ("a graph with", "potentials"), "concepts"),
     (4, 1, ("labels that", "fit together"), "methods"),
-    (5, 1, ("rooms and how", "they connect"), "topology"),
+    (5, 1, ("rooms and how", "they connect"), "places"),
 )
 """Column, row, what is there, and the page about it; each column follows from the one before."""
 SIDE, TALL, BETWEEN, HALF_ROW = 138, 58, 33, 62

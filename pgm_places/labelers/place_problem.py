@@ -24,7 +24,7 @@ DOORWAY_DEPTH_M = 0.84
 
 _AWAY, _NEAR, _MIDDLE = np.log([0.02, 0.4, 1.0]).tolist()
 """What is added to a doorway's log-odds where there is no gate, near one, and in its middle; the
-depth and the share near it were chosen on drawn floors held out (docs/floor.md)."""
+depth and the share near it were chosen on drawn floors held out (docs/notes/tried.md)."""
 
 _SURE = 0.5
 

@@ -19,7 +19,7 @@ _PAIR = ("corridor", "room")
 _INSIDE, _RIBBON, _OPENING = 4.0, 2.0, 1.0
 """What a metre of border costs inside a segment, along the openings of a ribbon, and along others,
 in nats times square metres: the evidence of a cell counts by its area. Chosen on half of the
-buildings (docs/spaces.md)."""
+buildings (docs/notes/tried.md)."""
 
 _BESIDE_KNOWN = 8.0
 """Border cost beside known cells without a doorway between: a painted part means all of it."""

@@ -12,7 +12,7 @@ FURNITURE_M2 = 0.35
 
 FURNITURE_M = 1.3
 """Small obstacles that are longer are pieces of wall, such as a thin one between two doors; chosen
-on training buildings (docs/spaces.md)."""
+on training buildings (docs/notes/tried.md)."""
 
 SMALLEST_SPACE_M2 = 1.0
 """Smaller pieces of free space are dropped: glimpses through gaps."""

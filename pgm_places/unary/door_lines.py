@@ -18,7 +18,7 @@ _LIKELY = 0.5
 """Cells with a higher probability of a doorway are one blob where they touch."""
 
 _SURE = 0.9
-"""The least mean probability along a line; chosen on buildings held out (docs/floor.md)."""
+"""The least mean probability along a line; chosen on buildings held out (docs/notes/tried.md)."""
 
 _LEAST_M2 = 0.06
 """Smaller blobs are specks."""

@@ -1,6 +1,6 @@
 """Fusing floor-network and boosted-list scores.
 
-Shares and weights were chosen on buildings held out (docs/floor.md).
+Shares and weights were chosen on buildings held out (docs/notes/tried.md).
 """
 
 from collections.abc import Sequence

@@ -93,7 +93,7 @@ class SpaceOptions(ListOptions):
     """The list of trees that sees the space around a cell in addition to its scan.
 
     It serves the methods with ``unary = "space"``. Its columns are the shape of the segments of
-    free space at three scales, and of the places between doorways (docs/spaces.md); which openings
+    free space at three scales, and of the places between doorways (docs/gates.md); which openings
     are doorways is learned first.
 
     Parameters
