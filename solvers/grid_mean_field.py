@@ -12,7 +12,6 @@ from pgm_places._checks import finite_array, integer_array, row_blocks, sealed
 from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
-from pgm_places.solvers.kept_field import Rule, current_field
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
@@ -103,15 +102,6 @@ def grid_mean_field(
     cells, start = _rows_of(cells_rc, n_nodes)
     threads = min(resolve_threads(), -(-n_nodes // _NODES_PER_TASK) or 1)
     reach = 1 if connectivity == 8 else 0
-
-    def repeated(update: Callable[[int], float]) -> list[float]:
-        return until_at_rest(update, tolerance, max_iterations, on_iteration)
-
-    kept = current_field(n_nodes, n_labels, max_iterations)
-    if kept is not None:
-        rule = Rule(table, cells, start, reach, damping)
-        beliefs, history = kept.solved(rule, nodes, _start, repeated, threads)
-        return _found(beliefs, history, tolerance)
     beliefs = _start(nodes)
     tasks = _split(start)
     largest = np.zeros(len(tasks))
@@ -128,10 +118,7 @@ def grid_mean_field(
             run_tasks(partial(update, parity), len(tasks), n_threads=threads)
         return float(largest.max(initial=0.0))
 
-    return _found(beliefs, repeated(whole), tolerance)
-
-
-def _found(beliefs: NDArray[np.float32], history: list[float], tolerance: float) -> GridMeanField:
+    history = until_at_rest(whole, tolerance, max_iterations, on_iteration)
     return GridMeanField(
         labels=sealed(beliefs.argmax(axis=1)),
         beliefs=sealed(beliefs),

@@ -28,7 +28,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
 from pgm_places.progress import Progress, reported, staged
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.solvers.kept_field import KeptField, kept_in
 from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.learning import Learning, learned_alone
 from pgm_places.teaching.lesson import TeachingOptions
@@ -102,7 +101,6 @@ class Teacher:
         self.known_places = PlaceIds() if known_places is None else known_places
         self.n_threads = n_threads
         self._kept: KeptTable | None = None
-        self._field = KeptField()
 
     @property
     def labeler(self) -> PlaceLabeler | None:
@@ -226,8 +224,7 @@ class Teacher:
         )
         assert scored.kept is not None  # as asked for
         unary = self._whole(scored.labelled(Independent()))
-        with kept_in(self._field):
-            labelled = self._whole(scored.labelled())
+        labelled = self._whole(scored.labelled())
         with staged("places"):
             topology = places_of(labelled.cells, model.rules, ids=self.known_places)
         self.known_places.learn(topology)
