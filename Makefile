@@ -80,7 +80,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
 
 # Small sizes of the benchmarks that take seconds, to see that they run; nothing is written.
-QUICK := features boosting spaces relaxation forward problems tracking topology teaching live_updates
+QUICK := features boosting labelling relaxation inference forward amn_learning tagging tracking
 bench-quick: $(VENV)/.installed current
 	$(BIN)/python -m benchmarks --quick $(QUICK)
 

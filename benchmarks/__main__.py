@@ -20,21 +20,16 @@ TOPICS = (
     "casting",
     "features",
     "boosting",
-    "spaces",
     "labelling",
     "large_map",
     "relaxation",
     "inference",
     "amn_learning",
     "forward",
-    "problems",
     "tagging",
     "tracking",
-    "topology",
-    "teaching",
     "batch",
     "live",
-    "live_updates",
 )
 TABLES = TOPICS
 """Their names in the marks of docs/benchmarks.md."""

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -78,13 +79,8 @@ def binary(X: Matrix, y: NDArray[np.int64], k: int, n_rounds: int, repeats: int)
     wanted = peers.sweep(X, own, min(n_rounds, 10))
     rows = [ours(X, own, n_rounds, repeats, threads, wanted) for threads in (1, 2)]
     rows.append(row("scikit-learn *", 1, None, peers.scikit_learn(X, own) * n_rounds))
-    for name, work in (("LightGBM", peers.lightgbm_stumps), ("OpenCV 4", peers.opencv_boost)):
-        try:
-            prepare_s, rounds_s, note = work(X, own, n_rounds)
-        except ImportError as error:
-            rows.append(row(f"{name}: skipped, {error}", None, None, None))
-        else:
-            rows.append(row(name + note, 1, prepare_s, rounds_s))
+    if find_spec("lightgbm"):
+        rows.append(row("LightGBM stumps", 1, *peers.lightgbm_stumps(X, own, n_rounds)))
     reference = next(item["all s"] for item in rows if item["method"].startswith("scikit"))
     return [
         {

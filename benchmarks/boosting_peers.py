@@ -4,13 +4,8 @@ The sweep is what a careful programmer would write first: every round passes ove
 values of all features. Its stumps are the ones that ours must be.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -80,7 +75,7 @@ def scikit_learn(X: NDArray[np.float32], own: NDArray[np.bool_]) -> float:
 
 def lightgbm_stumps(
     X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int
-) -> tuple[float, float, str]:
+) -> tuple[float, float]:
     """Binning and rounds of LightGBM with trees of two leaves."""
     import lightgbm
 
@@ -94,85 +89,4 @@ def lightgbm_stumps(
         ).construct()
     )
     rounds_s, _ = seconds_of(lambda: lightgbm.train(options, data, num_boost_round=n_rounds))
-    return prepare_s, rounds_s, " stumps"
-
-
-def opencv_boost(
-    X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int
-) -> tuple[float, float, str]:
-    """OpenCV's discrete AdaBoost with stumps and no trimming, from runs of one and three rounds."""
-    import cv2
-
-    if not hasattr(cv2, "ml"):
-        raise ImportError("this OpenCV has no ml module")
-    cv2.setNumThreads(1)
-
-    def train(count: int) -> None:
-        ml: Any = cv2.ml
-        model = ml.Boost_create()
-        model.setBoostType(cv2.ml.BOOST_DISCRETE)
-        model.setWeakCount(count)
-        model.setWeightTrimRate(0.0)
-        model.setMaxDepth(1)
-        model.setUseSurrogates(False)
-        model.train(X, cv2.ml.ROW_SAMPLE, own.astype(np.int32))
-
-    one, _ = seconds_of(lambda: train(1))
-    three, _ = seconds_of(lambda: train(3))
-    per_round = (three - one) / 2
-    return max(0.0, one - per_round), per_round * n_rounds, " Boost *"
-
-
-def lightgbm_trees(
-    X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int, depth: int
-) -> tuple[float, float]:
-    """Binning and rounds of LightGBM with trees of so many levels."""
-    import lightgbm
-
-    options = {
-        "objective": "binary", "num_leaves": 2**depth, "max_depth": depth, "max_bin": 255,
-        "min_data_in_leaf": 20, "num_threads": 1, "verbose": -1, "learning_rate": 0.3,
-    }  # fmt: skip
-    data = lightgbm.Dataset(X, own.astype(np.float32), weight=balanced(own), params=options)
-    prepare_s, data = seconds_of(data.construct)
-    rounds_s, _ = seconds_of(lambda: lightgbm.train(options, data, num_boost_round=n_rounds))
     return prepare_s, rounds_s
-
-
-def histogram_boosting(
-    X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int, depth: int
-) -> tuple[float, float]:
-    """Binning and rounds of scikit-learn's histogram gradient boosting.
-
-    In a process of its own that was told to use one thread before it started: threads that wait
-    for each other would count as work.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        np.savez(Path(folder) / "data.npz", X=X, own=own, weight=balanced(own))
-        done = subprocess.run(
-            [sys.executable, "-c", _HISTOGRAM_BOOSTING, folder, str(n_rounds), str(depth)],
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    few, many = (float(text) for text in done.stdout.split())
-    return few - 2 * (many - few) / n_rounds, many - few
-
-
-_HISTOGRAM_BOOSTING = """
-import sys, time
-import numpy as np
-from sklearn.ensemble import HistGradientBoostingClassifier
-folder, n_rounds, depth = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-data = dict(np.load(folder + "/data.npz"))
-def seconds(count):
-    start = time.process_time()
-    HistGradientBoostingClassifier(
-        learning_rate=0.3, max_iter=count, max_leaf_nodes=2**depth, max_depth=depth,
-        early_stopping=False,
-    ).fit(data["X"], data["own"], sample_weight=data["weight"])
-    return time.process_time() - start
-for count in (2, 2 + n_rounds):
-    print(min(seconds(count) for _ in range(3)))
-"""

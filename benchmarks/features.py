@@ -2,10 +2,8 @@
 
 Scans of 360 beams cast from every free cell of the real map of building 79 at 5 cm if the data is
 available, otherwise of the generated building, in single precision. A subset of columns is a random
-selection; ``low orders`` are ``f16`` up to order 10 in both directions. ``NumPy`` implements the
-same definitions in vectorised double precision, in blocks of 64 scans. ``floor`` copies the scans
-and writes as many results. Microseconds are processor time on one thread and wall clock on several;
-``largest difference`` is the one from NumPy, relative for values above 1.
+selection; ``low orders`` are ``f16`` up to order 10 in both directions. ``floor`` copies the scans
+and writes as many results. Microseconds are processor time on one thread and wall clock on several.
 """
 
 import statistics
@@ -19,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.features_numpy import features
 from benchmarks.labelling import map_files
 from experiments.page_tables import SideBySide
 from pgm_places.features.extraction import extract
@@ -29,15 +26,10 @@ from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
 from tests.on_threads import on
 
-SHOWN = (
-    SideBySide(
-        ("columns", "number"), "threads: {threads}", "{us a scan} us ({times NumPy for all})"
-    ),
-)
+SHOWN = (SideBySide(("columns", "number"), "threads: {threads}", "{us a scan} us"),)
 """How long tables are made short and wide."""
 
 MAX_RANGE_M = 80.0
-NUMPY_BLOCK = 64
 FAMILIES = (
     ("f2, f8, f28, f32", ("f2", "f2_sd", "f8", "f8_sd", "f28", "f28_sd", "f32")),
     ("f3", ("f3",)),
@@ -85,15 +77,6 @@ def subsets() -> list[tuple[str, list[int] | None]]:
     ]
 
 
-def by_numpy(scans: Scans) -> NDArray[np.float64]:
-    """All features in blocks that fit the cache."""
-    blocks = [
-        features(scans[start : start + NUMPY_BLOCK].astype(np.float64))
-        for start in range(0, len(scans), NUMPY_BLOCK)
-    ]
-    return np.vstack(blocks)
-
-
 def microseconds(
     work: Callable[[], Any], n_scans: int, *, threads: int = 1, repeats: int = 9
 ) -> float:
@@ -119,9 +102,6 @@ def peak_bytes(work: Callable[[], Any]) -> int:
 
 def subset_rows(title: str, scans: Scans, repeats: int) -> list[dict[str, Any]]:
     """Choices of columns and numbers of threads."""
-    some = scans[:512]
-    by_reference = by_numpy(some)
-    slow = microseconds(lambda: by_numpy(some), len(some), repeats=3)
     floor_out = np.empty((len(scans), len(LASER_FEATURES)), np.float32)
 
     def floor() -> None:
@@ -143,8 +123,6 @@ def subset_rows(title: str, scans: Scans, repeats: int) -> list[dict[str, Any]]:
                 on(threads, extract, scans, max_range_m=MAX_RANGE_M, columns=columns, out=out)
 
             taken = microseconds(work, len(scans), threads=threads, repeats=repeats)
-            wanted = by_reference if columns is None else by_reference[:, columns]
-            off = np.abs(out[: len(some)] - wanted) / np.maximum(np.abs(wanted), 1.0)
             rows.append(
                 {
                     **base,
@@ -152,27 +130,19 @@ def subset_rows(title: str, scans: Scans, repeats: int) -> list[dict[str, Any]]:
                     "number": width,
                     "threads": threads,
                     "us a scan": taken,
-                    "times NumPy for all": slow / taken,
                     "extra memory, MB": peak_bytes(work) / 1e6,
-                    "largest difference": float(off.max()),
                 }
             )
-    for name, taken in (
-        ("NumPy, all", slow),
-        ("floor", microseconds(floor, len(scans), repeats=repeats)),
-    ):
-        rows.append(
-            {
-                **base,
-                "columns": name,
-                "number": len(LASER_FEATURES),
-                "threads": 1,
-                "us a scan": taken,
-                "times NumPy for all": slow / taken,
-                "extra memory, MB": None,
-                "largest difference": None,
-            }
-        )
+    rows.append(
+        {
+            **base,
+            "columns": "floor",
+            "number": len(LASER_FEATURES),
+            "threads": 1,
+            "us a scan": microseconds(floor, len(scans), repeats=repeats),
+            "extra memory, MB": None,
+        }
+    )
     return rows
 
 

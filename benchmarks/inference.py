@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
+from benchmarks.inference_peers import Model, expand, expand_gco, installed_cuts
 from benchmarks.labelling import NAMES, map_files
 from experiments.page_tables import SideBySide
 from pgm_places.graph.edge_kind import EdgeKind
@@ -57,8 +57,6 @@ LP_NODES = 20_000
 """HiGHS solves the linear relaxation of up to so many nodes whose labels are not all decided."""
 ENOUGH_SECONDS = 2.0
 """After so many seconds a measurement is not repeated."""
-PGMAX_NODES = 10_000
-PGMAX_ITERATIONS = 50
 R = TypeVar("R")
 
 
@@ -191,29 +189,6 @@ def bound_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     return rows
 
 
-def propagation_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
-    """Max-product message passing against PGMax, the same number of sweeps."""
-    if len(model.unary) > PGMAX_NODES or not find_spec("pgmax"):
-        return []
-    graph = LabelGraph.from_edges(len(model.unary), model.edges)
-    potentials = Potentials(model.unary, agreement=model.agreement)
-    ours, found = timed(
-        lambda: decode(graph, potentials, "max-product", max_iterations=PGMAX_ITERATIONS), repeats
-    )
-    seconds, labels = timed(build_pgmax(model, PGMAX_ITERATIONS), 1)
-    named = [("pgm_places", ours, found.labels), ("PGMax", seconds, labels)]
-    return [
-        {
-            "instance": model.name,
-            f"max-product, at most {PGMAX_ITERATIONS} iterations, by": name,
-            "processor s": value,
-            "ratio": value / ours,
-            "score": round(model.score(answer), 3),
-        }
-        for name, value, answer in named
-    ]
-
-
 def cut_rows(size: int, repeats: int) -> list[dict[str, Any]]:
     """Minimum cuts of a square of ``size`` x ``size`` cells, ours and the peers'."""
     rng = np.random.default_rng(0)
@@ -260,6 +235,6 @@ def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the tables; ``quick`` leaves out the native resolution."""
     repeats = 3 if quick else 7
     models = [model for size in ((0.2,) if quick else (0.2, 0.05)) for model in instances(size)]
-    tables = (decoder_rows, expansion_rows, bound_rows, propagation_rows)
+    tables = (decoder_rows, expansion_rows, bound_rows)
     rows = [row for table in tables for model in models for row in table(model, repeats)]
     return rows + cut_rows(200 if quick else 1000, repeats)

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,26 +157,3 @@ def expand_gco(model: Model) -> NDArray[np.int64]:
     weights = np.ascontiguousarray(model.agreement[:, 0])
     costs = np.ascontiguousarray(model.unary.max() - model.unary)
     return np.asarray(gco.cut_general_graph(edges, weights, costs, table), np.int64)
-
-
-def build_pgmax(model: Model, n_iterations: int) -> Callable[[], NDArray[np.int64]]:
-    """PGMax's max-product propagation, its graph built; the call runs it."""
-    from pgmax import fgraph, fgroup, infer, vgroup
-
-    n_nodes, n_labels = model.unary.shape
-    tables = np.zeros((len(model.edges), n_labels, n_labels))
-    tables[:, range(n_labels), range(n_labels)] = model.agreement
-    variables: Any = vgroup.NDVarArray(num_states=n_labels, shape=(n_nodes,))
-    graph = fgraph.FactorGraph(variables)
-    pairs = [[variables[int(i)], variables[int(j)]] for i, j in model.edges]
-    graph.add_factors(
-        fgroup.PairwiseFactorGroup(variables_for_factors=pairs, log_potential_matrix=tables)
-    )
-    inferer = infer.build_inferer(graph.bp_state, backend="bp")
-    start = inferer.init(evidence_updates={variables: model.unary})
-
-    def run() -> NDArray[np.int64]:
-        end = inferer.run(start, num_iters=n_iterations, damping=0.0, temperature=0.0)
-        return np.asarray(infer.decode_map_states(inferer.get_beliefs(end))[variables], np.int64)
-
-    return run

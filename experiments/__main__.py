@@ -1,7 +1,7 @@
 """Run the experiments on real buildings: python -m experiments prints the tables of results.md.
 
-The paper's sections are those of ``pgm-places reproduce``; ablations, buildings left out, and the
-configurations here are further experiments: ``python -m experiments buildings``.
+The paper's sections are those of ``pgm-places reproduce``; the configurations here are further
+experiments: ``python -m experiments without_79``.
 ``--write-docs`` keeps what each section found in ``experiments/sections`` and renews docs/.
 """
 
@@ -11,7 +11,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from experiments.own_sections import ABLATIONS, BUILDINGS
 from experiments.page_tables import show_table, text_of, with_write_docs, write_table
 from experiments.paper.figures import BORDER_M, away_from_borders, percent
 from experiments.paper.markdown import markdown_section
@@ -19,15 +18,7 @@ from experiments.paper.run import RECORD, finished_section, reproduce
 from experiments.paper.section import Section, Table
 from experiments.paper.sections import SECTIONS as SECTIONS_OF_THE_PAPER
 from experiments.paper.sections import chosen_sections
-from experiments.section_tables import (
-    ABLATION_TABLE,
-    CHOICES,
-    OVERVIEW_TABLE,
-    SUMMARY,
-    ablation_table,
-    paper_table,
-    section_tables,
-)
+from experiments.section_tables import OVERVIEW_TABLE, SUMMARY, paper_table, section_tables
 from pgm_places.cli.terminal import LineProgress
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison
@@ -39,7 +30,6 @@ FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each experiment found last
 REPRODUCED = FOLDER / "reproduced"  # sections with pictures, and what they keep: not committed
 OF_THE_PAPER = {key: SECTIONS_OF_THE_PAPER[key] for key in chosen_sections(())}
-ALL_SECTIONS = {**OF_THE_PAPER, "buildings": BUILDINGS, **ABLATIONS}
 MAPS = {
     "seen": "building79_spaces.toml",
     "without_79": "default_models/without_79.toml",
@@ -49,7 +39,7 @@ MAPS = {
 }
 """Configurations whose comparison is a table."""
 
-TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER, "buildings", ABLATION_TABLE, CHOICES, *MAPS)
+TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER, *MAPS)
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -88,7 +78,7 @@ def _figures(found: Evaluation) -> str:
 
 def run_section(key: str, out: Path, *, write: bool) -> None:
     """Rerun a section; if asked to, its record without pictures replaces the kept one."""
-    [section] = reproduce([key], out, sections=ALL_SECTIONS, again=True, progress=LineProgress())
+    [section] = reproduce([key], out, sections=OF_THE_PAPER, again=True, progress=LineProgress())
     if not section.real:
         sys.exit(f"section {key} did not find all of its real maps; the kept one stays")
     if write:
@@ -100,7 +90,7 @@ def run_section(key: str, out: Path, *, write: bool) -> None:
 
 def kept_sections() -> dict[str, Section]:
     """The sections that were run at some time, in their order."""
-    found = {key: finished_section(SECTIONS, key) for key in ALL_SECTIONS}
+    found = {key: finished_section(SECTIONS, key) for key in OF_THE_PAPER}
     return {key: section for key, section in found.items() if section is not None}
 
 
@@ -109,15 +99,13 @@ def kept_tables() -> Iterator[tuple[str, str]]:
     sections = kept_sections()
     yield OVERVIEW_TABLE, paper_table(sections)
     yield SUMMARY, paper_table(sections)
-    yield ABLATION_TABLE, ablation_table(sections)
     for key, section in sections.items():
-        if key in TABLES:
-            yield key, section_tables(section)
+        yield key, section_tables(section)
 
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    known = [*ALL_SECTIONS, *MAPS, OVERVIEW_TABLE, ABLATION_TABLE]
+    known = [*OF_THE_PAPER, *MAPS, OVERVIEW_TABLE]
     found = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
     with_write_docs(found)
     found.add_argument(
@@ -144,12 +132,12 @@ def main() -> None:
     given = parser().parse_args()
     if not os.environ.get("PGM_PLACES_DATA") and not given.compose:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    groups = {OVERVIEW_TABLE: tuple(OF_THE_PAPER), ABLATION_TABLE: tuple(ABLATIONS)}
-    names = given.names or [*ALL_SECTIONS, *MAPS]
+    groups = {OVERVIEW_TABLE: tuple(OF_THE_PAPER)}
+    names = given.names or [*OF_THE_PAPER, *MAPS]
     wanted = dict.fromkeys(each for name in names for each in groups.get(name, (name,)))
     for name in () if given.compose else wanted:
         print(f"== {name}", flush=True)
-        if name in ALL_SECTIONS:
+        if name in OF_THE_PAPER:
             run_section(name, given.out, write=given.write_docs)
         else:
             comparison = compare(Experiment(load_config(FOLDER / MAPS[name]), FOLDER))

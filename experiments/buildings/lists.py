@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,15 @@ from pgm_places.progress import Progress, Stage
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
+from pgm_places.unary.cell_lists import aligned_log_proba
 from pgm_places.unary.list_learning import with_explicit_order
-from pgm_places.unary.options import ClassifierOptions, SpaceOptions
+from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import MapSpaces, gate_probabilities
 
 CORRIDOR, DOORWAY = NAMES.index("corridor"), NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
-_CONTENT = ("scores", "at gate", "gate", "place")
+_CONTENT = ("scores", "at gate", "gate")
 """What is kept of a map."""
 
 _ROUNDS_AVERAGED = 66
@@ -41,27 +41,17 @@ class Recipe:
 
     Parameters
     ----------
-    n_columns : int, optional
-        The number of columns to use: first those of the laser, then of segments, then of places;
-        all by default.
-    learner : {"stumps", "trees"}
-        The classifier's defaults: those of the list on scans, or of the list with spaces.
     without : str, optional
         Leave out maps of this source in training.
-    halls : bool
-        Learn halls as a class of their own, and count them as corridors afterwards.
     mean_of : tuple of str
         Learn nothing: average the first rounds of the lists by these recipes.
     """
 
-    n_columns: int | None = None
-    learner: Literal["stumps", "trees"] = "trees"
     without: str | None = None
-    halls: bool = True
     mean_of: tuple[str, ...] = ()
 
 
-WHOLE, AVERAGE = "halls as a class", "average of lists"
+AVERAGE = "average of lists"
 _WITHOUT = {
     f"without {words}": Recipe(without=source)
     for source, words in (
@@ -71,11 +61,6 @@ _WITHOUT = {
     )
 }
 RECIPES: Mapping[str, Recipe] = {
-    "laser, stumps": Recipe(N_LASER, "stumps", halls=False),
-    "laser, trees": Recipe(N_LASER, halls=False),
-    "segments": Recipe(N_SEGMENTS, halls=False),
-    "halls as corridors": Recipe(halls=False),
-    WHOLE: Recipe(),
     **_WITHOUT,
     AVERAGE: Recipe(mean_of=tuple(_WITHOUT)),
 }
@@ -89,14 +74,12 @@ class Scored:
     ----------
     sample : Sample
     fold : int
-    log_z : mapping of str to (m, K) or (m, K + 1) float64
-        The scores of the lattice's cells by each recipe; halls last, where it has learned them.
+    log_z : mapping of str to (m, K + 1) float64
+        The scores of the lattice's cells by each recipe; halls last.
     at_gate : (m,) float32
         The probability of the likeliest gate that each cell lies at, 0 for none.
     gate : (G,) float64
         The probability that each gate is a doorway.
-    place : (m,) int32
-        The place between accepted gates that each of the lattice's cells belongs to, -1 for none.
     """
 
     sample: Sample
@@ -104,7 +87,6 @@ class Scored:
     log_z: Mapping[str, NDArray[np.float64]]
     at_gate: NDArray[np.float32]
     gate: NDArray[np.float64]
-    place: NDArray[np.int32]
 
     @property
     def truth(self) -> NDArray[np.int64]:
@@ -115,10 +97,6 @@ class Scored:
     def finer(self) -> NDArray[np.int64]:
         """(m,) the labels of the lattice's cells, halls apart."""
         return self.sample.known.finer[self.sample.lattice].astype(np.int64)
-
-    def folded(self, name: str) -> NDArray[np.float64]:
-        """(m, K) the scores by a recipe, halls among the corridors."""
-        return folded(self.log_z[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +143,7 @@ def scored_maps(
     learned = np.ones(len(samples), np.bool_) if learned is None else learned
     kept = KeptArrays(setting.kept)
     stems = [each.stem for each in samples]
-    options = ClassifierOptions(), SpaceOptions()
+    options = SpaceOptions()
     run = fingerprint(__version__, _CONTENT, recipes, options, stems, fold, learned)
     tested = range(int(fold.max()))
     names = {number: f"{run}-fold-{number}" for number in tested}
@@ -200,7 +178,6 @@ def _scored(
             {name: arrays[f"{k} {name}"].astype(np.float64) for name in recipes},
             arrays[f"{k} at gate"],
             arrays[f"{k} gate"],
-            arrays[f"{k} place"],
         )
         for k in np.flatnonzero(fold == number).tolist()
     ]
@@ -286,17 +263,12 @@ class _Rows:
         source = np.array([each.known.source for each in self.samples])
         others = self.fold != number
         seen = (others & (source != recipe.without))[self.map]
-        truth = self.truth
-        if not recipe.halls:
-            truth = np.where(truth == len(NAMES), CORRIDOR, truth)
-        trees = recipe.learner == "trees"
-        unfitted = SpaceOptions().classifier() if trees else ClassifierOptions().classifier(NAMES)
+        unfitted = SpaceOptions().classifier()
         unfitted.set_params(n_threads=n_threads, calibration="none")  # that comes later
         # One order for all sources, or their lists could not be averaged.
-        learner = with_explicit_order(unfitted, truth[others[self.map]])
-        some = np.ascontiguousarray(values[seen, : recipe.n_columns])
+        learner = with_explicit_order(unfitted, self.truth[others[self.map]])
         fitted: BoostedList = learner.fit(
-            some, truth[seen], groups=self.fold[self.map][seen]
+            values[seen], self.truth[seen], groups=self.fold[self.map][seen]
         ).boosted_list_
         return fitted
 
@@ -305,11 +277,6 @@ def _first_rounds(item: BoostedList) -> BoostedList:
     """The list as it was after some rounds; boosting never looks ahead."""
     trees = [part for part in item.classifiers if isinstance(part, BoostedTrees)]
     return replace(item, classifiers=tuple(part[:_ROUNDS_AVERAGED] for part in trees))
-
-
-def folded(log_z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(m, K) log z of K or K + 1 classes, the last of which are halls, among the corridors."""
-    return log_z if log_z.shape[1] == len(NAMES) else without_halls(log_z, CORRIDOR)[0]
 
 
 def _candidates(sample: Sample) -> Gates:
@@ -378,10 +345,8 @@ def _scores_of_map(
     around = spaces.features.lookup(cells)
     values = np.concatenate([sample.lattice_features(n_threads), around], axis=1)
     found: dict[str, NDArray[Any]] = {"gate": gate}
-    for name, recipe in recipes.items():
-        some = np.ascontiguousarray(values[:, : recipe.n_columns])
-        log_z = aligned_log_proba(lists[name], some, len(NAMES) + recipe.halls, n_threads)
+    for name in recipes:
+        log_z = aligned_log_proba(lists[name], values, len(NAMES) + 1, n_threads)
         found[name] = log_z.astype(np.float32)
-    found["place"] = spaces.places.segments.raster()[sample.lattice].astype(np.int32)
     found["at gate"] = spaces.at_gates(GridLayout.of_mask(sample.lattice))
     return found

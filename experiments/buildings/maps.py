@@ -179,9 +179,9 @@ def sampled_maps(setting: Setting) -> list[Sample]:
     return found
 
 
-def known_maps(data: Path, kept: KeptArrays, *, generated: bool = True) -> Iterator[KnownMap]:
+def known_maps(data: Path, kept: KeptArrays) -> Iterator[KnownMap]:
     """Every labelled map of the real data with its robot-like copy, then the generated ones."""
-    for number, known in enumerate([*real_maps(data), *(_generated() if generated else ())]):
+    for number, known in enumerate([*real_maps(data), *_generated()]):
         yield from _with_copy(known, number, kept)
 
 

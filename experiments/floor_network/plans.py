@@ -14,7 +14,7 @@ from experiments.floor_network.doors import MapDoors, door_table
 from experiments.floor_network.floors import all_floors, fold_of, held_out_with
 from experiments.floor_network.held_out import networks
 from experiments.paper.setting import Setting
-from experiments.unseen_kinds import _RECIPES, scored_unseen
+from experiments.unseen_kinds import scored_unseen
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.place_problem import doorways_at_gates
@@ -33,7 +33,7 @@ def measure_plans(data: Path, kept: Path, n_threads: int | None, progress: Progr
     """Print accuracy / balanced accuracy / doorway F1, error of confidence and doors, by kind."""
     setting = Setting(data, progress, n_threads, kept)
     samples = sampled_maps(setting)
-    scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS_OF_LISTS), _RECIPES)
+    scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS_OF_LISTS))
     _measure(scored, data, kept, progress)
 
 

@@ -43,21 +43,6 @@ class PaperSection:
         return run
 
 
-_EXPERIMENTS = (
-    "ablations",
-    "features",
-    "beams",
-    "resolution",
-    "noise",
-    "choices",
-    "training-size",
-    "furniture",
-    "partial-maps",
-    "buildings",
-    "rooms",
-)
-"""Names that earlier versions had here, of experiments that are not the paper's."""
-
 SECTIONS: Mapping[str, PaperSection] = {
     "7.1": PaperSection(
         "Single poses",
@@ -133,11 +118,6 @@ def chosen_sections(names: tuple[str, ...], *, stockholm: bool = False) -> tuple
         A name that is no section.
     """
     for name in names:
-        if name in _EXPERIMENTS:
-            raise ConfigError(
-                f"{name!r} is no section of the paper; in a checkout of the source, "
-                f"python -m experiments {name} runs it"
-            )
         if name not in SECTIONS:
             raise ConfigError(f"no section {name!r}. {nearest_name(name, list(SECTIONS))}")
     wanted = {*(names or SECTIONS)}

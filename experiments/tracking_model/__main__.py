@@ -22,7 +22,6 @@ from experiments.kept import KeptArrays
 from experiments.page_tables import show_table, with_write_docs
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned
-from experiments.tracking_model.options import options_table
 from experiments.tracking_model.unseen import (
     SHARE,
     TOWNS,
@@ -40,7 +39,7 @@ from pgm_places.unary.floor_model import FloorModel
 
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
-PARTS = ("floors", "lasers", "real", "real_networks", "options")
+PARTS = ("floors", "lasers", "real", "real_networks")
 TABLES = tuple(f"tracking_{part}" for part in PARTS)
 
 
@@ -101,7 +100,6 @@ def tables(
         "floors": lambda: floors_table(found()),
         "lasers": lambda: lasers_table(found()),
         "real": lambda: real_table(table, data, kept),
-        "options": lambda: options_table(table),
     }
     if folder is None:
         return written
@@ -115,9 +113,6 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--kept", type=Path, help="folder that keeps what drives show")
     found.add_argument("--networks", type=Path, help="folder of experiments.floor_network")
     found.add_argument("--model", action="store_true", help="only the model")
-    found.add_argument(
-        "--without-generated", action="store_true", help="no drives through generated buildings"
-    )
     found.add_argument(
         "parts", nargs="*", choices=[*PARTS, []], metavar="table", help=", ".join(PARTS)
     )
@@ -134,14 +129,10 @@ def main() -> None:
         sys.exit(
             "the table real_networks needs --networks FOLDER, that of experiments.floor_network"
         )
-    if chosen.without_generated and (chosen.model or not chosen.parts):
-        sys.exit(
-            "--without-generated is for tables that are named: the model learns from all drives"
-        )
     if chosen.kept is not None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
     kept = KeptArrays(chosen.kept)
-    maps = known_maps(Path(data), kept, generated=not chosen.without_generated)
+    maps = known_maps(Path(data), kept)
     table = Table.of(simulated_drives(maps, kept))
     if chosen.model or not chosen.parts:
         write_model(table, Path(data))

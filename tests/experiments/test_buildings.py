@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.buildings import lists, maps, section
-from experiments.buildings.lists import AVERAGE, WHOLE, Scored, scored_maps
+from experiments.buildings import lists, maps
+from experiments.buildings.lists import AVERAGE, Scored, scored_maps
 from experiments.buildings.maps import (
     DRAWN,
     NAMES,
@@ -18,21 +18,14 @@ from experiments.buildings.maps import (
     building_numbers,
     sampled_maps,
 )
-from experiments.buildings.scores import (
-    RESCALED,
-    lattice_graph,
-    places_of,
-    rescaled,
-    tempered_fields,
-)
+from experiments.buildings.scores import RESCALED, rescaled
 from experiments.kept import KeptArrays, fingerprint
 from experiments.paper.setting import Setting
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.unary.options import ClassifierOptions, SpaceOptions
+from pgm_places.unary.options import SpaceOptions
 
 
 def small_building(seed: int, **_: object) -> LabelledBuilding:
@@ -54,27 +47,15 @@ def small(monkeypatch: pytest.MonkeyPatch, kept: Path) -> Setting:
     monkeypatch.setattr(maps, "GENERATED_STYLES", ("office",))
     monkeypatch.setattr(maps, "PER_STYLE", 1)
     monkeypatch.setattr(maps, "EXAMPLES_PER_MAP", 200)
-    monkeypatch.setattr(section, "N_FOLDS", 2)
     quick = functools.partial(SpaceOptions, n_rounds=5)
     monkeypatch.setattr(lists, "SpaceOptions", quick)
-    monkeypatch.setattr(
-        lists, "ClassifierOptions", functools.partial(ClassifierOptions, n_rounds=5)
-    )
     return Setting(kept=kept)
 
 
-def test_every_kind_has_its_figures_and_a_stopped_run_goes_on(
-    small: Setting, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = section.run(small)
-    by_kind, ablation, calibration, worst = found.tables
-    kinds = ["office, drawn", "office, simulated SLAM", "school, drawn", "school, simulated SLAM"]
-    assert [row[0] for row in by_kind.rows] == kinds
-    assert [row[0] for row in calibration.rows] == kinds
-    assert ablation.heading == ("", *kinds, "mean of kinds")
-    assert [row[0] for row in ablation.rows] == list(section.ABLATION.values())
-    assert len(worst.rows) == 4
-    assert {item.file for item in found.pictures} == set(found.files)
+def test_a_stopped_run_goes_on(small: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
+    samples = sampled_maps(small)
+    fold = building_numbers(samples, 2)
+    found = scored_maps(small, samples, fold)
 
     def forbidden(*_: object, **__: object) -> None:
         raise AssertionError("computed again")
@@ -82,7 +63,9 @@ def test_every_kind_has_its_figures_and_a_stopped_run_goes_on(
     monkeypatch.setattr(maps, "training_features", forbidden)
     monkeypatch.setattr(maps, "simulate_map", forbidden)
     monkeypatch.setattr(lists, "gate_list", forbidden)
-    assert section.run(small) == found
+    for one, other in zip(found, scored_maps(small, sampled_maps(small), fold), strict=True):
+        assert all(np.array_equal(one.log_z[name], other.log_z[name]) for name in one.log_z)
+        assert np.array_equal(one.gate, other.gate)
 
 
 def test_the_labels_of_a_building_do_not_change_its_own_scores(small: Setting) -> None:
@@ -118,20 +101,6 @@ def test_copies_share_the_fold_of_their_plan_and_generated_buildings_are_never_t
     assert {item.fold for item in scored_maps(small, samples, fold)} == {0, 1}
 
 
-def test_no_edge_of_the_lattice_crosses_a_wall() -> None:
-    cells = np.zeros((9, 9), np.int8)
-    cells[:, 2] = 100
-    grid = OccupancyGrid(cells, 0.05)
-    places = np.argwhere(np.ones((3, 3), np.bool_)) * 4
-    graph = lattice_graph(grid, places, 4)
-    sides = places[graph.edges][:, :, 1] > 2
-    assert (sides[:, 0] == sides[:, 1]).all()
-    # Without the wall: 12 edges along the axes and 8 diagonals.
-    assert graph.n_edges == 2 + (3 + 4 + 4)
-    free = OccupancyGrid(np.zeros((9, 9), np.int8), 0.05)
-    assert lattice_graph(free, places, 4).n_edges == 20
-
-
 @pytest.mark.parametrize("how", RESCALED)
 def test_rescaling_calms_lists_that_are_too_sure(how: str) -> None:
     scored = [_drawn_from_beliefs(seed) for seed in range(2)]
@@ -146,26 +115,6 @@ def test_rescaling_calms_lists_that_are_too_sure(how: str) -> None:
     assert errors[1] < 0.02
 
 
-def test_fields_are_tempered_by_the_maps_of_other_folds() -> None:
-    """Fields that are too sure in fold 0 alone calm those of fold 1, and the other way round."""
-    scored = [_drawn_from_beliefs(seed) for seed in range(2)]
-    fields = []
-    for item, sharpness in zip(scored, (2.0, 1.0), strict=True):
-        beliefs = np.exp(0.5 * sharpness * item.log_z[AVERAGE])
-        beliefs /= beliefs.sum(axis=1, keepdims=True)
-        fields.append(Labeling(beliefs.argmax(axis=1), Status.STOPPED, beliefs=beliefs))
-    found = tempered_fields(scored, fields)
-    assert _sureness(found[0]) == pytest.approx(_sureness(fields[0]), rel=0.02)
-    assert _sureness(found[1]) < 0.9 * _sureness(fields[1])
-    for before, after in zip(fields, found, strict=True):
-        np.testing.assert_array_equal(after.labels, before.labels)
-
-
-def _sureness(labeling: Labeling) -> float:
-    assert labeling.beliefs is not None
-    return float(labeling.beliefs.max(axis=1).mean())
-
-
 def _drawn_from_beliefs(seed: int) -> Scored:
     """A map in fold ``seed`` whose labels are drawn from beliefs, and log z of twice the odds."""
     rng = np.random.default_rng(seed)
@@ -178,34 +127,7 @@ def _drawn_from_beliefs(seed: int) -> Scored:
     log_z = 2 * np.log(np.maximum(belief, 1e-6))
     log_z -= np.logaddexp.reduce(log_z, axis=1, keepdims=True)
     sample = Sample(KnownMap(item, "school", DRAWN), KeptArrays(None), "")
-    place = np.repeat(np.arange(100, dtype=np.int32), 100)
-    return Scored(sample, seed, {AVERAGE: log_z}, np.zeros(10_000, np.float32), np.zeros(0), place)
-
-
-def test_a_place_is_as_sure_as_its_cells_on_average() -> None:
-    """Places of 4 m2: their figures worked out one by one; cells of no place count nowhere."""
-    scored = _drawn_from_beliefs(3)
-    place = scored.place.copy()
-    place[200:350] = -1  # all of one place, half of the next
-    place[9990:] = 100  # ten cells of 0.04 m2: too small
-    scored = replace(scored, place=place)
-    log_z = scored.log_z[AVERAGE]
-    found = places_of(scored, log_z)
-    assert found is not None
-    right, sure, total = 0, 0.0, 0
-    for number in set(range(100)) - {2}:
-        cells = place == number
-        mean = np.exp(log_z[cells]).mean(axis=0)
-        truth = np.bincount(scored.truth[cells], minlength=3)
-        right += int(truth.argmax() == mean.argmax())
-        sure += float(mean.max() / mean.sum())
-        total += 1
-    assert found.n == total == 99
-    assert found.accuracy == pytest.approx(right / total, abs=1e-12)
-    assert found.reliability is not None
-    weighed = np.nansum(found.reliability.mean_confidence * found.reliability.count)
-    assert weighed == pytest.approx(sure, rel=1e-9)
-    assert places_of(replace(scored, place=np.full_like(place, -1)), log_z) is None
+    return Scored(sample, seed, {AVERAGE: log_z}, np.zeros(10_000, np.float32), np.zeros(0))
 
 
 def test_maps_that_are_not_learned_from_change_nothing(small: Setting) -> None:
@@ -219,7 +141,7 @@ def test_maps_that_are_not_learned_from_change_nothing(small: Setting) -> None:
         assert np.array_equal(one.gate, other.gate)
     whole = scored_maps(small, samples, fold)
     assert any(
-        not np.array_equal(one.log_z[WHOLE], other.log_z[WHOLE])
+        not np.array_equal(one.log_z[AVERAGE], other.log_z[AVERAGE])
         for one, other in zip(before, whole, strict=True)
     )
 

@@ -9,7 +9,7 @@ from experiments import trajectories
 from experiments.drives.methods import CHAIN, JOINT, LOOPS
 from experiments.page_tables import marks, parsed_tables, with_table
 from experiments.paper.section import Finding, Section, Table
-from experiments.section_tables import ablation_table, paper_table, section_tables
+from experiments.section_tables import paper_table, section_tables
 from pgm_places.evaluation.evaluation import evaluate
 
 NAMES = ("corridor", "doorway")
@@ -32,19 +32,6 @@ def test_only_findings_that_the_paper_has_stand_beside_it() -> None:
     [table] = parsed_tables(paper_table({"7.5": found}))
     assert table.heading == ("experiment", "paper", "by default")
     assert table.rows == (("7.5 a", "80.0", "90.0 / -"),)
-
-
-def test_methods_of_an_ablation_stand_side_by_side() -> None:
-    heading = ("", "method", "accuracy", "balanced", "doorway F1")
-    cells = Table("Cell size", heading, (("5 cm", "adaboost", "9", "8", "7"),))
-    alone = ("features", "columns", "accuracy", "balanced", "doorway F1")
-    features = Table("Features", alone, (("beams", "99", "6", "5", "4"),))
-    sections = {"features": section("features", features), "resolution": section("x", cells)}
-    [table] = parsed_tables(ablation_table(sections))
-    assert table.rows == (
-        ("features", "beams", "6 / 5 / 4", "-", "-"),
-        ("resolution", "5 cm", "9 / 8 / 7", "-", "-"),
-    )
 
 
 def test_several_tables_have_captions() -> None:
@@ -77,12 +64,3 @@ def test_a_method_for_chains_alone_has_no_row_among_other_graphs() -> None:
     chain, loops = parsed_tables(trajectories.shown("graphs", text))
     assert chain.rows == (("filter", "1"), ("potts", "2"))
     assert loops.rows == (("potts", "3"),)
-
-
-def test_the_mean_comes_first_and_figures_are_said_once() -> None:
-    steps = Table("Steps", ("", "a", "b", "mean of kinds"), (("list", "1", "3", "2"),))
-    errors = Table("Calibration: ECE of cells, accuracy", ("kind", "none"), (("a", "0.5, 1"),))
-    first, second = parsed_tables(section_tables(section("buildings", steps, errors)))
-    assert first.heading == ("", "mean of kinds", "a", "b")
-    assert first.rows == (("list", "2", "1", "3"),)
-    assert second.rows == (("a", "0.5"),)

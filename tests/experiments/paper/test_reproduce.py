@@ -112,8 +112,6 @@ def test_sections_come_in_the_order_of_the_paper() -> None:
     assert chosen_sections(())[-1] == "7.6"
     assert chosen_sections(("7.6",), stockholm=True) == ("7.6", "7.6-kth")
     assert chosen_sections((), stockholm=True)[-1] == "7.6-kth"
-    with pytest.raises(ConfigError, match=r"python -m experiments buildings runs it"):
-        chosen_sections(("buildings",))
     with pytest.raises(ConfigError, match=r"no section '7\.11'.*7\.1"):
         chosen_sections(("7.11",))
 

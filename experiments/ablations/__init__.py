@@ -1,1 +1,0 @@
-"""What each part contributes: features, beams, cells, noise, options, training data."""
