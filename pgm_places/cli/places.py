@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pgm_places as pp
 from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownValue
@@ -17,10 +17,6 @@ from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import OutputSet
     from pgm_places.labelling.files import PageFacts
     from pgm_places.spaces.doorways import Doorways
@@ -74,8 +70,8 @@ def topology(
             loaded.grid,
             labels,
             names,
-            *_probabilities(labels_png, names, loaded.grid),
-            separating_gates(settings.doorways, rules),
+            **_probabilities(labels_png, names, loaded.grid),
+            doorways=separating_gates(settings.doorways, rules),
         )
     if (path := settings_path(labels_png.parent)).exists():
         say(_settings_line(path, rules, cells.doorways))
@@ -97,16 +93,18 @@ def topology(
 
 def _probabilities(
     labels_png: Path, names: Sequence[str], grid: "pp.OccupancyGrid"
-) -> "tuple[NDArray[np.float32] | None, GridLayout | None]":
+) -> dict[str, Any]:
     """The probabilities beside labels, and their cells; of labels changed since, none are known."""
     from pgm_places.graph.layout import GridLayout
     from pgm_places.io.output_set import is_as_written
-    from pgm_places.io.places.topology_files import load_probabilities
+    from pgm_places.io.places.topology_files import load_hall, load_probabilities
 
     if not is_as_written(labels_png):
-        return None, None
-    layout = GridLayout.of_map(grid)
-    return load_probabilities(labels_png.parent, names, layout), layout
+        return {}
+    folder, layout = labels_png.parent, GridLayout.of_map(grid)
+    beliefs = load_probabilities(folder, names, layout)
+    hall = None if beliefs is None else load_hall(folder, names, layout)
+    return {"beliefs": beliefs, "layout": layout, "hall": hall}
 
 
 def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | None") -> str:

@@ -114,6 +114,8 @@ class LabelledCells:
         The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
     doorways : Doorways, optional
         The accepted gates of the map.
+    hall : (N,) float32, optional
+        As of :class:`LabelledPlaces`.
     """
 
     grid: OccupancyGrid
@@ -122,6 +124,7 @@ class LabelledCells:
     beliefs: NDArray[np.floating[Any]] | None = None
     layout: GridLayout | None = None
     doorways: Doorways | None = None
+    hall: NDArray[np.floating[Any]] | None = None
 
 
 @public
@@ -148,6 +151,9 @@ class LabelledPlaces(Plotted):
         :func:`~pgm_places.topology.from_labels.topological_map`.
     unentered : Unentered or None
         Free space that was left without labels because it was never entered, if there is any.
+    hall : (N,) float32 or None
+        The probability that each node lies in a hall, a part of that of ``corridor``, where the
+        model knows halls and shows them as corridors.
     """
 
     grid: OccupancyGrid
@@ -159,13 +165,20 @@ class LabelledPlaces(Plotted):
     warnings: tuple[str, ...] = ()
     doorways: Doorways | None = None
     unentered: Unentered | None = None
+    hall: NDArray[np.float32] | None = None
 
     @property
     def cells(self) -> LabelledCells:
         """The labels with everything else that places follow from."""
         beliefs = self.labeling.beliefs
         return LabelledCells(
-            self.grid, self.labels, self.label_names, beliefs, self.layout, self.doorways
+            self.grid,
+            self.labels,
+            self.label_names,
+            beliefs,
+            self.layout,
+            self.doorways,
+            self.hall,
         )
 
     def on_whole(self, grid: OccupancyGrid, window: KnownWindow) -> "LabelledPlaces":
@@ -255,6 +268,7 @@ def on_own_raster(
     doorways: Doorways | None = None,
     known: KnownCells | None = None,
     entered: EnteredOptions,
+    hall: NDArray[np.float32] | None = None,
 ) -> LabelledPlaces:
     """A map with labels on its own raster, from those of the cells ``layout`` of ``used``.
 
@@ -263,12 +277,14 @@ def on_own_raster(
     """
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_map(grid)
+        if hall is not None:
+            hall = _means(hall, _nodes_of_parts(used, cells, layout), layout)
         labeling = _brought_back(labeling, used, cells, layout)
     labels = _painted(grid, layout, labeling.labels.astype(np.int16), -1)
     if known is not None:
         np.copyto(labels, known.on_map, where=known.on_map >= 0)
     places = LabelledPlaces(
-        grid, labels, layout, labeling, label_names, method, tuple(warnings), doorways
+        grid, labels, layout, labeling, label_names, method, tuple(warnings), doorways, hall=hall
     )
     if entered.unentered:
         return places
@@ -298,6 +314,7 @@ def _without(places: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
         labels=np.where(unentered.cells, np.int16(-1), places.labels),
         layout=layout.part(keep),
         labeling=places.labeling.part(np.flatnonzero(keep)),
+        hall=None if places.hall is None else places.hall[keep],
         unentered=unentered,
     )
 
@@ -310,17 +327,26 @@ def _brought_back(
     ``cells`` are those of the refined map, ``layout`` those of the map. Of labels that are equally
     frequent the first is taken. Score and bound stay those of the refined map.
     """
-    assert isinstance(layout.source, OccupancyGrid)  # made from the map
-    holders = Coarsening(refined, layout.source).holders(cells.cells_rc)
-    node, n_nodes = layout.nodes_at(holders), layout.n_nodes
-
-    def total(values: NDArray[Any] | None) -> NDArray[np.float64]:
-        return np.asarray(np.bincount(node, values, n_nodes), np.float64)
-
+    node = _nodes_of_parts(refined, cells, layout)
     n_labels = int(labeling.labels.max()) + 1
-    votes = np.stack([total(labeling.labels == k) for k in range(n_labels)], axis=1)
+    votes = [np.bincount(node, labeling.labels == k, layout.n_nodes) for k in range(n_labels)]
     beliefs = labeling.beliefs
     if beliefs is not None:
-        means = [total(beliefs[:, k]) / total(None) for k in range(beliefs.shape[1])]
-        beliefs = np.stack(means, axis=1).astype(beliefs.dtype)
-    return replace(labeling, labels=votes.argmax(axis=1), beliefs=beliefs)
+        beliefs = np.stack([_means(column, node, layout) for column in beliefs.T], axis=1)
+    return replace(labeling, labels=np.stack(votes, axis=1).argmax(axis=1), beliefs=beliefs)
+
+
+def _nodes_of_parts(
+    refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
+) -> NDArray[np.integer]:
+    """(n,) the map's node that each cell of its refined form is a part of."""
+    assert isinstance(layout.source, OccupancyGrid)  # made from the map
+    return layout.nodes_at(Coarsening(refined, layout.source).holders(cells.cells_rc))
+
+
+def _means(
+    values: NDArray[np.floating[Any]], node: NDArray[np.integer], layout: GridLayout
+) -> NDArray[np.floating[Any]]:
+    """(N,) the mean of some values (n,) at each node."""
+    sums, counts = np.bincount(node, values, layout.n_nodes), np.bincount(node)
+    return np.asarray(sums / counts, values.dtype)

@@ -328,6 +328,18 @@ class PlaceLabeler(Labeler):
             return labeling
         return HallNames((*self.learned_names, "hall")).split(labeling, hall, self.halls)
 
+    def hall_probability(
+        self, labeling: Labeling, hall: NDArray[np.float32] | None
+    ) -> NDArray[np.float32] | None:
+        """(N,) the probability that each node lies in a hall, where halls are shown as corridors.
+
+        None where they are not, where the model knows no halls, and without beliefs.
+        """
+        if hall is None or labeling.beliefs is None or self.halls != "corridor":
+            return None
+        circulation = labeling.beliefs[:, self.learned_names.index("corridor")]
+        return np.asarray(circulation * hall, np.float32)
+
     def problem_of(
         self,
         graph: LabelGraph,

@@ -44,6 +44,7 @@ from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
+from pgm_places.unary.halls import HALL
 
 
 class PageFacts(TypedDict, total=False):
@@ -146,10 +147,11 @@ def write_labelled(
             write_labels(result, source, files.stage, packing=packing, outputs=outputs)
         record, unentered = _record_of(result, source), result.unentered
         warnings, cells = (*source.warnings, *result.warnings), result.cells
-        if (
-            cells.beliefs is not None
-        ):  # those of a huge map wait in a file until its places are known
+        # Those of a huge map wait in a file until its places are known.
+        if cells.beliefs is not None:
             cells = replace(cells, beliefs=set_aside(cells.beliefs, files.stage))
+        if cells.hall is not None:
+            cells = replace(cells, hall=set_aside(cells.hall, files.stage))
         names = output_file_names(result.label_names, outputs)
         del result  # the labels of a huge map's nodes are not needed any more
         return_freed()
@@ -230,7 +232,8 @@ def write_labels(
 
     ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``overview.png``
     to look at; for programs, in ``details``, ``probability_<label>.png`` per label (0 to 255 for 0
-    to 1, 0 outside the free cells). ``outputs`` leaves some out.
+    to 1, 0 outside the free cells), and for halls where they are shown as corridors. ``outputs``
+    leaves some out.
     """
     outputs = outputs or Outputs()
     for name in result.label_names:
@@ -302,8 +305,11 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
     if beliefs is None:
         return []
     written = []
-    for k, name in enumerate(result.label_names):
-        raster = result.on_map(_in_bytes(beliefs[:, k]), 0)
+    shares = {name: beliefs[:, k] for k, name in enumerate(result.label_names)}
+    if result.hall is not None:
+        shares[HALL] = result.hall
+    for name, share in shares.items():
+        raster = result.on_map(_in_bytes(share), 0)
         size = (raster.shape[1], raster.shape[0])
         # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
         picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)

@@ -174,6 +174,7 @@ class ScoredMap:
             labeling = model.labeler.with_halls(labeling, self.hall)
         if observed is not None:
             labeling = observed.kept(labeling, self.layout)
+        hall = model.labeler.hall_probability(labeling, self.hall)
         return on_own_raster(
             self.grid,
             self.used,
@@ -185,6 +186,7 @@ class ScoredMap:
             doorways=self.doorways,
             known=observed,
             entered=model.entered,
+            hall=hall,
         )
 
     def _with_rectangles(self, labeling: Labeling) -> Labeling:

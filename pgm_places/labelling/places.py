@@ -47,6 +47,7 @@ def places_of(
         min_width_m=rules.min_width_m,
         beliefs=cells.beliefs,
         layout=cells.layout,
+        hall=cells.hall,
         doorways=separating_gates(cells.doorways, rules),
         known=ids,
         own_names=own_names,

@@ -22,7 +22,7 @@ LEAST_M2 = 0.05
 """Nothing smaller is shown to be checked: it would read 0.0 m², as doorways without cells do."""
 
 MOST_PATH_POINTS = 20_000
-PLACE_KEYS = ("id", "name", "label", "anchor_m", "box_m")
+PLACE_KEYS = ("id", "name", "label", "is_likely_hall", "anchor_m", "box_m")
 """What the page is told of a place that is to be checked."""
 
 
@@ -159,6 +159,9 @@ def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:
     record["region"] = region or None
     for key, found in (("probabilities", taught.labelled), ("unary_probabilities", taught.unary)):
         record[key] = _beliefs(found, taught.label_names, row, column)
+    hall, node = taught.labelled.hall, _node(taught.labelled, row, column)
+    if hall is not None and node >= 0:
+        record["hall"] = round(float(hall[node]), 4)
     return record
 
 
@@ -178,15 +181,17 @@ def _name(names: tuple[str, ...], label: int) -> str | None:
 def _beliefs(
     found: LabelledPlaces, names: Sequence[str], row: int, column: int
 ) -> dict[str, float] | None:
-    beliefs = found.labeling.beliefs
-    if beliefs is None:
-        return None
-    cell = Coarsening.behind(found.layout, found.grid).holders(np.array([[row, column]]))
-    [node] = found.layout.nodes_at(cell).tolist()
-    if node < 0:
+    beliefs, node = found.labeling.beliefs, _node(found, row, column)
+    if beliefs is None or node < 0:
         return None
     shares = zip(names, beliefs[node].tolist(), strict=True)
     return {name: round(value, 4) for name, value in shares}
+
+
+def _node(found: LabelledPlaces, row: int, column: int) -> int:
+    """The node behind a cell, -1 for none."""
+    cell = Coarsening.behind(found.layout, found.grid).holders(np.array([[row, column]]))
+    return int(found.layout.nodes_at(cell)[0])
 
 
 MOST_VOTES = 4

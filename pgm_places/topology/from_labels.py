@@ -88,6 +88,7 @@ def topological_map(
     correct: bool = True,
     beliefs: ArrayLike | None = None,
     layout: GridLayout | None = None,
+    hall: ArrayLike | None = None,
     known: PlaceIds | None = None,
     own_names: Mapping[int, str] | None = None,
     tolerance: AtLeastZero = 1.5,
@@ -114,6 +115,9 @@ def topological_map(
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
         The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
+    hall : (N,) float, optional
+        The probability that each node of ``layout`` lies in a hall, where halls are shown as
+        corridors: a part of the belief in ``corridor``.
     known : PlaceIds, optional
         Earlier places, such as another map's ``known_places``, which keep their ids and names; its
         cells are moved to the raster of ``grid``.
@@ -157,6 +161,7 @@ def topological_map(
             correct=correct,
             beliefs=beliefs,
             layout=None if layout is None else _part_of_layout(layout, window, part),
+            hall=hall,
             known=known,
             own_names=own_names,
             tolerance=tolerance,
@@ -170,9 +175,11 @@ def topological_map(
         doorways = None
         divided = _labelled_pieces(raster, names, grid, rules, correct)
     pieces = divided.pieces
-    probabilities = None
+    probabilities, halls = None, None
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
+    if hall is not None:
+        halls = mean_probabilities(pieces, np.asarray(hall)[:, np.newaxis], layout, 1, grid)[:, 0]
     if known is None:
         none = [0] * pieces.count
         ids, next_id = number_on(none, 1, pieces, grid, names, rules.doorway_label)
@@ -191,6 +198,7 @@ def topological_map(
         ids=ids,
         names=called,
         probabilities=probabilities,
+        halls=halls,
         gates=_gates_of(divided, doorways),
         anchors_m=known.anchors_m if known else None,
         deepest=deepest,

@@ -34,8 +34,9 @@ def region_feature(region: Region, neighbours: Sequence[int]) -> dict[str, Any]:
     """A Feature with the outline of a region as a Polygon or MultiPolygon.
 
     Properties: ``id``, ``class``, ``name``, ``area_m2``, ``perimeter_m``, ``confidence`` (where it
-    is known), ``anchor_m``, ``clearance_m``, ``neighbours`` (ids), and for a doorway that is a
-    gate ``gate``: its rectangle.
+    is known), ``hall`` (its probability, where halls are shown as corridors and it is known),
+    ``anchor_m``, ``clearance_m``, ``neighbours`` (ids), and for a doorway that is a gate ``gate``:
+    its rectangle.
     """
     listed = [
         [[[round(x, DIGITS), round(y, DIGITS)] for x, y in ring.tolist()] for ring in rings]
@@ -51,6 +52,8 @@ def region_feature(region: Region, neighbours: Sequence[int]) -> dict[str, Any]:
     }
     if region.confidence is not None:
         properties["confidence"] = round(region.confidence, DIGITS)
+    if region.hall is not None:
+        properties["hall"] = round(region.hall, DIGITS)
     properties |= {
         "anchor_m": [round(value, DIGITS) for value in region.anchor_m],
         "clearance_m": round(region.clearance_m, DIGITS),

@@ -221,6 +221,7 @@ def _described(
     )
     old = {item.id: item.name for item in topology.regions}
     clearance = squared_clearance(region == 0)
+    probabilities, halls = _probabilities(topology, raster, len(ids))
     regions = describe_regions(
         pieces,
         topology.grid,
@@ -228,7 +229,8 @@ def _described(
         clearance,
         ids=ids.tolist(),
         names=name_places(ids.tolist(), labels, known=old),
-        probabilities=_probabilities(topology, raster, len(ids)),
+        probabilities=probabilities,
+        halls=halls,
         gates=[_gate(earlier[number], number in new) for number in ids.tolist()],
         anchors_m={item.id: item.anchor_m for item in topology.regions},
     )
@@ -250,13 +252,16 @@ def _gate(region: Region, is_part: bool) -> tuple[Gate, float] | None:
 
 def _probabilities(
     topology: TopologicalMap, piece: NDArray[np.int32], count: int
-) -> NDArray[np.float64] | None:
-    """(P, K) mean probabilities of pieces, by the cells that they have from earlier regions."""
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """(P, K) and (P,) mean probabilities of labels and of halls, by the cells' earlier regions."""
     if any(item.probabilities is None for item in topology.regions):
-        return None
-    shares = np.zeros((count, len(topology.label_names)))
+        return None, None
+    shares, halls = np.zeros((count, len(topology.label_names))), np.zeros(count)
     for item in topology.regions:
         window = topology.window(item.id)
         inside = piece[window][topology.region[window] == item.id]
-        shares += np.bincount(inside, minlength=count)[:, None] * np.array(item.probabilities)
-    return shares / shares.sum(axis=1, keepdims=True)
+        cells = np.bincount(inside, minlength=count)
+        shares += cells[:, None] * np.array(item.probabilities)
+        halls += cells * (np.nan if item.hall is None else item.hall)
+    total = shares.sum(axis=1)
+    return shares / total[:, None], halls / total

@@ -14,6 +14,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.outlines import outlines
 
+HALL, CORRIDOR = "hall", "corridor"
+
 # Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
 
@@ -48,6 +50,9 @@ class Region:
         For a doorway that is a gate, its rectangle; the confidence is the gate's probability.
     probabilities : tuple of float or None
         Mean probability of each of the map's labels over its cells, where they are known.
+    hall : float or None
+        Mean probability that its cells lie in a hall, where halls are shown as corridors and this
+        is known; a part of the probability of ``corridor``.
     """
 
     id: int
@@ -62,6 +67,14 @@ class Region:
     polygons: tuple[Polygon, ...]
     gate: Gate | None = None
     probabilities: tuple[float, ...] | None = None
+    hall: float | None = None
+
+    @property
+    def is_likely_hall(self) -> bool:
+        """Whether it is shown as a corridor and is a hall rather than any other corridor."""
+        if self.label != CORRIDOR or self.hall is None or self.confidence is None:
+            return False
+        return self.hall > self.confidence / 2
 
 
 def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
@@ -100,6 +113,7 @@ def describe_regions(
     ids: Sequence[int],
     names: Sequence[str],
     probabilities: NDArray[np.float64] | None = None,
+    halls: NDArray[np.float64] | None = None,
     gates: Sequence[tuple[Gate, float] | None] | None = None,
     anchors_m: Mapping[int, tuple[float, float]] | None = None,
     deepest: NDArray[np.bool_] | None = None,
@@ -119,6 +133,8 @@ def describe_regions(
         One per piece.
     probabilities : (P, K) float, optional
         Mean probability of each label in each piece, NaN where it is unknown.
+    halls : (P,) float, optional
+        Mean probability of a hall in each, NaN where it is unknown.
     gates : sequence of (Gate, float) or None, optional
         The gate that each piece is, with its probability; None for other pieces.
     anchors_m : mapping of int to (float, float), optional
@@ -161,6 +177,7 @@ def describe_regions(
                 polygons=polygons,
                 gate=gate,
                 probabilities=known,
+                hall=None if halls is None or np.isnan(halls[k]) else float(halls[k]),
             )
         )
     return found

@@ -83,7 +83,7 @@ class CellScores:
     spaces : MapSpaces or None
         The segments, gates and places that ``space`` was made from, where they were kept.
     hall : (N,) float32 or None
-        The probability that each node lies in a hall if it is circulation, where it was asked for.
+        The probability that each node lies in a hall if it is circulation, where that is known.
     doorways : Doorways or None
         The accepted gates, where ``spaces`` were not kept.
     segments : NodeSegments or None
@@ -225,7 +225,7 @@ class UnaryModel:
         with_node_features : bool
             Whether structured models want features of their own.
         with_halls : bool
-            Whether halls are told apart, if the model can do so.
+            Whether halls are told apart, if the model can do so, though no score sees spaces.
         single : bool
             Whether single precision will do. Scores in context stay in double.
         with_spaces : bool
@@ -252,15 +252,15 @@ class UnaryModel:
         if "floor" in unaries and self.floor is not None:
             with staged("the whole floor"):
                 seen = self.seen(grid, own)
-        with_halls = with_halls and self.knows_halls
-        if self.space is not None and (sees_spaces(unaries) or with_halls):
+        halls = self.knows_halls and (with_halls or sees_spaces(unaries))
+        if self.space is not None and (sees_spaces(unaries) or halls):
             with staged("segments, gates and places"):
                 judge = None if seen is None else self.gate_judge(seen)
                 spaces = self.space.spaces(grid, known=known, judge=judge)
             if not with_spaces and self.space.gates is not None:
                 doorways = spaces.doorways
             around = SpaceList(
-                self.space, spaces, layout, n_own, self.n_labels, dtype, with_halls=with_halls
+                self.space, spaces, layout, n_own, self.n_labels, dtype, with_halls=halls
             )
             lists.append(around)
             if not with_spaces:

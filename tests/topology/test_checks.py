@@ -68,6 +68,8 @@ def test_the_table_holds_a_row_for_each(topology: TopologicalMap) -> None:
         "y_m": "0.500",
         "rooms": "",
         "to_split": "",
+        "finer_label": "room",
+        "hall": "",
     }
     region = topology.region_at(float(rows[0]["x_m"]), float(rows[0]["y_m"]))
     assert region is topology.place("room 2")

@@ -19,6 +19,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.unary.cell_lists import without_halls
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.options import SpaceOptions
+from tests.foyer import foyer_map
 
 HALLS = HallNames(("corridor", "hall", "room", "doorway"))
 
@@ -68,10 +69,7 @@ def test_scores_of_halls_are_added_to_those_of_corridors() -> None:
 
 @pytest.fixture(scope="module")
 def foyer() -> LabelledMap:
-    """The hall of a building, and what lies around it."""
-    made = generate_building(9, style="hall", halls="hall", furniture=False, slam_noise=False)
-    part = np.s_[90:680, 460:980]
-    return LabelledMap(made.grid.with_cells(made.grid.cells[part]), made.labels[part])
+    return foyer_map()
 
 
 def test_the_shipped_model_knows_halls_and_labels_them_as_corridors_by_default(

@@ -38,7 +38,7 @@ from pgm_places.topology.corrections import Correction
 from pgm_places.topology.geojson import gate_record
 from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.place_edits import renamed
-from pgm_places.topology.regions import Polygon, Region
+from pgm_places.topology.regions import HALL, Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
 MOST = 65535
@@ -132,14 +132,29 @@ def load_probabilities(
     InputError
         An image is damaged, or is not of the map's size.
     """
-    paths = [detail_path(folder, probability_file(name)) for name in label_names]
-    if not all(path.exists() for path in paths):
+    columns = [_share_of(folder, name, layout) for name in label_names]
+    if any(column is None for column in columns):
         return None
-    beliefs = np.empty((layout.n_nodes, len(paths)), np.float32)
-    for k, path in enumerate(paths):
-        beliefs[:, k] = layout.from_raster(read_shares(path, layout.shape, InputError))
+    beliefs = np.stack([column for column in columns if column is not None], axis=1)
     beliefs /= np.maximum(beliefs.sum(axis=1, keepdims=True), 1.0)
     return beliefs
+
+
+def load_hall(
+    folder: Path, label_names: Sequence[str], layout: GridLayout
+) -> NDArray[np.float32] | None:
+    """(N,) the probability of a hall where it is no label but known; see `load_probabilities`."""
+    share = None if HALL in label_names else _share_of(folder, HALL, layout)
+    return None if share is None else share / np.float32(255)
+
+
+def _share_of(folder: Path, name: str, layout: GridLayout) -> NDArray[np.float32] | None:
+    """(N,) the greys of a label's image at the nodes; None where it has none."""
+    path = detail_path(folder, probability_file(name))
+    if not path.exists():
+        return None
+    shares = layout.from_raster(read_shares(path, layout.shape, InputError))
+    return np.asarray(shares, np.float32)
 
 
 T = TypeVar("T")
@@ -273,6 +288,7 @@ def _region(
     unknown = sorted(set(item) - {*hints, "gate"})
     if unknown:
         raise InputError(f"{path} has the unknown key {shown(unknown[0])}")
+    item = {"hall": None, **item}  # earlier versions did not write it
     values = {key: check_option(f"{path}.{key}", hint, item[key]) for key, hint in hints.items()}
     if values["label"] not in label_names:
         raise InputError(f"{path}.label {shown(values['label'])} is not among label_names")
@@ -326,7 +342,8 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
 
 
 _PLACE = ("id", "name", "label", "second_label", "probability", "second_probability", "area_m2")
-_COLUMNS = (*_PLACE, "doubt", "doubtful_m2", "x_m", "y_m", "rooms", "to_split")
+_DOUBT = ("doubt", "doubtful_m2", "x_m", "y_m")
+_COLUMNS = (*_PLACE, *_DOUBT, "rooms", "to_split", "finer_label", "hall")
 
 
 def check_table(topology: TopologicalMap) -> str:
@@ -335,8 +352,9 @@ def check_table(topology: TopologicalMap) -> str:
     Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
     ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times
     area), ``x_m``, ``y_m``: the place's anchor in the map frame, ``rooms``: how many rooms the
-    place looks like, if more than one, and ``to_split``: the command that makes them places, to be
-    run in the table's folder.
+    place looks like, if more than one, ``to_split``: the command that makes them places, to be run
+    in the table's folder, ``finer_label``: ``hall`` where a corridor is likelier to be a hall, else
+    the label, and ``hall``: the probability of a hall, where halls are shown as corridors.
     """
     count = {item.place.id: item.count for item in hidden_rooms(topology)}
     rows: list[Iterable[object]] = [_COLUMNS]
@@ -346,9 +364,11 @@ def check_table(topology: TopologicalMap) -> str:
         row += [f"{check.probability:.4f}", "" if second is None else f"{second:.4f}"]
         row += [f"{place.area_m2:.3f}", f"{check.doubt:.4f}", f"{check.doubtful_m2:.3f}"]
         row += [f"{value:.3f}" for value in place.anchor_m]
-        if place.id in count:
-            row += [count[place.id], f"pgm-places split . {place.id}"]
-        rows.append(row + [""] * (len(_COLUMNS) - len(row)))
+        split = place.id in count
+        row += [count[place.id], f"pgm-places split . {place.id}"] if split else ["", ""]
+        row += [HALL if place.is_likely_hall else place.label]
+        row += ["" if place.hall is None else f"{place.hall:.4f}"]
+        rows.append(row)
     return csv_text(rows)
 
 

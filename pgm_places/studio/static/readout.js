@@ -58,6 +58,7 @@ export class Readout {
       const probability = cell.probabilities?.[cell.label];
       parts.push(h("span", { className: "row" }, swatch(colours.of(cell.label)), h("b", {}, cell.label)));
       if (probability !== undefined) parts.push(h("span", {}, percent(probability)));
+      if (cell.hall > probability / 2 && cell.label === "corridor") parts.push(h("span", {}, `rather a hall (${percent(cell.hall)})`));
       const region = places.byId.get(cell.region);
       if (region && region.name !== cell.label) parts.push(h("span", {}, region.name));
     }
