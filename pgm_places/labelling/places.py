@@ -1,10 +1,11 @@
 """places_of: the places of a labelled map, by the rules of its model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from pgm_places.labelers.labelled_places import LabelledCells
 from pgm_places.progress import warn
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.topology.cuts import Line
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
@@ -23,6 +24,7 @@ def places_of(
     *,
     ids: PlaceIds | None = None,
     own_names: Mapping[int, str] | None = None,
+    cuts: Sequence[Line] = (),
 ) -> TopologicalMap:
     """The topological map of labelled cells.
 
@@ -35,6 +37,8 @@ def places_of(
         with another origin, or of another map.
     own_names : mapping of int to str, optional
         The user's names, by id.
+    cuts : sequence of lines
+        See :func:`~pgm_places.topology.from_labels.topological_map`.
     """
     if ids is not None and (message := ids.fit_to(cells.grid)):
         warn(message)
@@ -51,4 +55,5 @@ def places_of(
         doorways=separating_gates(cells.doorways, rules),
         known=ids,
         own_names=own_names,
+        cuts=cuts,
     )

@@ -142,6 +142,10 @@ def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int,
         row, column = (old.grid.cells_at_m([point])[0] + shift).tolist()
         [[x, y]] = new.grid.cell_centres_m([[row, column]]).tolist()
         new.rename((x, y), name, [])
+    ends_m = np.reshape(old.cuts, (-1, 2))
+    moved = new.grid.cell_centres_m(old.grid.points_at_m(ends_m)[:, ::-1] - 0.5 + shift)
+    pairs = moved.reshape(-1, 2, 2).tolist()
+    new.set_cuts(tuple(((x0, y0), (x1, y1)) for (x0, y0), (x1, y1) in pairs))
     new.set_learning(old.learns)
     kept = new.n_painted
     return kept, was_painted - kept

@@ -28,6 +28,7 @@ from pgm_places.studio.painting import Classes
 from pgm_places.studio.runs import Window, runs_of_mask, runs_over
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
+from pgm_places.topology.cuts import cut_along, place_along, runs_between
 from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.rules import TopologyOptions
@@ -195,14 +196,16 @@ class Desk:
         if edit is None:
             raise InputError(f"unknown edit {kind[:40]!r}")
         with self._lock:
-            before, learned = self.painting.classes.names, self.learns
+            painting, before = self.painting, self.painting.classes.names
+            learned, cuts = self.learns, painting.cuts
             self._remark = ""
             part = edit(**_arguments(kind, edit, values))
             if part is not None:
                 self.layers.painted(part)
             self._renumber(before, self.painting.classes.names)
             self.moved()
-            if part is not None or (before, learned) != (self.painting.classes.names, self.learns):
+            now = painting.classes.names, self.learns, painting.cuts
+            if part is not None or (before, learned, cuts) != now:
                 self._ask()
             return self._remark
 
@@ -258,8 +261,23 @@ class Desk:
         runs = strokes.fill_cells(self.grid, limits.paint, limits.topology, point, doorway, drawn)
         return self.painting.paint_runs(runs, label)
 
+    def _edit_cut(self, start: Point, end: Point) -> None:
+        topology = self.answer.topology
+        line = strokes.cut_line((start, end), self.grid, self._limits)
+        place = place_along(topology, line)
+        if place is None or len(cut_along(topology, place, [line])) < 2:
+            raise InputError(
+                "this cut divides nothing: there is a way around it; draw it from wall to wall"
+            )
+        self.painting.set_cuts((*self.painting.cuts, line))
+
     def _edit_merge(self, first: int, second: int) -> Window | None:
-        runs, name = strokes.merge_cells(self.answer.topology, first, second)
+        topology, cuts = self.answer.topology, self.painting.cuts
+        runs, name = strokes.merge_cells(topology, first, second)
+        kept = tuple(line for line in cuts if not runs_between(topology, line, first, second))
+        self.painting.set_cuts(kept)
+        if kept != cuts and topology.place(first).label == topology.place(second).label:
+            return None
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def _edit_split(self, region: int) -> Window | None:
@@ -339,7 +357,7 @@ class Desk:
             own = paint.classes if self.labeler is None else self.labeler.label_names_
             new = any(n for name, n in paint.counts.items() if name not in own)
             learns = self.learns or new  # a new class must be learned before it can be a label
-            return Question(paint, self.painting.revision, learns)
+            return Question(paint, self.painting.revision, learns, self.painting.cuts)
 
     def _ask(self) -> None:
         """Ask for labels that follow the painting as it is now."""

@@ -38,7 +38,7 @@ def digest(desk: Desk, content: Content, paint: Paint, *, learns: bool) -> str:
     if content in (Content.LABELS, Content.PLACES):
         state.append(learns)
     if content is Content.PLACES:
-        state.append(sorted(desk.painting.names.items()))
+        state += [sorted(desk.painting.names.items()), *desk.painting.cuts]
     found = hashlib.sha256(json.dumps(state).encode())
     found.update(paint.labels.tobytes())
     return found.hexdigest()

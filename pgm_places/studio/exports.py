@@ -251,7 +251,8 @@ def _named_places(desk: Desk, folder: Path) -> _NamedPlaces:
     taught, names = desk.answer, desk.painting.names
     known = None if folder == desk.folder else earlier_places(folder)
     if known is not None:
-        found = places_of(taught.labelled.cells, desk.rules, ids=known)
+        cuts = desk.painting.cuts
+        found = places_of(taught.labelled.cells, desk.rules, ids=known, cuts=cuts)
         if not np.array_equal(found.region, taught.topology.region):
             warn(f"The places have other ids in {folder} than on this page, and keep them there.")
         taught = renamed(replace(taught, topology=found), names)

@@ -20,6 +20,7 @@ from pgm_places.progress import Progress
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
+from pgm_places.topology.cuts import Line
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.place_ids import PlaceIds
 
@@ -35,11 +36,14 @@ class Question:
         That of the painting.
     learns : bool
         Whether the labeler learns the paint, or only keeps to it.
+    cuts : tuple of lines
+        Along which places are divided.
     """
 
     paint: Paint
     revision: int
     learns: bool
+    cuts: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +160,7 @@ class Tutor:
             if labels is not None:
                 tell(labels)
         teacher = self._teacher_for(paint.classes)
+        teacher.cuts = question.cuts
         learns = question.learns and bool(paint.painted.any())
         call = teacher.teach if learns else teacher.label
         taught = call(paint, progress=progress)

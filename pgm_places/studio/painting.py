@@ -16,6 +16,7 @@ from pgm_places.options import check_option
 from pgm_places.palette import label_colours
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.runs import Repaint, Window, checked_runs
+from pgm_places.topology.cuts import Line
 
 MOST_CLASSES = 100
 _COLOUR = re.compile("#[0-9a-f]{6}")
@@ -110,6 +111,8 @@ class Classes:
 
 Entry = dict[str, Any]
 Names = dict[tuple[float, float], str]
+Cuts = tuple[Line, ...]
+MOST_CUTS = 10_000
 
 
 @dataclass(frozen=True)
@@ -131,11 +134,12 @@ class Version:
 
 
 class _Change(NamedTuple):
-    """What an edit replaces; of classes, names and teaching, all before it and all after it."""
+    """What an edit replaces; of all but paint, what was before it and what is after it."""
 
     repaint: Repaint
     classes: tuple[Classes, Classes]
     names: tuple[Names, Names]
+    cuts: tuple[Cuts, Cuts]
     learns: tuple[bool, bool]
 
 
@@ -165,6 +169,8 @@ class Painting:
     names : dict of (float, float) to str
         Names of places by a point in metres: whichever place holds the point has the name,
         however the places around it change.
+    cuts : tuple of lines
+        Both ends of each in metres: places are divided along them, without a doorway.
     learns : bool
         Whether the model learns the paint.
     versions : list of Version
@@ -174,6 +180,7 @@ class Painting:
         self.grid, self.classes, self.journal = grid, classes, journal
         self.labels = np.full(grid.shape, -1, np.int16)
         self.names: Names = {}
+        self.cuts: Cuts = ()
         self.learns = False
         self.versions: list[Version] = []
         self._done: list[_Change] = []
@@ -237,6 +244,13 @@ class Painting:
             raise InputError(f"another place is called {name!r}; choose another name")
         self._add({"op": "name", "at": list(point_m), "name": name, "replaces": replaces})
 
+    def set_cuts(self, cuts: Cuts) -> None:
+        """Divide places along these lines alone."""
+        if len(cuts) > MOST_CUTS:
+            raise InputError(f"there are at most {MOST_CUTS} cuts")
+        if cuts != self.cuts:
+            self._add({"op": "cuts", "lines_m": [[list(end) for end in line] for line in cuts]})
+
     def set_learning(self, on: bool) -> None:
         """Let the model learn the paint, or no longer."""
         if on != self.learns:
@@ -298,7 +312,7 @@ class Painting:
         """What an entry changes in the present state."""
         kind = entry["op"]
         repaint, classes, names = Repaint.nothing(), self.classes, self.names
-        learns = self.learns
+        cuts, learns = self.cuts, self.learns
         if kind == "paint":
             repaint = self._painted(entry["runs"], entry["label"])
         elif kind == "class":
@@ -317,13 +331,21 @@ class Painting:
             x, y = entry["at"]
             if entry["name"]:
                 names[float(x), float(y)] = str(entry["name"])
+        elif kind == "cuts":
+            cuts = check_option("lines_m", Cuts, entry["lines_m"])
         elif kind == "restore":
-            repaint, classes, names, learns = self._way_back(int(entry["revision"]))
+            repaint, classes, names, cuts, learns = self._way_back(int(entry["revision"]))
         elif kind == "learn":
             learns = check_option("on", bool, entry["on"])
         else:
             raise InputError(f"unknown edit {kind!r}")
-        return _Change(repaint, (self.classes, classes), (self.names, names), (self.learns, learns))
+        return _Change(
+            repaint,
+            (self.classes, classes),
+            (self.names, names),
+            (self.cuts, cuts),
+            (self.learns, learns),
+        )
 
     def _painted(self, listed: list[int], label: int) -> Repaint:
         runs = checked_runs(np.array(listed, np.int64), self.grid.shape)
@@ -331,7 +353,7 @@ class Painting:
             raise InputError(f"no class {label}")
         return Repaint.of_runs(self.labels, runs, int(label))
 
-    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, bool]:
+    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, Cuts, bool]:
         """What leads to the state after the first entries of the journal.
 
         The steps since are taken back one by one: each is known, whatever led to it.
@@ -339,18 +361,18 @@ class Painting:
         if not 0 <= revision <= self.revision:
             raise InputError(f"no revision {revision}")
         labels, classes, names = self.labels.copy(), self.classes, self.names
-        learns = self.learns
+        cuts, learns = self.cuts, self.learns
         for step in reversed(self._steps[revision:]):
             if step is not None:
                 change, forward = step
                 change.repaint.put(labels, forward=not forward)
                 classes, names = change.classes[not forward], change.names[not forward]
-                learns = change.learns[not forward]
-        return Repaint.between(self.labels, labels), classes, names, learns
+                cuts, learns = change.cuts[not forward], change.learns[not forward]
+        return Repaint.between(self.labels, labels), classes, names, cuts, learns
 
     def _take(self, step: _Step) -> Window | None:
         change, forward = step
         self.classes, self.names = change.classes[forward], change.names[forward]
-        self.learns = change.learns[forward]
+        self.cuts, self.learns = change.cuts[forward], change.learns[forward]
         change.repaint.put(self.labels, forward=forward)
         return change.repaint.part

@@ -114,6 +114,16 @@ def _moved(
     return start if outline is None else outline
 
 
+def cut_line(
+    points: Sequence[tuple[float, float]], grid: OccupancyGrid, limits: Limits | None = None
+) -> Line:
+    """The line, in metres, along which a place is cut: where a doorway would be, a cell longer."""
+    start, end = doorway_ends(points, grid, limits)
+    step = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
+    (x0, y0), (x1, y1) = grid.cell_centres_m([start - step, end + step]).tolist()
+    return (x0, y0), (x1, y1)
+
+
 def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
     """Whether a doorway separates its two sides locally.
 

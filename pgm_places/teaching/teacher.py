@@ -33,6 +33,7 @@ from pgm_places.teaching.learning import Learning, learned_alone
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
+from pgm_places.topology.cuts import Line
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.unary.kept_table import KeptTable
 
@@ -61,6 +62,12 @@ class Teacher:
         Earlier places, which keep their ids and names. The places of each result are added to it.
     n_threads : int, optional
         All cores by default.
+
+    Attributes
+    ----------
+    cuts : sequence of ((float, float), (float, float))
+        Lines in the map frame that divide places of the next results: see
+        :func:`~pgm_places.topology.from_labels.topological_map`.
 
     Raises
     ------
@@ -100,6 +107,7 @@ class Teacher:
         self.options = options or TeachingOptions()
         self.known_places = PlaceIds() if known_places is None else known_places
         self.n_threads = n_threads
+        self.cuts: Sequence[Line] = ()
         self._kept: KeptTable | None = None
 
     @property
@@ -226,7 +234,7 @@ class Teacher:
         unary = self._whole(scored.labelled(Independent()))
         labelled = self._whole(scored.labelled())
         with staged("places"):
-            topology = places_of(labelled.cells, model.rules, ids=self.known_places)
+            topology = places_of(labelled.cells, model.rules, ids=self.known_places, cuts=self.cuts)
         self.known_places.learn(topology)
 
         def labelled_by(name: str) -> LabelledPlaces:

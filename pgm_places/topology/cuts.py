@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.maps.components import connected_components
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid, at_cells
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
@@ -56,7 +56,60 @@ class Parts:
 
 def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) -> Parts:
     """The parts of a place between lines; a single one where they do not divide it."""
-    grid, cells = topology.grid, topology.cells(place.id)
+    return cut_cells(topology.grid, topology.cells(place.id), lines)
+
+
+def cut_pieces(pieces: Components, grid: OccupancyGrid, lines: Iterable[Line]) -> Components:
+    """The pieces with each one that a line runs through divided along it.
+
+    A line divides the piece that most of it runs through; one that runs through none, or does not
+    divide it, changes nothing. The largest part keeps the number, the others are numbered anew.
+    """
+    piece, label = pieces.piece.copy(), pieces.label.tolist()
+    for line in lines:
+        number = _most_along(line, piece, grid, -1)
+        if number < 0:
+            continue
+        parts = cut_cells(grid, np.argwhere(piece == number), [line])
+        for part in range(1, len(parts)):
+            piece[tuple(parts.cells[parts.number == part].T)] = len(label)
+            label.append(label[number])
+    size = np.bincount(piece[piece >= 0], minlength=len(label)).astype(np.int64)
+    return Components(piece, np.array(label, np.int32), size)
+
+
+def place_along(topology: TopologicalMap, line: Line) -> Region | None:
+    """The place that most of a line runs through; None for none."""
+    number = _most_along(line, topology.region, topology.grid, 0)
+    return topology.place(number) if number else None
+
+
+def runs_between(topology: TopologicalMap, line: Line, first: int, second: int) -> bool:
+    """Whether one place lies on one side of a part of a line, and the other on the other side."""
+    grid = topology.grid
+    along = np.subtract(line[1], line[0]) / max(line_width_m(line), 1e-9)
+    beside = 1.5 * grid.resolution_m * np.array([-along[1], along[0]])
+    points = _points_along(line, grid)
+    sides = np.stack(
+        [at_cells(topology.region, grid.cells_at_m(points + way), 0) for way in (beside, -beside)]
+    )
+    return bool((sorted((first, second)) == np.sort(sides, axis=0).T).all(axis=1).any())
+
+
+def _points_along(line: Line, grid: OccupancyGrid) -> NDArray[np.float64]:
+    """(n, 2) points of a line, two in each cell."""
+    return np.linspace(*line, 2 + int(2 * line_width_m(line) / grid.resolution_m))
+
+
+def _most_along(line: Line, numbers: NDArray[np.int32], grid: OccupancyGrid, none: int) -> int:
+    """The number that most of a line runs through; ``none`` where it runs through none."""
+    found = at_cells(numbers, grid.cells_at_m(_points_along(line, grid)), none)
+    found = found[found != none]
+    return int(np.bincount(found).argmax()) if len(found) else none
+
+
+def cut_cells(grid: OccupancyGrid, cells: NDArray[np.int64], lines: Iterable[Line]) -> Parts:
+    """The parts of a place with some cells (n, 2) between lines."""
     centres = grid.cell_centres_m(cells)
     # Wide enough that no step from cell to cell, along a side or a corner, crosses a line.
     away = [_distance_to_line(centres, *line) for line in lines]
@@ -68,7 +121,8 @@ def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) ->
     parts = connected_components(window)
     large = np.flatnonzero(parts.size * grid.resolution_m**2 >= _LEAST_PART_M2)
     if not len(large):
-        return Parts(cells, np.zeros(len(cells), np.int64), np.array([place.area_m2]))
+        whole_m2 = len(cells) * grid.resolution_m**2
+        return Parts(cells, np.zeros(len(cells), np.int64), np.array([whole_m2]))
     order = large[np.argsort(-parts.size[large], kind="stable")]
     rank = np.full(parts.count + 1, -1)  # the last for cells of no piece
     rank[order] = np.arange(len(order))

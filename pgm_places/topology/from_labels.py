@@ -23,6 +23,7 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
+from pgm_places.topology.cuts import Line, cut_pieces
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.place_ids import PlaceIds, number_on
@@ -94,6 +95,7 @@ def topological_map(
     tolerance: AtLeastZero = 1.5,
     min_width_m: AtLeastZero = 0.0,
     doorways: Doorways | None = None,
+    cuts: Sequence[Line] = (),
 ) -> TopologicalMap:
     """The regions of a labelled map, corrected as in the paper, and their connections.
 
@@ -132,6 +134,9 @@ def topological_map(
         :func:`~pgm_places.labelling.label.label_map`. If there are any, they are the only
         doorways, and every place ends at them, whatever the labels there: see
         :func:`~pgm_places.topology.gate_pieces.pieces_between`.
+    cuts : sequence of ((float, float), (float, float)), optional
+        Lines in the map frame that divide places: their two sides touch, without a doorway. A line
+        that divides nothing is left out.
 
     Raises
     ------
@@ -167,6 +172,7 @@ def topological_map(
             tolerance=tolerance,
             min_width_m=min_width_m,
             doorways=None if doorways is None else _part_of_doorways(doorways, grid, window, part),
+            cuts=cuts,
         )
         return _on_whole(found, grid, window)
     if doorways is not None and len(doorways) and rules.doorway_label in names:
@@ -174,7 +180,7 @@ def topological_map(
     else:
         doorways = None
         divided = _labelled_pieces(raster, names, grid, rules, correct)
-    pieces = divided.pieces
+    pieces = cut_pieces(divided.pieces, grid, cuts) if cuts else divided.pieces
     probabilities, halls = None, None
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
@@ -199,7 +205,7 @@ def topological_map(
         names=called,
         probabilities=probabilities,
         halls=halls,
-        gates=_gates_of(divided, doorways),
+        gates=_gates_of(divided, doorways, pieces.count),
         anchors_m=known.anchors_m if known else None,
         deepest=deepest,
         tolerance=tolerance,
@@ -272,12 +278,10 @@ def _labelled_pieces(
 
 
 def _gates_of(
-    divided: GatePieces, doorways: Doorways | None
+    divided: GatePieces, doorways: Doorways | None, count: int
 ) -> list[tuple[Gate, float] | None] | None:
-    """The gate that each piece is, with its probability; None for pieces of places."""
+    """The gate that each of ``count`` pieces is, with its probability; None for other pieces."""
     if doorways is None:
         return None
-    return [
-        None if g < 0 else (doorways.gates[g], float(doorways.probability[g]))
-        for g in divided.gate.tolist()
-    ]
+    numbers = divided.gate.tolist() + [-1] * (count - len(divided.gate))  # the last are cut off
+    return [None if g < 0 else (doorways.gates[g], float(doorways.probability[g])) for g in numbers]

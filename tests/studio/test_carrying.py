@@ -130,3 +130,15 @@ def test_what_was_exported_is_read_and_newer_paint_stays(
     assert desk.painting.labels[6, 6] == 0 and desk.painting.labels[9, 9] == 1
     assert desk.take(Paint.read(path, desk.grid)) == 0  # as often as one likes
     desk.edit({"kind": "undo"})
+
+
+def test_a_cut_moves_with_a_map_that_has_grown(open_desk: Reopen, map_yaml: Path) -> None:
+    before = painted_desk(open_desk)
+    desk = open_desk()
+    ends = desk.grid.cell_centres_m([[4, 15], [25, 15]]).tolist()
+    desk.painting.set_cuts((((ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])),))
+    desk.close()
+    larger = grown(before.grid, 7, 4, says_so=True)
+    save_map(larger, map_yaml.with_suffix(""))
+    [line] = open_desk().painting.cuts
+    assert larger.cells_at_m(line).tolist() == [[11, 19], [32, 19]]

@@ -1,5 +1,6 @@
 """What a relabelling has changed, and what a desk says and does about it."""
 
+import json
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -201,3 +202,37 @@ def test_what_is_no_doorway_may_be_the_likeliest_of_the_other_classes() -> None:
     assert _second_label(check, topology) == "corridor"
     certain = replace(place, probabilities=(0.0, 0.7, 0.0, 0.3))
     assert _second_label(replace(check, place=certain), topology) is None
+
+
+def test_a_place_is_cut_without_a_doorway_and_merging_takes_the_cut_back(labelled: Desk) -> None:
+    def rooms() -> list[int]:
+        assert labelled.taught is not None
+        regions = labelled.taught.topology.regions
+        return [region.id for region in regions if region.label == "room" and region.area_m2 > 4]
+
+    labelled.edit(rectangle(labelled, "room", (5, 5), (25, 25)))
+    labelled.edit(rectangle(labelled, "room", (26, 5), (46, 25)))
+    labelled.edit(rectangle(labelled, "doorway", (25, 13), (26, 17)))
+    wait(labelled, 3)
+    before = rooms()
+    assert len(before) == 2
+    with pytest.raises(InputError, match="this cut divides nothing"):
+        labelled.edit({"kind": "cut", "start": [25.5, 13.5], "end": [25.5, 16.5]})
+    labelled.edit({"kind": "cut", "start": [15.0, 6.0], "end": [15.0, 24.0]})
+    wait(labelled, 4)
+    cut = rooms()
+    assert len(cut) == 3 and set(before) < set(cut)
+    assert labelled.taught is not None
+    topology = labelled.taught.topology
+    parts = [topology.region[10, 10], topology.region[10, 20]]
+    assert len(set(parts)) == 2
+    assert int(parts[0]) in {item.id for item in topology.neighbours(int(parts[1]))}
+    write_export(labelled, "places")
+    places = json.loads((labelled.folder / "places.json").read_text())
+    assert {item["id"] for item in places["regions"]} == {item.id for item in topology.regions}
+    labelled.edit({"kind": "merge", "first": int(parts[0]), "second": int(parts[1])})
+    wait(labelled, 5)
+    assert rooms() == before and labelled.painting.cuts == ()
+    labelled.edit({"kind": "undo"})
+    wait(labelled, 6)
+    assert rooms() == cut

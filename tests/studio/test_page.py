@@ -802,3 +802,34 @@ def test_a_large_map_is_moved_and_zoomed_by_keys_and_wheel(browser: Any, tmp_pat
         page.keyboard.press("Home")
         assert page.evaluate("studio.view.scale") == pytest.approx(before)
         page.close()
+
+
+def test_a_place_is_cut_by_two_clicks_and_undone(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("r")
+    for key, left, right in (("1", 5, 25), ("2", 26, 46)):
+        page.keyboard.press(key)
+        drag(page, (left, 5), (right, 25))
+    wait_taught(page, 2)
+    until(page, "studio.places.regions.length === 2")
+    page.keyboard.press("k")
+    assert page.locator("#hint").text_content().startswith("Click on either side")
+    click(page, 15.5, 8.5)
+    page.mouse.move(*at(page, 15.5, 20.5))
+    until(page, "studio.tools.line")
+    ends = page.evaluate("studio.tools.line.map((end) => studio.frame.toCells(end)[1])")
+    assert sorted(ends) == pytest.approx([5.5, 24.5], abs=0.6)  # from wall to wall
+    click(page, 15.5, 20.5)
+    wait_taught(page, 3)
+    until(page, "studio.places.regions.length === 3")
+    assert page.evaluate("studio.places.regions.every((region) => region.class !== 'doorway')")
+    click(page, 25.5, 13.3)  # the door, whose sides are two classes already
+    click(page, 25.5, 16.7)
+    until(page, "document.getElementById('toast').textContent.includes('divides nothing')")
+    page.keyboard.press("Control+z")
+    wait_taught(page, 4)
+    until(page, "studio.places.regions.length === 2")
+    running.stop()
+    assert painted(map_yaml).cuts == ()

@@ -5,11 +5,12 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.topology.cuts import line_width_m
+from pgm_places.topology.cuts import line_width_m, runs_between
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.hidden_rooms import HiddenRooms, propose_splits
 from pgm_places.topology.place_edits import split_at
 from pgm_places.topology.topological_map import TopologicalMap
+from tests.topology.floors import gated_floor_map
 
 NAMES = ("corridor", "room", "doorway")
 ROOM = 1
@@ -101,3 +102,52 @@ def test_a_point_where_nothing_is_divided_is_answered_in_its_terms() -> None:
         split_at(found, "room 1", in_door(found, 0))
     with pytest.raises(InputError, match=r"is not in 'room 1'; no place is there"):
         split_at(found, "room 1", [-100.0, 0.0])
+
+
+def plain_room() -> tuple[OccupancyGrid, np.ndarray]:
+    """A corridor of 2 x 8.8 m beside a room of 3 x 8.8 m; both touch."""
+    labels = np.full((90, 52), -1, np.int16)
+    labels[1:89, 1:31], labels[1:89, 31:51] = ROOM, 0
+    cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
+    return OccupancyGrid(cells, 0.1, (3.0, -2.0), 0.7), labels
+
+
+def test_a_cut_divides_the_place_that_most_of_it_runs_through_without_a_doorway() -> None:
+    grid, labels = plain_room()
+    (x0, y0), (x1, y1) = grid.cell_centres_m([[30, 0], [30, 33]]).tolist()
+    found = topological_map(grid, labels, NAMES, cuts=[((x0, y0), (x1, y1))])
+    rooms = [region for region in found.regions if region.label == "room"]
+    assert sorted(region.area_m2 for region in rooms) == pytest.approx([8.7, 17.7], abs=0.31)
+    assert [region.label for region in found.regions if region not in rooms] == ["corridor"]
+    one, other = (region.id for region in rooms)
+    assert any({item.first, item.second} == {one, other} for item in found.connections)
+    assert (found.region > 0).sum() == (labels >= 0).sum()
+    assert runs_between(found, ((x0, y0), (x1, y1)), one, other)
+    corridor = next(region.id for region in found.regions if region.label == "corridor")
+    assert not runs_between(found, ((x0, y0), (x1, y1)), one, corridor)
+
+
+def test_a_cut_that_can_be_walked_around_changes_nothing() -> None:
+    grid, labels = plain_room()
+    short, outside = ([[30, 0], [30, 20]], [[-40, 0], [-40, 20]])
+    lines = [tuple(map(tuple, grid.cell_centres_m(ends).tolist())) for ends in (short, outside)]
+    found = topological_map(grid, labels, NAMES, cuts=lines)  # type: ignore[arg-type]
+    assert (found.region == topological_map(grid, labels, NAMES).region).all()
+
+
+def test_the_parts_of_a_cut_keep_their_ids_and_gates_stay_doorways() -> None:
+    grid, labels = plain_room()
+    (x0, y0), (x1, y1) = grid.cell_centres_m([[30, 0], [30, 33]]).tolist()
+    before = topological_map(grid, labels, NAMES, cuts=[((x0, y0), (x1, y1))])
+    ids = before.known_places
+    again = topological_map(grid, labels, NAMES, known=ids, cuts=[((x0, y0), (x1, y1))])
+    assert (again.region == before.region).all()
+    gated = gated_floor_map()
+    room = max(gated.regions, key=lambda region: region.area_m2)
+    left, low, right, high = room.box_m
+    middle = (left + right) / 2
+    line = ((middle, low - 0.2), (middle, high + 0.2))
+    found = gated_floor_map(cuts=[line])
+    assert len(found.regions) == len(gated.regions) + 1
+    gates = [region.gate for region in found.regions if region.gate is not None]
+    assert gates == [region.gate for region in gated.regions if region.gate is not None]

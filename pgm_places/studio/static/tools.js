@@ -7,9 +7,11 @@ export const TOOLS = [
   { name: "polygon", key: "p", words: "Polygon", icon: "polygon", hint: "Click the corners; double-click or press Enter to close." },
   { name: "fill", key: "f", words: "Fill a region", icon: "fill", hint: "Click a region to give all of it this class." },
   { name: "doorway", key: "d", words: "Doorway: click wall, click wall", icon: "doorway", hint: "Click on either side of the opening; the ends reach to the walls." },
+  { name: "cut", key: "k", words: "Cut a place: click wall, click wall", icon: "cut", hint: "Click on either side of a place: its two parts touch, without a doorway between them." },
   { name: "merge", key: "m", words: "Merge two regions", icon: "merge", hint: "Click the two regions that are one." },
 ];
 
+const LINES = ["doorway", "cut"]; // from wall to wall
 const LEAST_STEP = 3;
 
 export class Tools {
@@ -22,7 +24,7 @@ export class Tools {
     this.pointer = null;
     this.pending = [];
     this.first = null;
-    this.line = null; // the doorway that a second click would draw
+    this.line = null; // the doorway or cut that a second click would draw
   }
 
   get tool() {
@@ -82,13 +84,14 @@ export class Tools {
   click(point, region) {
     if (this.name === "polygon") {
       this.points.push(point);
-    } else if (this.name === "doorway") {
+    } else if (LINES.includes(this.name)) {
       this.points.push(point);
       if (this.points.length === 2) {
         const points = this.points;
         this.points = [];
         this.line = null;
-        this.#stroke("doorway", points);
+        if (this.name === "cut") this.#cut(points);
+        else this.#stroke("doorway", points);
       }
     } else if (this.name === "fill") {
       this.fill(point);
@@ -112,9 +115,9 @@ export class Tools {
     return this.drawing || this.points.length > 0 || this.first !== null;
   }
 
-  /** Show where the doorway would end, not more often than the server can say. */
+  /** Show where the line would end, not more often than the server can say. */
   async snap() {
-    if (this.name !== "doorway" || this.points.length !== 1 || this.snapping || !this.pointer) return;
+    if (!LINES.includes(this.name) || this.points.length !== 1 || this.snapping || !this.pointer) return;
     const [start, end] = [this.points[0], this.pointer];
     this.snapping = true;
     const { frame, server } = this.studio;
@@ -151,6 +154,11 @@ export class Tools {
     this.studio.edit({ kind: "merge", first, second });
   }
 
+  #cut(points) {
+    const [start, end] = points.map((point) => this.studio.frame.toCells(point));
+    this.studio.edit({ kind: "cut", start, end });
+  }
+
   async #stroke(tool, points) {
     const { studio } = this;
     const label = studio.labelOf(tool);
@@ -182,9 +190,9 @@ export class Tools {
     const label = this.studio.labelOf(this.name);
     if (this.drawing || this.points.length) {
       let points = [...this.points];
-      const open = this.name === "polygon" || this.name === "doorway";
+      const open = this.name === "polygon" || LINES.includes(this.name);
       if (open && this.pointer) points.push(this.pointer);
-      if (this.name === "doorway" && this.line) points = this.line;
+      if (this.line) points = this.line;
       const shape = { tool: this.name, points, radius: this.radius, label };
       this.#drawShape(context, shape, pixel, colours, 0.55);
     }
@@ -203,7 +211,7 @@ export class Tools {
     }
   }
 
-  /** Where a doorway reaches to. */
+  /** Where a doorway or a cut reaches to. */
   #drawEnds(context, pixel, colours) {
     for (const { x, y } of this.line) {
       context.beginPath();
@@ -218,7 +226,7 @@ export class Tools {
 
   #drawShape(context, { tool, points, radius, label }, pixel, colours, opacity) {
     if (!points.length) return;
-    const colour = label < 0 ? colours.halo : colours.ofLabel(label);
+    const colour = tool === "cut" ? colours.ink : label < 0 ? colours.halo : colours.ofLabel(label);
     context.save();
     context.globalAlpha = opacity;
     context.fillStyle = colour;
@@ -237,7 +245,8 @@ export class Tools {
         context.lineWidth = 2 * pixel;
       } else {
         if (points.length === 1) context.lineTo(points[0].x + 0.01, points[0].y); // a dot
-        context.lineWidth = 2 * (tool === "doorway" ? this.studio.doorwayRadius : Math.max(radius, 0.5));
+        if (tool === "cut") context.globalAlpha = 1;
+        context.lineWidth = tool === "cut" ? 2 * pixel : 2 * (tool === "doorway" ? this.studio.doorwayRadius : Math.max(radius, 0.5));
       }
       context.stroke();
     }
