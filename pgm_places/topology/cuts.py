@@ -93,7 +93,8 @@ def runs_between(topology: TopologicalMap, line: Line, first: int, second: int) 
     sides = np.stack(
         [at_cells(topology.region, grid.cells_at_m(points + way), 0) for way in (beside, -beside)]
     )
-    return bool((sorted((first, second)) == np.sort(sides, axis=0).T).all(axis=1).any())
+    wanted = np.array(sorted((first, second)))[:, np.newaxis]
+    return bool((np.sort(sides, axis=0) == wanted).all(axis=0).any())
 
 
 def _points_along(line: Line, grid: OccupancyGrid) -> NDArray[np.float64]:

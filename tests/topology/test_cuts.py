@@ -10,7 +10,7 @@ from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.hidden_rooms import HiddenRooms, propose_splits
 from pgm_places.topology.place_edits import split_at
 from pgm_places.topology.topological_map import TopologicalMap
-from tests.topology.floors import gated_floor_map
+from tests.topology.floors import gated_floor_map, gates_of
 
 NAMES = ("corridor", "room", "doorway")
 ROOM = 1
@@ -147,7 +147,8 @@ def test_the_parts_of_a_cut_keep_their_ids_and_gates_stay_doorways() -> None:
     left, low, right, high = room.box_m
     middle = (left + right) / 2
     line = ((middle, low - 0.2), (middle, high + 0.2))
-    found = gated_floor_map(cuts=[line])
+    labels = np.where(gated.grid.free, np.int16(ROOM), np.int16(-1))
+    found = topological_map(gated.grid, labels, NAMES, doorways=gates_of(gated.grid), cuts=[line])
     assert len(found.regions) == len(gated.regions) + 1
     gates = [region.gate for region in found.regions if region.gate is not None]
     assert gates == [region.gate for region in gated.regions if region.gate is not None]
