@@ -88,9 +88,9 @@ def data_for(spec: PaperSection, stockholm: Path | None = None) -> Path | None:
     if missing and spec.of_stockholm:
         raise ConfigError(
             f"{spec.title}: no folder {missing[0]} in {data}; give COLD-Stockholm in the layout of "
-            "docs/reproduce.md: --stockholm FOLDER"
+            "docs/paper.md: --stockholm FOLDER"
             if data is not None
-            else f"{spec.title}: needs COLD-Stockholm: --stockholm FOLDER (docs/reproduce.md)"
+            else f"{spec.title}: needs COLD-Stockholm: --stockholm FOLDER (docs/paper.md)"
         )
     return None if missing else data
 

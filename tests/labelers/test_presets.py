@@ -54,7 +54,7 @@ def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
         preset_values("papper")
 
 
-@pytest.mark.parametrize("page", ["configuration.md", "theory.md"])
+@pytest.mark.parametrize("page", ["configuration.md", "paper.md"])
 def test_every_option_of_the_presets_is_in_the_documentation(page: str) -> None:
     text = (Path(__file__).parents[2] / "docs" / page).read_text(encoding="utf-8")
     for key in preset_values("paper") | preset_values("paper", "steps"):
