@@ -7,3 +7,23 @@ for (const image of document.querySelectorAll(".bd-article img:not(a img)")) {
   image.replaceWith(link);
   link.append(image);
 }
+
+// A table that is wider than the page says that it scrolls, also once its box is unfolded.
+const tables = new ResizeObserver((boxes) => {
+  for (const { target } of boxes) {
+    const before = target.previousElementSibling;
+    const marked = before?.classList.contains("scrolls-sideways");
+    const wide = target.scrollWidth > target.clientWidth + 1;
+    if (wide && !marked) {
+      const line = document.createElement("p");
+      line.className = "scrolls-sideways";
+      line.textContent = "Scroll sideways to see all columns \u2192";
+      target.before(line);
+    } else if (marked && !wide) {
+      before.remove();
+    }
+  }
+});
+for (const table of document.querySelectorAll(".pst-scrollable-table-container")) {
+  tables.observe(table);
+}
