@@ -115,7 +115,7 @@ def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     n_open = len(reduce_model(pairwise_model(*_arrays(model))).nodes)
     rows = []
     for name in DECODERS:
-        if name in ("exact", "toulbar2") or (name == "lp" and n_open > LP_NODES):
+        if name == "exact" or (name == "lp" and n_open > LP_NODES):
             continue
         seconds, found = timed(lambda name=name: decode(graph, potentials, name), repeats)
         rows.append(

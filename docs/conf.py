@@ -7,6 +7,7 @@ from pathlib import Path
 from pgm_places._version import __version__
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "plugins"))
 
 project = "pgm_places"
 author = "The pgm_places developers"

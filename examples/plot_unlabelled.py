@@ -10,10 +10,10 @@ exact. For comparison, a mixture that sees each step alone.
 
 import matplotlib.pyplot as plt
 import numpy as np
+from pgm_places_plugins.gaussian_em import gaussian_em
 from sklearn.mixture import GaussianMixture
 
 from pgm_places import LabelGraph, decode
-from pgm_places.models.gaussian_em import gaussian_em
 
 rng = np.random.default_rng(7)
 truth = np.repeat([0, 1, 0, 1, 0, 1, 0], [120, 70, 90, 40, 130, 100, 50])

@@ -156,8 +156,8 @@ def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
         raise InputError(
             f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers: too many nodes part "
             f"this graph of {around.n_nodes} nodes and {around.n_edges} edges with "
-            f"{unary.shape[1]} labels. Use 'toulbar2' for the best labelling, 'trw-s' for one with "
-            "a bound, or 'sum-product' for beliefs"
+            f"{unary.shape[1]} labels. Use 'trw-s' for a labelling with a bound, or "
+            "'sum-product' for beliefs"
         )
     labels, marginals = tree.solved(unary)
     edges = [(int(i), int(j)) for i, j in around.edges] if problem.inside else []
@@ -169,15 +169,6 @@ def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
     return DecodingAnswer(labels, Status.EXACT, best, np.array(whole.beliefs), info)
 
 
-def _toulbar2(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.exact_search import exact_search
-
-    limit = {} if problem.limit is None else {"max_backtracks": problem.limit}
-    best = exact_search(problem.model, **limit)
-    status = Status.CONVERGED if best.complete else Status.STOPPED  # EXACT if the bound proves it
-    return DecodingAnswer(best.labels, status, best.bound, info={"backtracks": best.backtracks})
-
-
 DECODERS: Mapping[str, NamedDecoder] = {
     "graph-cut": NamedDecoder(_graph_cut),
     "lp": NamedDecoder(_lp),
@@ -187,6 +178,5 @@ DECODERS: Mapping[str, NamedDecoder] = {
     "max-product": NamedDecoder(_max_product),
     "sum-product": NamedDecoder(_sum_product, gives_beliefs=True),
     "exact": NamedDecoder(_exact, gives_beliefs=True, labels_maps=False),
-    "toulbar2": NamedDecoder(_toulbar2),
 }
 """Built-in decoders by name; ``docs/inference.md`` says which to take when."""

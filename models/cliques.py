@@ -100,7 +100,7 @@ def decode_with_cliques(
         The sets.
     method : str
         The name of a decoder. With two labels ``graph-cut`` finds the best labelling of all, as
-        do ``exact`` (which gives no beliefs here) and ``toulbar2``. Beliefs (``sum-product``,
+        does ``exact`` (which gives no beliefs here). Beliefs (``sum-product``,
         ``mean-field``) are those of ``p ~ exp(score)``, what sets earn included.
     weight : float or (C, K) float
         What a set in which all nodes agree earns for each of them, or that by set and label.

@@ -64,9 +64,8 @@ def decode(
         has none of its own. The labels stay the method's. What the certificate cost is in
         ``info["certificate"]``.
     max_iterations : int, optional
-        Limit on sweeps, passes, iterations or (``toulbar2``) backtracks instead of the method's
-        own; ``lp`` and ``exact`` have none, nor have ``max-product`` and ``sum-product`` without
-        cycles: they take two.
+        Limit on sweeps, passes or iterations instead of the method's own; ``lp`` and ``exact``
+        have none, nor have ``max-product`` and ``sum-product`` without cycles: they take two.
     damping : float, optional
         Share of its old value that each message or belief keeps in an iteration, from 0 to below 1,
         instead of the method's own: half for ``max-product`` on graphs with cycles, where messages

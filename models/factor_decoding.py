@@ -1,7 +1,6 @@
 """Decoding factors of any order by name: as they are, or as a pairwise model with further nodes."""
 
 import time
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ def decode_factors(
 ) -> Labeling:
     """A labelling of a factor graph by the named decoder, with its score, bound and status.
 
-    ``exact`` and ``toulbar2`` take factors of any order as they are. All others are given a
+    ``exact`` takes factors of any order as they are. All others are given a
     pairwise model (:meth:`~pgm_places.inference.factor_graph.FactorGraph.pairwise`): factors of
     order 3 and more become nodes of it, which ``lp``, ``trw-s``, ``max-product``, ``sum-product``
     and decoders that others have added can take, as long as a factor allows 256 labellings at most.
@@ -78,15 +77,15 @@ def decode_factors(
     if graph.order > 2 and method in PAIRWISE_ONLY:
         raise InputError(
             f"{method!r} takes no factors of more than two nodes, and one has {graph.order}; use "
-            "'exact', 'toulbar2', 'trw-s', 'lp', 'max-product' or 'sum-product'"
+            "'exact', 'trw-s', 'lp', 'max-product' or 'sum-product'"
         )
     whole = graph if known is None else graph.with_known(known)
     if any(table.max() == -np.inf for table in whole.tables):
         raise InfeasibleError(_NONE)
     started = time.perf_counter()
     info: dict[str, Any] = {"decoder": method, "iterations": 0, "history": ()}
-    if method in _NATIVE:
-        answer = _NATIVE[method](whole, max_iterations)
+    if method == "exact":
+        answer = _exact(whole)
     else:
         answer = _by_pairs(whole, method, certify, max_iterations)
     info |= dict(answer.info) | {"seconds": time.perf_counter() - started}
@@ -98,7 +97,7 @@ def decode_factors(
     return Labeling(answer.labels, status, answer.beliefs, total, bound, info)
 
 
-def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
+def _exact(graph: FactorGraph) -> DecodingAnswer:
     from pgm_places.solvers.bucket_tree import MOST_ENTRIES, BucketTree
 
     sizes = graph.n_labels.tolist()
@@ -106,8 +105,8 @@ def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
     if tree is None:
         raise InputError(
             f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers for these "
-            f"{len(graph.scopes)} factors over {graph.n_nodes} nodes. Use 'toulbar2' for the best "
-            "labelling, 'trw-s' for one with a bound, or 'sum-product' for beliefs"
+            f"{len(graph.scopes)} factors over {graph.n_nodes} nodes. Use 'trw-s' for a "
+            "labelling with a bound, or 'sum-product' for beliefs"
         )
     free = [np.zeros(size) for size in sizes]
     labels = tree.solved(free)[0]
@@ -117,27 +116,6 @@ def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
         row[: len(values)] = values
     info = {"log_partition": whole.log_partition + graph.constant, "width": tree.order.width}
     return DecodingAnswer(labels, Status.EXACT, graph.score(labels), beliefs, info)
-
-
-def _toulbar2(graph: FactorGraph, limit: int | None) -> DecodingAnswer:
-    from pgm_places.solvers.exact_search import search_factors
-
-    sizes, factors = graph.n_labels.tolist(), _factors(graph)
-    first = _improved(graph, np.zeros(graph.n_nodes, np.int64))
-    initial = first if graph.score(first) > -np.inf else None
-    limits = {} if limit is None else {"max_backtracks": limit}
-    search = search_factors(sizes, factors, initial=initial, **limits)
-    status = Status.CONVERGED if search.complete else Status.STOPPED
-    if graph.score(search.labels) == -np.inf:
-        status = Status.INFEASIBLE
-    bound = search.bound + graph.constant
-    return DecodingAnswer(search.labels, status, bound, info={"backtracks": search.backtracks})
-
-
-_NATIVE: Mapping[str, Callable[[FactorGraph, int | None], DecodingAnswer]] = {
-    "exact": _exact,
-    "toulbar2": _toulbar2,
-}
 
 
 def _by_pairs(graph: FactorGraph, method: str, certify: bool, limit: int | None) -> DecodingAnswer:

@@ -12,7 +12,6 @@ import pgm_places as p
 from pgm_places.errors import ConfigError, InfeasibleError, InputError, NotFittedError, OutputError
 from pgm_places.io.file_kind import kind_of
 from pgm_places.io.places.topology_files import save_topology
-from pgm_places.models.gaussian_em import gaussian_em
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forward import ForwardFilter
 from pgm_places.solvers.likelihood import negative_log_likelihood
@@ -144,10 +143,6 @@ def test_max_product_settles_well_by_default_and_says_what_is_better() -> None:
 
 def test_words_of_functions_are_those_of_options() -> None:
     rng = np.random.default_rng(0)
-    chain, x = [p.LabelGraph.from_lattice((60,))], [rng.normal(size=(60, 2))]
-    assert gaussian_em(chain, x, 2, covariance="diag").covariances[0, 0, 1] == 0
-    with pytest.raises(ConfigError, match=r"covariance must be 'full', .* or 'tied', got 'sphere'"):
-        gaussian_em(chain, x, 2, covariance="sphere")  # type: ignore[arg-type]
     edges = [(0, 1), (1, 2), (2, 3)]
     field = TableField(rng.normal(size=(4, 2)), adjacency(4, edges), np.ones((3, 1)), 2)
     weights = np.zeros(field.n_weights)

@@ -158,8 +158,7 @@ class FactorGraph:
                 if len(allowed) > MOST_STATES:
                     raise InputError(
                         f"factor {number} of {len(scope)} nodes allows {len(allowed)} labellings, "
-                        f"more than the {MOST_STATES} for which it can become a node; use 'exact' "
-                        "or 'toulbar2'"
+                        f"more than the {MOST_STATES} for which it can become a node; use 'exact'"
                     )
                 for place, node in enumerate(scope):
                     fits = allowed[:, place] == np.arange(self.n_labels[node])[:, np.newaxis]

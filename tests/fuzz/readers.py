@@ -23,7 +23,6 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
-from pgm_places.io.networks.dimacs import read_dimacs
 from pgm_places.io.networks.uai import read_evidence, read_uai, read_uai_result
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.place_ids_file import read_session
@@ -264,7 +263,6 @@ READERS |= {
     "network.evid": Reader(_of_folder(read_evidence, "network.evid", n_nodes=5), "network.evid"),
     "network.MAP": Reader(_of_folder(read_uai_result, "network.MAP"), "network.MAP"),
     "network.MAR": Reader(_of_folder(read_uai_result, "network.MAR"), "network.MAR"),
-    "cut.max": Reader(_of_folder(read_dimacs, "cut.max"), "cut.max"),
     "messages of a robot": Reader(messages_of, "messages.json", (of_message,)),
 }
 READERS |= {
@@ -317,7 +315,6 @@ USES: dict[str, tuple[Use, str]] = {
     "session of a robot": (uses.go_on, "gone on with"),
     "network.uai": (uses.decode, "decoded"),
     "network.evid": (uses.decode_known, "kept"),
-    "cut.max": (uses.cut, "cut"),
     "messages of a robot": (uses.drive, "taken"),
 }
 """What is done with a reader's result, and how it is called."""

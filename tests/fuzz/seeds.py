@@ -19,7 +19,6 @@ from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
-from pgm_places.io.networks.dimacs import CutProblem, write_dimacs
 from pgm_places.io.networks.uai import read_uai, write_evidence, write_uai, write_uai_result
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.place_ids_file import write_session
@@ -225,7 +224,7 @@ def seeds(folder: Path) -> None:
 
 
 def _write_networks(folder: Path) -> None:
-    """A network of a factor of three nodes and a loop, results for it, and a cut."""
+    """A network of a factor of three nodes and a loop, and results for it."""
     rng = np.random.default_rng(0)
     scopes = ((0,), (0, 1), (1, 2), (2, 3), (3, 0), (1, 3, 4))
     sizes = (2, 3, 2, 2, 2)
@@ -237,12 +236,6 @@ def _write_networks(folder: Path) -> None:
     write_uai_result(folder / "network.MAP", decode_factors(network, "exact"), "MAP", graph=network)
     beliefs = decode_factors(network, "sum-product")
     write_uai_result(folder / "network.MAR", beliefs, "MAR", graph=network)
-    edges = np.array([(0, 1), (1, 2), (0, 3), (2, 3)])
-    capacities = [rng.random(4) for _ in range(4)]
-    write_dimacs(
-        folder / "cut.max",
-        CutProblem(capacities[0], capacities[1], edges, capacities[2], capacities[3]),
-    )
 
 
 def _write_journal(folder: Path, grid: OccupancyGrid) -> None:

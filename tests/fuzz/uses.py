@@ -13,7 +13,6 @@ from pgm_places.inference.backends import build
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.bags import MapMessage
 from pgm_places.io.maps.map_server import MapFile, load_map
-from pgm_places.io.networks.dimacs import CutProblem
 from pgm_places.io.networks.uai import read_uai
 from pgm_places.io.places.exports import EXPORTS, export
 from pgm_places.io.places.topology_files import save_topology
@@ -23,7 +22,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.factor_decoding import decode_factors
 from pgm_places.persistence.map_prior import LabelledMapFolder
 from pgm_places.persistence.stored import Stored
-from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds
@@ -154,7 +152,3 @@ def drive(read: Sequence[tuple[str, bytes]], _: Path) -> None:
         robot.node.take(what, raw, now_s=float(step))
         robot.node.turn(float(step))
     assert all("\n" not in line and len(line) < 700 for line in robot.said)
-
-
-def cut(read: CutProblem, _: Path) -> None:
-    minimum_cut(*read.capacities)

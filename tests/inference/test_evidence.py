@@ -1,6 +1,5 @@
 """Evidence: labels that are known or forbidden hold in every method."""
 
-import importlib.util
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,18 +31,14 @@ from tests.strategies import models
 
 NAMES = ("a", "b", "c")
 
-DECODERS = [
-    name for name in BUILT_IN if name != "toulbar2" or importlib.util.find_spec("pytoulbar2")
-]
-
 METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "independent": ("independent", {}),
     "relaxation": ("relaxation", {}),
-    **{f"potts, {name}": ("potts", {"inference": name}) for name in DECODERS},
-    **{f"amn, {name}": ("amn", {"inference": name}) for name in DECODERS},
+    **{f"potts, {name}": ("potts", {"inference": name}) for name in BUILT_IN},
+    **{f"amn, {name}": ("amn", {"inference": name}) for name in BUILT_IN},
     **{
         f"crf, {name}": ("crf", {"inference": name})
-        for name in ("auto", *DECODERS)
+        for name in ("auto", *BUILT_IN)
         if name != "graph-cut"
     },
     "crf, max-margin": ("crf", {"learner": "max-margin"}),

@@ -53,8 +53,6 @@ def test_blind_steps_never_take_the_rare_label(name: str, observation: str, mode
 
 @pytest.mark.parametrize("decoder", decoder_names())
 def test_decoders_go_by_the_neighbours(decoder: str) -> None:
-    if decoder == "toulbar2":
-        pytest.importorskip("pytoulbar2")
     found = build("potts", inference=decoder).infer(chain(with_gap()))
     assert found.labels.tolist() == TRUTH.tolist()
 

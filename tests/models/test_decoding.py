@@ -1,6 +1,5 @@
 """One contract for every decoder: what a labelling says about itself holds."""
 
-import importlib.util
 from itertools import combinations, product
 
 import numpy as np
@@ -18,16 +17,7 @@ from pgm_places.solvers.local_search import allowed_labels
 from tests.reference.energy import Model, best_score
 from tests.strategies import Kind, models, ruled_models
 
-HAS_TOULBAR2 = importlib.util.find_spec("pytoulbar2") is not None
-ALL = [
-    pytest.param(
-        name,
-        marks=pytest.mark.skipif(
-            name == "toulbar2" and not HAS_TOULBAR2, reason="needs the extra exact-search"
-        ),
-    )
-    for name in DECODERS
-]
+ALL = list(DECODERS)
 ANY: tuple[Kind, ...] = ("associative", "agreement", "shared table", "tables", "metric")
 SUITABLE: dict[str, tuple[tuple[Kind, ...], bool]] = dict.fromkeys(DECODERS, (ANY, False)) | {
     "graph-cut": (("associative", "metric"), False),
@@ -35,7 +25,7 @@ SUITABLE: dict[str, tuple[tuple[Kind, ...], bool]] = dict.fromkeys(DECODERS, (AN
 """Potentials that a decoder takes, and whether it wants a forest."""
 
 EXACT_ON_FORESTS = ("lp", "exact")
-ITERATIVE = [name for name in DECODERS if name not in ("lp", "exact", "toulbar2")]
+ITERATIVE = [name for name in DECODERS if name not in ("lp", "exact")]
 
 
 @st.composite
@@ -216,7 +206,7 @@ def test_a_worked_triangle() -> None:
         assert decode(graph, potentials, method).labels.tolist() == [0, 0, 0]
 
 
-FORBIDDING = [one for one in ALL if one.values[0] != "graph-cut"]
+FORBIDDING = [one for one in ALL if one != "graph-cut"]
 """Decoders that take -inf in tables."""
 
 

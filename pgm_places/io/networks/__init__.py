@@ -1,1 +1,1 @@
-"""Files of graphical models that other programs read and write: UAI, DIMACS, OpenGM."""
+"""Files of graphical models that other programs read and write: UAI."""

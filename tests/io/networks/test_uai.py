@@ -103,7 +103,7 @@ def test_networks_come_back_as_they_were(seed: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(4, 10))
 def test_toulbar2_reads_the_same(seed: int, tmp_path: Path) -> None:
-    package = pytest.importorskip("pytoulbar2", reason="needs the extra exact-search")
+    package = pytest.importorskip("pytoulbar2", reason="needs pytoulbar2")
     graph = random_factors(seed, order=3)
     found = decode_factors(graph)
     path = write_uai(tmp_path / "n.uai", graph)

@@ -1,30 +1,38 @@
-"""Branch and bound by toulbar2; what its installation takes is an extra."""
+"""Branch and bound by toulbar2, a decoder from outside the package."""
 
 import sys
 
 import numpy as np
 import pytest
+from pgm_places_plugins.toulbar2 import decode_by_toulbar2, exact_search, search_factors
 
 from pgm_places import LabelGraph, Potentials, decode
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.labeling import Status
+from pgm_places.models.decoder_checks import check_decoder
+from pgm_places.models.decoders import register_decoder
 from pgm_places.solvers.bucket_tree import BucketTree, Factor
-from pgm_places.solvers.exact_search import exact_search, search_factors
 from pgm_places.solvers.pairwise import pairwise_model
 
 
 def test_without_toulbar2_a_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pytoulbar2", None)
-    with pytest.raises(InputError, match=r"the decoder 'toulbar2' needs .*exact-search"):
+    with pytest.raises(InputError, match=r"the decoder 'toulbar2' needs .*pip install pytoulbar2"):
         exact_search(pairwise_model(np.zeros((2, 2)), [(0, 1)]))
 
 
 class TestSearch:
-    """With the extra; skipped where it is not installed."""
+    """Skipped where toulbar2 is not installed."""
 
     @pytest.fixture(autouse=True)
-    def _needs_toulbar2(self) -> None:
-        pytest.importorskip("pytoulbar2", reason="needs the extra exact-search")
+    def _needs_toulbar2(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        pytest.importorskip("pytoulbar2", reason="needs pytoulbar2")
+        monkeypatch.setattr("pgm_places.models.decoders._registered", {})
+        register_decoder("toulbar2", decode_by_toulbar2)
+
+    def test_it_keeps_its_word(self) -> None:
+        report = check_decoder("toulbar2", n_problems=120, seed=1)
+        assert report.best + report.statuses["infeasible"] == 120
 
     @pytest.mark.parametrize("seed", range(3))
     def test_hard_grids_of_five_labels_are_solved_to_proof(self, seed: int) -> None:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pgm_places_plugins.gaussian_em import PRIOR_SHARE, GaussianEM, gaussian_em
 from scipy.stats import multivariate_normal
 from sklearn.mixture import GaussianMixture
 
 from pgm_places import LabelGraph, decode
 from pgm_places.errors import InputError
-from pgm_places.models.gaussian_em import PRIOR_SHARE, GaussianEM, gaussian_em
 
 Array = NDArray[Any]
 
@@ -177,12 +177,16 @@ def test_wrong_input_is_refused() -> None:
     x = np.zeros((6, 1))
     with pytest.raises(InputError, match="got 1 graphs, 2 features and 1 labelings"):
         gaussian_em([CHAIN], [x, x], 2)
-    with pytest.raises(InputError, match=r"features\[0\] must have shape"):
+    with pytest.raises(InputError, match=r"features\[0\] must be finite numbers of shape"):
         gaussian_em([CHAIN], [np.zeros((5, 1))], 2)
     with pytest.raises(InputError, match="n_labels must be from 1 to the number of nodes, got 7"):
         gaussian_em([CHAIN], [x], 7)
     with pytest.raises(InputError, match="feature 0 is the same at all nodes; leave it out"):
         gaussian_em([CHAIN], [x], 2)
+    with pytest.raises(InputError, match=r"labelings\[0\] must hold 6 labels from -1 to 1"):
+        gaussian_em([CHAIN], [x], 2, labelings=[[2] * 6])
+    with pytest.raises(InputError, match=r"covariance must be one of .* got 'sphere'"):
+        gaussian_em([CHAIN], [x + np.arange(6.0)[:, None]], 2, covariance="sphere")  # type: ignore[arg-type]
     learned = gaussian_em([CHAIN], [np.arange(6.0)[:, None]], 2)
     with pytest.raises(InputError, match="the transitions of chains were learned"):
         learned.potentials(RING, x)

@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pgm_places_plugins.best_labelings import best_labelings
 
 from pgm_places import LabelGraph
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.models.best_labelings import best_labelings
 from pgm_places.solvers.forest import max_marginals
 from pgm_places.solvers.local_search import allowed_labels
 from pgm_places.solvers.pairwise import pairwise_model
@@ -55,7 +55,7 @@ def test_they_are_those_of_all_labellings_with_cycles(number: int, tables: bool)
 @pytest.fixture
 def no_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
     """Graphs with cycles are decoded, as if they were too dense for anything better."""
-    monkeypatch.setattr("pgm_places.models.best_labelings.MOST_ENTRIES", 0)
+    monkeypatch.setattr("pgm_places_plugins.best_labelings.MOST_ENTRIES", 0)
 
 
 @pytest.mark.parametrize("number", range(0, len(CYCLES), 2))

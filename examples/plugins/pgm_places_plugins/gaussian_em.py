@@ -12,9 +12,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._arguments import public
-from pgm_places._checks import finite_array, frozen, integer_array, require_type
-from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
@@ -27,6 +24,8 @@ from pgm_places.solvers.mean_field import mean_field
 
 Array = NDArray[np.float64]
 
+COVARIANCES = ("full", "diagonal", "diag", "spherical", "tied")
+
 # Learning ends when a round raises the objective by less than this a node.
 AT_REST = 1e-6
 
@@ -37,7 +36,6 @@ AROUND = 8
 PRIOR_SHARE = 0.1
 
 
-@travels
 @dataclass(frozen=True, eq=False)
 class GaussianEM:
     """What was learned.
@@ -79,7 +77,7 @@ class GaussianEM:
 
     def log_density(self, features: ArrayLike) -> Array:
         """(N, K) the logarithm of each label's Gaussian at each row of features (N, D)."""
-        x = finite_array("features", features, ("N", self.means.shape[1]))
+        x = _finite("features", features, (None, self.means.shape[1]))
         return _log_density(x, self.means, self.covariances)
 
     def potentials(self, graph: LabelGraph, features: ArrayLike) -> Potentials:
@@ -92,7 +90,6 @@ class GaussianEM:
         return _chained(unary, self.transition, self.initial)
 
 
-@public
 def gaussian_em(
     graphs: Sequence[LabelGraph],
     features: Sequence[ArrayLike],
@@ -151,7 +148,8 @@ def gaussian_em(
     ([[0.0], [2.9]], 0.985)
     """
     task = _checked(graphs, features, labelings, n_labels)
-    weight = float(finite_array("weight", weight, ()))
+    if covariance not in COVARIANCES:
+        raise InputError(f"covariance must be one of {COVARIANCES}, got {covariance!r}")
     looks = np.concatenate(task.features), _around(task)
     starts = [_first_beliefs(task, values, n_labels, seed) for values in looks]
     candidates = [_learned(task, start, weight, covariance, max_rounds) for start in starts]
@@ -184,13 +182,13 @@ def _learned(
             converged = True
             break
     return GaussianEM(
-        frozen(gaussians[0]),
-        frozen(gaussians[1]),
-        frozen(links[0]) if chains else None,
-        frozen(links[1]) if chains else None,
+        gaussians[0],
+        gaussians[1],
+        links[0] if chains else None,
+        links[1] if chains else None,
         weight,
-        tuple(frozen(part.copy()) for part in np.split(beliefs, parts)),
-        frozen(np.array(objectives)),
+        tuple(part.copy() for part in np.split(beliefs, parts)),
+        np.array(objectives),
         converged,
         exact,
     )
@@ -224,19 +222,29 @@ def _checked(
         )
     rows: list[Array] = []
     for m, (graph, part) in enumerate(zip(graphs, features, strict=True)):
-        require_type(f"graphs[{m}]", graph, LabelGraph)
-        width = rows[0].shape[1] if rows else "D"
-        rows.append(finite_array(f"features[{m}]", part, (graph.n_nodes, width)))
-    known = [
-        integer_array(f"labelings[{m}]", part, (graph.n_nodes,), low=-1, high=n_labels)
-        for m, (graph, part) in enumerate(zip(graphs, given, strict=True))
-    ]
+        width = rows[0].shape[1] if rows else None
+        rows.append(_finite(f"features[{m}]", part, (graph.n_nodes, width)))
+    known = [np.asarray(part, np.int64) for part in given]
+    for m, (graph, part) in enumerate(zip(graphs, known, strict=True)):
+        if part.shape != (graph.n_nodes,) or not ((part >= -1) & (part < n_labels)).all():
+            raise InputError(
+                f"labelings[{m}] must hold {graph.n_nodes} labels from -1 to {n_labels - 1}"
+            )
     if n_labels < 1 or sum(map(len, rows)) < n_labels:
         raise InputError(f"n_labels must be from 1 to the number of nodes, got {n_labels}")
     same = np.flatnonzero(np.ptp(np.concatenate(rows), axis=0) == 0)
     if len(same):
         raise InputError(f"feature {same[0]} is the same at all nodes; leave it out")
     return _Task(graphs, rows, known)
+
+
+def _finite(name: str, values: ArrayLike, shape: tuple[int | None, int | None]) -> Array:
+    """The rows as numbers; None stands for any length."""
+    x = np.asarray(values, np.float64)
+    fits = x.ndim == 2 and all(n in (None, m) for n, m in zip(shape, x.shape, strict=True))
+    if not fits or not np.isfinite(x).all():
+        raise InputError(f"{name} must be finite numbers of shape {shape}, got {x.shape}")
+    return x
 
 
 def _around(task: _Task) -> Array:

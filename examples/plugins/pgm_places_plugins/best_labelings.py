@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, require_at_least
-from pgm_places.errors import InfeasibleError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
@@ -96,13 +95,14 @@ def best_labelings(
     """
     potentials = checked_potentials(graph, potentials, known)
     named_decoder(decoder)
-    require_at_least("n_best", n_best, 1)
+    if n_best < 1:
+        raise InputError(f"n_best must be at least 1, got {n_best}")
     search = _search(graph, potentials, decoder)
     labelings, exact = _enumerated(potentials.unary, search, n_best)
     labels = np.array(labelings, np.int64).reshape(len(labelings), graph.n_nodes)
     scores = np.array([score(graph, potentials, row) for row in labels])
     order = np.argsort(-scores, kind="stable")
-    return BestLabelings(frozen(labels[order]), frozen(scores[order]), exact)
+    return BestLabelings(labels[order], scores[order], exact)
 
 
 class _Second(NamedTuple):

@@ -1,8 +1,10 @@
 """Branch and bound by toulbar2: the best labelling of hard problems, with proof.
 
-toulbar2 (https://toulbar2.github.io/toulbar2) is an optional package: the extra ``exact-search``.
+toulbar2 (https://toulbar2.github.io/toulbar2) is a package of its own: ``pip install pytoulbar2``.
+The entry point in ``pyproject.toml`` makes it the decoder ``"toulbar2"``.
 """
 
+import importlib
 import math
 import threading
 from collections.abc import Sequence
@@ -12,14 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
-from pgm_places._extras import needed
-from pgm_places.errors import InfeasibleError
+from pgm_places.errors import InfeasibleError, InputError
+from pgm_places.inference.labeling import Status
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 from pgm_places.solvers.bucket_tree import Factor
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.trws import trws
-
-__all__ = ["ExactSearch", "exact_search", "search_factors"]
 
 MAX_BACKTRACKS = 1_000_000
 """Search ends after so many, by default: minutes."""
@@ -35,6 +35,14 @@ _one_at_a_time = threading.Lock()
 """toulbar2 keeps its state in global variables."""
 
 Array = NDArray[np.float64]
+
+
+def decode_by_toulbar2(task: DecodingTask) -> DecodingAnswer:
+    """The decoder; it counts backtracks as its iterations."""
+    limit = MAX_BACKTRACKS if task.limit is None else task.limit
+    best = exact_search(task.model, max_backtracks=limit)
+    status = Status.CONVERGED if best.complete else Status.STOPPED  # EXACT if the bound proves it
+    return DecodingAnswer(best.labels, status, best.bound, info={"backtracks": best.backtracks})
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +149,7 @@ def search_factors(
     if labels is None:
         labels = np.zeros(len(sizes), np.int64) if initial is None else initial
     slack = 4 * _EPSILON * (magnitudes + least / scale)
-    return ExactSearch(frozen(labels), whole - least / scale + slack, done, backtracks)
+    return ExactSearch(labels, whole - least / scale + slack, done, backtracks)
 
 
 def _of_wide_nodes(
@@ -167,12 +175,12 @@ def _of_wide_nodes(
     labels = np.zeros(len(sizes), np.int64)
     bound = math.fsum(constants) + 4 * _EPSILON * math.fsum(map(abs, constants))
     if not len(wide):
-        return ExactSearch(frozen(labels), bound, complete=True, backtracks=0)
+        return ExactSearch(labels, bound, complete=True, backtracks=0)
     first = None if initial is None else initial[wide]
     within = [sizes[node] for node in wide]
     found = search_factors(within, kept, initial=first, max_backtracks=max_backtracks)
     labels[wide] = found.labels
-    return ExactSearch(frozen(labels), bound + found.bound, found.complete, found.backtracks)
+    return ExactSearch(labels, bound + found.bound, found.complete, found.backtracks)
 
 
 def _cost(factors: Sequence[Factor], costs: Sequence[Array], labels: NDArray[np.int64]) -> float:
@@ -183,7 +191,13 @@ def _cost(factors: Sequence[Factor], costs: Sequence[Array], labels: NDArray[np.
 
 def toulbar2() -> Any:
     """The package, or one line on how to install it."""
-    return needed("pytoulbar2", extra="exact-search", purpose="the decoder 'toulbar2'")
+    try:
+        return importlib.import_module("pytoulbar2")
+    except ImportError as error:
+        raise InputError(
+            f"the decoder 'toulbar2' needs the package 'pytoulbar2' ({error}); install it with: "
+            "pip install pytoulbar2"
+        ) from None
 
 
 def _solved(

@@ -1,0 +1,1 @@
+"""Plug-ins for pgm_places: a decoder, the m best labellings, and mixtures of Gaussians."""
