@@ -29,8 +29,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.threads import threads
 from pgm_places.models.boosting_rounds import boost
-from pgm_places.models.sorted_features import SortedFeatures, prepare
-from pgm_places.models.strong_classifier import VoteTable
+from pgm_places.models.sorted_features import prepare
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 
@@ -134,79 +133,6 @@ def ours(
     )
 
 
-def scaling(X: Matrix, y: NDArray[np.int64], repeats: int, n_rounds: int) -> list[Row]:
-    """Our seconds against examples, features and rounds, and the floor of reading the codes."""
-    part = (y == 1).astype(np.int64)
-    whole = (len(X), X.shape[1], n_rounds)
-    cases = [(max(200, len(X) // 16), *whole[1:]), (len(X) // 4, *whole[1:])]
-    cases += [(len(X), 20, n_rounds), (len(X), 80, n_rounds), (*whole[:2], n_rounds // 4), whole]
-    rows = []
-    for n, n_features, count in cases:
-        step = len(X) // n
-        some = np.ascontiguousarray(X[::step, :n_features][:n])
-        mine = part[::step][:n]
-        prepare_s, prepared = timed(lambda a=some, b=mine: prepare(a, b), repeats)
-        rounds_s, _ = timed(lambda p=prepared, t=count: boost(p, [1], [0], n_rounds=t), repeats)
-        masses = np.zeros(n, np.int64)
-
-        def read(prepared: SortedFeatures = prepared, masses: Any = masses) -> None:
-            for cells in prepared.tables.cells:
-                cells.max(initial=0)
-                masses.max(initial=0)
-
-        floor, _ = timed(read, 5)
-        rows.append(
-            {
-                "examples": n,
-                "features": n_features,
-                "rounds": count,
-                "preparation s": prepare_s,
-                "rounds s": rounds_s,
-                "ns per example, feature and round": rounds_s / n / n_features / count * 1e9,
-                "kept columns": len(prepared.columns),
-                "tables": len(prepared.tables.cells),
-                "floor: reading all, s": floor * count,
-            }
-        )
-    return rows
-
-
-def prediction(X: Matrix, y: NDArray[np.int64], n_rounds: int, repeats: int) -> list[Row]:
-    """A trained list of two classifiers evaluated on all examples."""
-    prepared = prepare(X, y)
-    parts = [boost(prepared, [0], [1, 2], n_rounds=n_rounds)]
-    parts.append(boost(prepared, [2], [1], n_rounds=n_rounds))
-    used = np.unique(np.concatenate([part.feature for part in parts]))
-    place = np.zeros(X.shape[1], np.int64)
-    place[used] = np.arange(len(used))
-    small = np.ascontiguousarray(X[:, used])
-    moved = [part.renumbered(place) for part in parts]
-    rows = []
-    for n_threads in (1, 2):
-        for name, matrix, some in (("all columns", X, parts), ("used columns only", small, moved)):
-            with threads(n_threads):
-                seconds, _ = timed(
-                    lambda m=matrix, s=some: VoteTable.of(s).scores(m),
-                    5 * repeats,
-                    wall=n_threads > 1,
-                )
-            rows.append(
-                {
-                    "prediction from": name,
-                    "columns": matrix.shape[1],
-                    "examples": len(X),
-                    "stumps": sum(part.n_rounds for part in parts),
-                    "threads": n_threads,
-                    "ms": 1e3 * seconds,
-                    "ns per example and stump": seconds
-                    / len(X)
-                    / sum(p.n_rounds for p in parts)
-                    * 1e9,
-                }
-            )
-    return rows
-
-
 def run(quick: bool) -> list[Row]:
     """The rows of the tables."""
     n_rows, n_rounds, repeats = (4_000, 20, 3) if quick else (100_000, 100, 5)
@@ -217,6 +143,4 @@ def run(quick: bool) -> list[Row]:
     rows = []
     for k in (1,) if quick else (1, 2):
         rows += binary(X, y, k, n_rounds, repeats)
-    with threads(1):
-        rows += scaling(X, y, repeats, n_rounds)
-    return rows + prediction(X, y, n_rounds, repeats)
+    return rows

@@ -12,7 +12,6 @@ and to wall clock on several; errors are in cells, relative to the DDA, over the
 import os
 import statistics
 import time
-import tracemalloc
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -21,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.tiling import building_tiled
 from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import load_map
@@ -30,7 +28,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing._cells import Cells
-from pgm_places.sensing.ray_casting import cast_cells, iter_cast
+from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
 
 SHOWN = (SideBySide(("method",), "{map}, threads: {threads}", "{Mrays/s} ({times DDA})"),)
@@ -154,65 +152,7 @@ def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str,
     return rows
 
 
-def scaling_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
-    """How time grows with cells (a part of the map's columns) and with beams."""
-    rows = []
-    for share, n_beams in ((0.25, 360), (0.5, 360), (1.0, 90), (1.0, 360), (1.0, 720)):
-        part = grid.with_cells(grid.cells[:, : int(share * grid.shape[1])])
-        box = OneBox(part, Sensor(n_beams), 1)
-        taken = seconds(box.sweep, 1, repeats)
-        rows.append(
-            {
-                "map": title,
-                "cells": len(box.rows),
-                "beams": n_beams,
-                "seconds": taken,
-                "Mrays/s": box.out.size / taken / 1e6,
-            }
-        )
-    return rows
-
-
-def peak_bytes(grid: OccupancyGrid, memory_mib: int) -> int:
-    """Memory allocated while streaming, beyond the map."""
-    tracemalloc.start()
-    for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20):
-        pass
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak
-
-
-def streaming_rows(quick: bool) -> list[dict[str, Any]]:
-    """Huge maps in bounded memory: generated floors, repeated."""
-    rows = []
-    for side in (600, 1200) if quick else (1000, 2000):
-        grid = building_tiled(side, floors=1).grid
-        n_rays = int(grid.free.sum()) * Sensor().n_beams
-        for memory_mib in (64, 256):
-            peak = peak_bytes(grid, memory_mib)
-            start = time.process_time()
-            for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20):
-                pass
-            taken = time.process_time() - start
-            rows.append(
-                {
-                    "map": f"{side} x {side}",
-                    "free cells": n_rays // Sensor().n_beams,
-                    "stated memory, MiB": memory_mib,
-                    "peak, MiB": peak / 2**20,
-                    "seconds": taken,
-                    "Mrays/s": n_rays / taken / 1e6,
-                }
-            )
-    return rows
-
-
 def run(quick: bool) -> list[dict[str, Any]]:
-    """The rows of the tables."""
+    """The rows of the table."""
     repeats = 3 if quick else 5
-    chosen = list(maps())
-    rows = [row for title, grid in chosen for row in method_rows(title, grid, repeats)]
-    title, grid = chosen[0]
-    with threads(1):
-        return [*rows, *scaling_rows(title, grid, repeats), *streaming_rows(quick)]
+    return [row for title, grid in maps() for row in method_rows(title, grid, repeats)]

@@ -16,14 +16,13 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from benchmarks.inference_peers import Model, expand, expand_gco, installed_cuts
+from benchmarks.inference_peers import Model, expand, installed_cuts
 from benchmarks.labelling import NAMES, map_files
 from experiments.page_tables import SideBySide
 from pgm_places.graph.edge_kind import EdgeKind
@@ -160,9 +159,6 @@ def expansion_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     for name, cut in installed_cuts().items():
         seconds, (labels, inside) = timed(lambda cut=cut: expand(model, cut), repeats)
         rows.append(row(name, seconds, model.score(labels), inside))
-    if find_spec("gco") and (model.agreement == model.agreement[:, :1]).all():
-        seconds, labels = timed(lambda: expand_gco(model), repeats)
-        rows.append(row("gco-wrapper", seconds, model.score(labels), None))
     return rows
 
 

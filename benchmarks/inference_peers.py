@@ -92,26 +92,11 @@ def cut_scipy(edges: NDArray[np.int64], capacity: Floats, excess: Floats) -> NDA
     return side[:n_nodes]
 
 
-def cut_ortools(edges: NDArray[np.int64], capacity: Floats, excess: Floats) -> NDArray[np.bool_]:
-    """OR-tools: push-relabel on scaled integers."""
-    from ortools.graph.python import max_flow
-
-    n_nodes = len(excess)
-    solver = max_flow.SimpleMaxFlow()
-    solver.add_arcs_with_capacity(*_integer_arcs(edges, capacity, excess))
-    solver.solve(n_nodes, n_nodes + 1)
-    side = np.zeros(n_nodes + 2, np.bool_)
-    side[solver.get_sink_side_min_cut()] = True
-    return side[:n_nodes]
-
-
 def installed_cuts() -> dict[str, Cut]:
     """The peers' cuts by name, of those that are installed."""
     cuts: dict[str, Cut] = {}
     if find_spec("maxflow"):
         cuts["PyMaxflow"] = cut_pymaxflow
-    if find_spec("ortools"):
-        cuts["OR-tools"] = cut_ortools
     return cuts | {"scipy": cut_scipy}
 
 
@@ -146,14 +131,3 @@ def expand(model: Model, cut: Cut, max_sweeps: int = 20) -> tuple[NDArray[np.int
         if idle >= n_labels:
             break
     return labels, inside
-
-
-def expand_gco(model: Model) -> NDArray[np.int64]:
-    """gco-wrapper's own expansion; one weight for all labels, potentials become integers."""
-    import gco
-
-    table = 1.0 - np.eye(model.unary.shape[1])
-    edges = np.ascontiguousarray(model.edges, np.int32)
-    weights = np.ascontiguousarray(model.agreement[:, 0])
-    costs = np.ascontiguousarray(model.unary.max() - model.unary)
-    return np.asarray(gco.cut_general_graph(edges, weights, costs, table), np.int64)
