@@ -27,7 +27,7 @@ from experiments.page_tables import SideBySide
 from pgm_places.features.extraction import extract
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import prepare
 from pgm_places.sensing.ray_casting import iter_cast
@@ -112,7 +112,7 @@ def ours(
     """Ours, and how many of its first stumps are those of the exhaustive sweep."""
     part, wall = own.astype(np.int64), n_threads > 1
     seconds = []
-    with threads(n_threads):
+    with thread_limit(n_threads):
         prepare_s, prepared = timed(lambda: prepare(X, part), repeats, wall=wall)
         for _ in range(repeats):
             prepared = prepare(X, part)  # a fresh one has sorted no bin yet

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from experiments.page_tables import SideBySide
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.kernels.threads import run_tasks, threads
+from pgm_places.kernels.threads import run_tasks, thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
@@ -56,7 +56,7 @@ class OneBox:
 
     def __init__(self, grid: OccupancyGrid, sensor: Sensor, n_threads: int) -> None:
         self._box = Box(0, grid.shape[0], 0, grid.shape[1])
-        with threads(n_threads):
+        with thread_limit(n_threads):
             self._caster = CellCaster(grid, sensor)
         nodes, self.rows, self.columns = NodeNumbers(grid.free).of(self._box)
         self._nodes = nodes.astype(np.int32)
@@ -86,7 +86,7 @@ class RayByRay:
 
     def follow(self, n_threads: int) -> None:
         """Cast to the rows of ``out``."""
-        with threads(n_threads):
+        with thread_limit(n_threads):
             caster = CellCaster(self._grid, self._sensor)
         caster.follow(self._blocked, Cells(self._rows, self._columns, self._nodes), self.out)
 
@@ -111,7 +111,7 @@ def fill(out: NDArray[np.float32], n_threads: int) -> None:
 
 def cast_on(n_threads: int, grid: OccupancyGrid, sensor: Sensor) -> NDArray[np.float32]:
     """What so many threads see."""
-    with threads(n_threads):
+    with thread_limit(n_threads):
         return cast_cells(grid, sensor)
 
 

@@ -25,7 +25,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.kernels.threads import threads as thread_limit
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.solvers.grid_relaxation import relax_grid

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sklearn.feature_extraction import DictVectorizer
 
 from pgm_places import LabelGraph, LabelingProblem, build
-from pgm_places.labelers.side_by_side import label_all
+from pgm_places.labelers.batched_inference import label_many
 
 NAMES = ("outside", "first", "further")
 N_TEST = 500
@@ -103,7 +103,7 @@ def ours(
     options = {"C": price, "scale": "none", "edge_scale": 1.0, "inference": "max-product"}
     field = build("crf", options)
     fitted, learning = measured(lambda: field.fit(learn, truths))
-    found, labelling = measured(lambda: label_all(fitted, asked))
+    found, labelling = measured(lambda: label_many(fitted, asked))
     return [item.labels for item in found], learning, labelling
 
 

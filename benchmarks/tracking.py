@@ -80,8 +80,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
     shipped = trained_tracker().online(GEOMETRY)
     parts["online step, the shipped model with spaces"] = lambda t: shipped.step(scans[t])
     prior = MapPrior.of_labels(building.grid, building.labels, len(names))
-    told = labeler.online(GEOMETRY, map_prior=prior)
-    parts["online step, with a labelled map"] = lambda t: told.step(scans[t])
+    observed = labeler.online(GEOMETRY, map_prior=prior)
+    parts["online step, with a labelled map"] = lambda t: observed.step(scans[t])
     parts |= {
         "local map: add a scan": lambda t: local.update(
             path.poses[t], ranges[t], angles, max_range_m=80.0

@@ -23,7 +23,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import WALL, label_colours
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import SensorNoise
-from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.cell_scorers import aligned_log_proba
 
 buildings = [generate_building(seed, size="small") for seed in (0, 1, 2)]
 names = buildings[0].label_names

@@ -11,7 +11,7 @@ from experiments.paper.categories import CATEGORY_NAMES, Building79
 from experiments.tracking_model.drives import BEAMS, SENSOR
 from experiments.tracking_model.learning import OPTIONS
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.features.own import n_columns
+from pgm_places.features.custom import n_columns
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import (
     Examples,
@@ -64,17 +64,15 @@ def category_lists_table(data: Building79) -> str:
     path = data.path.with_labels(truth, CATEGORY_NAMES)
     labeler = TrajectoryLabeler(CATEGORY_NAMES, sensor=SENSOR, beams=BEAMS)
     examples = trajectory_examples(labeler, [], [path])
-    rows = examples.rows
     seen = observed_along(path, SENSOR, BEAMS)
     lines = [f"| list | half | single scans | {' | '.join(METHODS)} |", "|---" * 8 + "|"]
     for name, (sees_spaces, is_mean, options) in LISTS.items():
         n = None if sees_spaces else n_columns(())
-        given_rows = replace(
-            rows,
-            features=np.ascontiguousarray(rows.features[:, :n]),
-            domain=rows.groups if is_mean else None,
+        given = replace(
+            examples,
+            features=np.ascontiguousarray(examples.features[:, :n]),
+            domain=examples.groups if is_mean else None,
         )
-        given = replace(examples, rows=given_rows)
         unfitted = DecisionListClassifier(order=RAREST_FIRST, **options)
         beams = BEAMS if sees_spaces else BeamOptions()
         model, held_out = learn_list(labeler.set_params(classifier=unfitted, beams=beams), given)
@@ -82,7 +80,7 @@ def category_lists_table(data: Building79) -> str:
         labelers = dict(_labelers(path, given, model, held_out))
         learned = path.subset(examples.steps[0])
         lines += [
-            _row(f"{name} | training, held out", labelers, learned, held_out, rows.truth),
+            _row(f"{name} | training, held out", labelers, learned, held_out, examples.truth),
             _row("| other", labelers, path, scores, np.where(data.left, data.category, -1)),
         ]
     return "\n".join(lines)

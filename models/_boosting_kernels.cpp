@@ -10,8 +10,8 @@
 
 #include <nanobind/stl/tuple.h>
 
-#include "models/weighed_examples.hpp"
-#include "pgm_places/kernels/lanes.hpp"
+#include "models/weighted_examples.hpp"
+#include "pgm_places/kernels/simd.hpp"
 
 namespace {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "models/weighed_examples.hpp"
-#include "pgm_places/kernels/lanes.hpp"
+#include "models/weighted_examples.hpp"
+#include "pgm_places/kernels/simd.hpp"
 
 namespace {
 

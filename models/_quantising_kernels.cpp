@@ -3,7 +3,7 @@
 #include <cstring>
 #include <vector>
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace {

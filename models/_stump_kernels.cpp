@@ -1,6 +1,6 @@
 // The sums of stumps that classifiers are made of.
 
-#include "models/gathering.hpp"
+#include "models/column_gather.hpp"
 
 namespace {
 
@@ -20,8 +20,8 @@ struct Stumps {  // see the table of votes in strong_classifier.py
 template <int BYTES>
 PGM_INLINE void add_group(const Stumps &stumps, int64_t k, const float *values, double *total) {
     constexpr int AT_ONCE = BYTES;  // samples, whose sums stay in registers
-    using Values = pgm::Lanes<float, AT_ONCE, pgm::COMPARED<BYTES>>;
-    using Sums = pgm::Lanes<double, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using Values = pgm::Simd<float, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using Sums = pgm::Simd<double, AT_ONCE, pgm::COMPARED<BYTES>>;
     for (int i = 0; i < BLOCK; i += AT_ONCE) {
         Sums sum = Sums::load(total + i);
         for (int64_t t = stumps.first(k); t < stumps.first(k + 1); ++t) {

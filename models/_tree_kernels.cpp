@@ -12,7 +12,7 @@
 
 #include <nanobind/stl/tuple.h>
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace {

@@ -1,6 +1,6 @@
 // The sums of trees that classifiers are made of.
 
-#include "models/gathering.hpp"
+#include "models/column_gather.hpp"
 
 namespace {
 
@@ -34,8 +34,8 @@ PGM_INLINE L said(const Trees &trees, int64_t t, int64_t s, const float *samples
 // Add to `total` (BLOCK,) what the trees of group `k` say of the samples in `values`.
 template <int LEVELS, int BYTES>
 PGM_INLINE void add_group(const Trees &trees, int64_t k, const float *values, double *total) {
-    using L = pgm::Lanes<float, AT_ONCE, pgm::COMPARED<BYTES>>;
-    using Sums = pgm::Lanes<double, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using L = pgm::Simd<float, AT_ONCE, pgm::COMPARED<BYTES>>;
+    using Sums = pgm::Simd<double, AT_ONCE, pgm::COMPARED<BYTES>>;
     for (int64_t t = trees.first(k); t < trees.first(k + 1); ++t)
         for (int i = 0; i < BLOCK; i += AT_ONCE)
             (Sums::load(total + i) + widen(said<LEVELS, L>(trees, t, 0, values + i))).store(total + i);

@@ -48,8 +48,8 @@ from pgm_places.models.linear_features import (
     parse_node_features,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.observed_labels import with_observed
 from pgm_places.models.prepared_problems import PreparedProblems
-from pgm_places.models.told import with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.margin_solution import REACHED, LearnedWeights, OnStep, reached
 from pgm_places.solvers.max_margin import MaxMarginProblem
@@ -155,7 +155,7 @@ class AssociativeMarkovNetwork(LinearModel):
         labelings : sequence of (N,) int
             The true label index of every node of each map, -1 where it is unknown. Labels that a
             problem tells (its ``known``) are evidence: the others are learned given these, and
-            where it tells all, part of them in turn (:mod:`pgm_places.models.told`).
+            where it tells all, part of them in turn (:mod:`pgm_places.models.observed_labels`).
         sample_weight : sequence of float or (N,) float, optional
             For each map what it counts, or each of its nodes: a wrong label costs as much more, and
             a connected part of a graph counts as the mean of its nodes.
@@ -171,7 +171,7 @@ class AssociativeMarkovNetwork(LinearModel):
             Maps and labellings that do not belong together, or features that are missing.
         """
         weights = None if sample_weight is None else weights_of(sample_weight, problems)
-        problems, labelings, weights = with_told(problems, labelings, weights)
+        problems, labelings, weights = with_observed(problems, labelings, weights)
         hidden = completes(self.unlabelled, labelled_problems(problems, labelings))
         if hidden and weights is not None:
             raise InputError(
@@ -240,8 +240,8 @@ class AssociativeMarkovNetwork(LinearModel):
         options = self._learner_options(task, hidden)[0]
         if hidden:
             parts = np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
-            if task.told is not None:
-                parts[task.told >= 0] = -1
+            if task.observed is not None:
+                parts[task.observed >= 0] = -1
             hiding = choose_completed(task, ready.labels, parts, penalties, ready.loss_of, options)
             return self._node_parts, *hiding
 
@@ -287,7 +287,7 @@ class AssociativeMarkovNetwork(LinearModel):
             ready.loss,
             penalty,
             ready.sets,
-            ready.told,
+            ready.observed,
             self._costs(ready.n_labels),
         )
         return task if counts is None else weighted(task, counts)

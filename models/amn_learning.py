@@ -70,7 +70,7 @@ def learn(
             "warm_start=False"
         )
     if options.learner == "qp":
-        if problem.told is not None:
+        if problem.observed is not None:
             raise InputError(
                 "learner='qp' takes no known labels as evidence; take 'cutting-plane', or leave "
                 "known out of the training problems"
@@ -114,7 +114,7 @@ def resolved_learner(
 
     if learner != "auto":
         return learner, REASONS[0]
-    unfit = problem.sets is not None or problem.told is not None
+    unfit = problem.sets is not None or problem.observed is not None
     if needs_cuts or unfit or is_sparse(problem.node_features):
         return "cutting-plane", REASONS[3]
     quick = n_entries(problem) <= QUICK_ENTRIES
@@ -145,7 +145,7 @@ def _labels_at(
 ) -> NDArray[np.int64]:
     """The labels that an oracle gives a problem at some weights."""
     unary, agreement = problem.potentials(weights)
-    return oracle(keep_known(unary, problem.told), agreement)
+    return oracle(keep_known(unary, problem.observed), agreement)
 
 
 def learn_hidden(
@@ -242,5 +242,5 @@ def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMargin
         edges=edges.astype(np.int32),
         labels=problem.labels[keep],
         loss=problem.loss[keep],
-        told=None if problem.told is None else problem.told[keep],
+        observed=None if problem.observed is None else problem.observed[keep],
     )

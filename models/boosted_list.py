@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
-from pgm_places.errors import InputError, ModelFileError, shown
+from pgm_places._checks import finite_array, integer_array, set_frozen
+from pgm_places.errors import InputError, ModelFileError, quoted
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
 
@@ -83,7 +83,7 @@ class BoostedList:
                     f"classifier {k} looks at feature {int(item.feature.max())}, "
                     f"but there are {self.n_features} features"
                 )
-        set_fields(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
+        set_frozen(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
 
     @property
     def sequence(self) -> NDArray[np.int64]:
@@ -256,12 +256,12 @@ class BoostedList:
         if kind != _KIND or version not in (_VERSION, _TREES_VERSION):
             raise ModelFileError(
                 f"a {_KIND!r} of version {_VERSION} or {_TREES_VERSION} was expected, got "
-                f"{shown(kind)} of version {shown(version)}"
+                f"{quoted(kind)} of version {quoted(version)}"
             )
         n_features = meta["n_features"]
         if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
             raise ModelFileError(
-                f"n_features must be 1 to {_MAX_FEATURES}, got {shown(n_features)}"
+                f"n_features must be 1 to {_MAX_FEATURES}, got {quoted(n_features)}"
             )
         classes = _stored_classes(meta["classes"])
         feature = arrays["feature"]
@@ -288,7 +288,7 @@ class BoostedList:
 def check_decision(decision: str, clip: float, n_classes: int) -> None:
     """Refuse an unknown decision rule, or a clip that leaves no room for ``n_classes`` bins."""
     if decision not in _DECISIONS:
-        raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {shown(decision)}")
+        raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {quoted(decision)}")
     is_number = isinstance(clip, int | float | np.number) and not isinstance(clip, bool)
     if not is_number or not 0 <= clip < 1 / n_classes:
         raise InputError(f"clip must be at least 0 and below 1/{n_classes}, got {clip!r}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.models.strong_classifier import Split, Voters
 
@@ -52,7 +52,7 @@ class BoostedTrees(Voters):
         if not np.isfinite(cut[feature >= 0]).all():
             raise InputError("cut must be finite where there is a feature")
         value = finite_array("value", self.value, (n_trees, n_splits + 1), dtype=np.float32)
-        set_fields(self, feature=feature.astype(np.int32), cut=cut, value=value)
+        set_frozen(self, feature=feature.astype(np.int32), cut=cut, value=value)
 
     def splits(self, t: int) -> list[Split]:
         """The splits of tree t, from the root down; the left of each says +1."""

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import prepare
@@ -97,7 +97,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         check_two_classes(self.classes_)
         check_carried(self.classes_, index, weight)
         part = np.where(weight > 0, index, -1)
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             self.strong_classifier_ = boost(
                 prepare(values, part),
                 [1],
@@ -112,7 +112,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def decision_function(self, X: ArrayLike) -> NDArray[np.float64]:
         """(N,) F = sum of alpha_t h_t (step 4 of Fig. 2); positive means ``classes_[1]``."""
         classifier = self._fitted()
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             return classifier.scores(float32_matrix(self, X))
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:

@@ -174,10 +174,10 @@ def learned_tables(
         if problem.unary is None:
             raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
         known = np.flatnonzero(truth >= 0)
-        told = known if problem.unseen is None else known[~problem.unseen[known]]
+        observed = known if problem.unseen is None else known[~problem.unseen[known]]
         pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)
         np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), lighter_ends(weight)[pair])
-        np.add.at(seen, (truth[told], problem.unary[told].argmax(axis=1)), weight[told])
+        np.add.at(seen, (truth[observed], problem.unary[observed].argmax(axis=1)), weight[observed])
         np.add.at(share, truth[known], weight[known])
         first[truth[known[:1]]] += weight[known[:1]]
     if share.sum() == smoothing * n_labels:

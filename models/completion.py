@@ -114,12 +114,12 @@ def learn_completed(
         A labelling of large score.
     """
     known = truth >= 0
-    told = np.zeros(len(truth), np.bool_) if problem.told is None else problem.told >= 0
+    observed = np.zeros(len(truth), np.bool_) if problem.observed is None else problem.observed >= 0
     loss = np.zeros(len(truth))
     loss[known] = loss_of(truth[known])
-    loss[told] = 0.0
+    loss[observed] = 0.0
     price = problem.penalty * len(truth)
-    asked = int((known & ~told).sum())
+    asked = int((known & ~observed).sum())
     only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / asked)
 
     def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -128,7 +128,7 @@ def learn_completed(
 
     best_round = concave_convex(only_known, solve, complete, starts=starts)
     counts = np.where(known, 1.0, HIDDEN_LOSS)
-    counts[told] = 0.0
+    counts[observed] = 0.0
     every = replace(
         problem,
         labels=best_round.labels,

@@ -50,8 +50,8 @@ from pgm_places.models.linear_features import (
     with_auto,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.observed_labels import with_observed, without_observed
 from pgm_places.models.prepared_problems import PreparedProblems
-from pgm_places.models.told import not_telling, with_told
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
@@ -161,7 +161,7 @@ class ConditionalRandomField(LinearModel):
         labelings : sequence of (N,) int
             The true label index of every node of each problem, -1 where it is unknown. Labels that
             a problem tells (its ``known``) are evidence: the others are learned given these, and
-            where it tells all, part of them in turn (:mod:`pgm_places.models.told`).
+            where it tells all, part of them in turn (:mod:`pgm_places.models.observed_labels`).
         sample_weight : sequence of float or (N,) float, optional
             What each problem counts, or each of its nodes. The likelihood, which sees a graph as a
             whole, takes one weight for each connected part of it; see the network for max margin.
@@ -180,8 +180,8 @@ class ConditionalRandomField(LinearModel):
         hidden = self.unlabelled == "hidden"
         counts = None if sample_weight is None else weights_of(sample_weight, problems)
         if self.learner == "pseudo-likelihood":
-            problems, labelings = not_telling(problems, labelings)
-        problems, labelings, counts = with_told(problems, labelings, counts)
+            problems, labelings = without_observed(problems, labelings)
+        problems, labelings, counts = with_observed(problems, labelings, counts)
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         kept = None
         if counts is not None:
@@ -305,7 +305,7 @@ class ConditionalRandomField(LinearModel):
         )
         costs = self._costs(ready.n_labels)
         task = LearningTask(
-            field, ready.labels, ready.loss, ready.loss_of, told=ready.told, costs=costs
+            field, ready.labels, ready.loss, ready.loss_of, observed=ready.observed, costs=costs
         )
         return task if counts is None else task.weighing(counts)
 

@@ -67,7 +67,7 @@ class LearningTask:
         What it costs at nodes of given labels (n,), once the unknown ones are completed.
     weight : (N,) float, optional
         What each node counts; ``loss`` contains it.
-    told : (N,) int, optional
+    observed : (N,) int, optional
         Labels that are evidence while learning, -1 elsewhere; their loss is 0.
     costs : (K, K) float, optional
         What each label costs where another is true, times the loss, for max-margin learning.
@@ -78,7 +78,7 @@ class LearningTask:
     loss: NDArray[np.float64]
     loss_of: LossOf
     weight: NDArray[np.float64] | None = None
-    told: NDArray[np.int64] | None = None
+    observed: NDArray[np.int64] | None = None
     costs: NDArray[np.float64] | None = None
 
     def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
@@ -97,8 +97,10 @@ class LearningTask:
         smaller = replace(self.field, **terms, around=adjacency(int(keep.sum()), edges))
         weight = None if self.weight is None else self.weight[keep]
         labels, loss = self.labels[keep], self.loss[keep]
-        told = None if self.told is None else self.told[keep]
-        return replace(self, field=smaller, labels=labels, loss=loss, weight=weight, told=told)
+        observed = None if self.observed is None else self.observed[keep]
+        return replace(
+            self, field=smaller, labels=labels, loss=loss, weight=weight, observed=observed
+        )
 
 
 def learners_to_compare(learner: str, task: LearningTask) -> tuple[tuple[str, ...], str]:
@@ -136,7 +138,7 @@ def learn(
             kind=cast(Likelihood, options.learner),
             start=start,
             node_weight=task.weight,
-            told=task.told,
+            observed=task.observed,
             tolerance=options.tolerance,
             max_iterations=options.max_steps,
             time_limit_s=options.time_limit_s,
@@ -169,7 +171,7 @@ def _widest_margin(
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
     problem = TableMarginProblem(
-        _weighed(task), task.labels, task.loss, penalty, task.told, task.costs
+        _weighed(task), task.labels, task.loss, penalty, task.observed, task.costs
     )
     exact = task.field.is_forest
     verified = not exact and options.certified_tolerance is not None
@@ -219,7 +221,9 @@ def _completed(
         return _widest_margin(now, problem.penalty, how, cuts=cuts, on_iteration=on_iteration)
 
     return learn_completed(
-        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty, task.told, task.costs),
+        TableMarginProblem(
+            field, starts[0], np.ones(len(truth)), penalty, task.observed, task.costs
+        ),
         truth,
         starts,
         task.loss_of,
@@ -309,7 +313,7 @@ def damped(
 def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.int64]:
     field = task.field
     unary, tables = field.whole_potentials(weights)
-    labels = best_labels(field, keep_known(unary, task.told), tables, DECODING_PASSES)
+    labels = best_labels(field, keep_known(unary, task.observed), tables, DECODING_PASSES)
     return labels[: field.n_nodes]
 
 

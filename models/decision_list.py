@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from pgm_places._checks import require_shape
 from pgm_places.errors import InputError
 from pgm_places.inference.learned_names import renumbered
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList, check_decision
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting import (
@@ -30,7 +30,7 @@ from pgm_places.models.list_training import (
     prior_calibration,
 )
 from pgm_places.models.strong_classifier import StrongClassifier
-from pgm_places.options import taken_from
+from pgm_places.options import subset_of
 
 _ORDERS = ("heuristic", "exhaustive")
 
@@ -164,7 +164,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ValueError
             scikit-learn's own checks of X and y failed.
         """
-        options = taken_from(ListOptions, self)
+        options = subset_of(ListOptions, self)
         values, given, weight = checked_training_data(self, X, y, sample_weight)
         ascending, labels = np.unique(given, return_inverse=True)
         # By weight, so that the numbers of the classes have no part in rounding and ties.
@@ -177,7 +177,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         check_carried(classes, labels, weight)
         self.rates_: NDArray[np.float64] | None = None
         self.order_scores_: dict[tuple[Any, ...], float] | None = None
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             training = ListTraining(
                 values,
                 labels,
@@ -274,7 +274,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """(N,) labels by the list's decision rule."""
         fitted = self._fitted()
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             return fitted.classes[fitted.decide(float32_matrix(self, X))]
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
@@ -287,7 +287,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         -inf is possible only with ``clip=0``.
         """
         fitted = self._fitted()
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             return fitted.log_histogram(float32_matrix(self, X))
 
     def weak_outputs(self, X: ArrayLike, limit: int | None = None) -> NDArray[np.int8]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import integer_array
-from pgm_places.errors import InputError, SolverError, shown
+from pgm_places.errors import InputError, SolverError, quoted
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
@@ -171,7 +171,7 @@ def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
 def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> None:
     """Raise SolverError unless there is a label for each node and, if any, a belief for each."""
     if not isinstance(answer, DecodingAnswer):
-        raise SolverError(f"decoder {name!r} must return a DecodingAnswer, got {shown(answer)}")
+        raise SolverError(f"decoder {name!r} must return a DecodingAnswer, got {quoted(answer)}")
     shape = potentials.n_nodes, potentials.n_labels
     try:
         integer_array("its labels", answer.labels, shape[:1], low=0, high=shape[1])

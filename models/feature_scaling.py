@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import is_sparse, set_fields, stacked_rows
+from pgm_places._checks import is_sparse, set_frozen, stacked_rows
 from pgm_places.errors import InputError
 
 Scale = Literal["auto", "deviation", "none"]
@@ -42,7 +42,7 @@ class Standardization:
     clip: float = CLIP
 
     def __post_init__(self) -> None:
-        set_fields(self, columns=self.columns, mean=self.mean, scale=self.scale)
+        set_frozen(self, columns=self.columns, mean=self.mean, scale=self.scale)
 
     @classmethod
     def of(cls, features: NDArray[np.float64], scale: Scale = "auto") -> "Standardization":

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
@@ -41,7 +41,7 @@ class Examples:
         weights = finite_array("weights", self.weights, (n,))
         if not n or (weights <= 0).any():
             raise InputError("further boosting takes at least one example, all of positive weight")
-        set_fields(self, labels=labels, weights=weights)
+        set_frozen(self, labels=labels, weights=weights)
 
     def where(self, chosen: NDArray[np.bool_]) -> "Examples":
         """Some of these examples."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.inference.backends import Traits
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
@@ -33,7 +33,7 @@ class Independent:
         """
         unary = evident_unary(problem, "independent")
         order = preference_order(unary, problem.label_names)
-        labels = sealed(order[unary[:, order].argmax(axis=1)])
+        labels = freeze(order[unary[:, order].argmax(axis=1)])
         total = score(problem.graph, Potentials(unary), labels)
-        beliefs = sealed(starting_beliefs(unary))
+        beliefs = freeze(starting_beliefs(unary))
         return Labeling(labels, Status.EXACT, beliefs=beliefs, score=total, bound=total)

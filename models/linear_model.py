@@ -13,7 +13,7 @@ from pgm_places._checks import (
     integer_array,
     learned_number,
     require_type,
-    set_fields,
+    set_frozen,
     stacked_rows,
 )
 from pgm_places._option_marks import Ge, Gt, Le, Lt
@@ -49,8 +49,8 @@ from pgm_places.models.linear_features import (
     parse_node_features,
     resolved_edges,
 )
+from pgm_places.models.observed_labels import mask_observed_losses, observed_labels
 from pgm_places.models.prepared_problems import PreparedProblems, TermSizes
-from pgm_places.models.told import of_those_asked, told_of
 from pgm_places.options import AtLeastZero, Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import checked_costs
@@ -141,7 +141,7 @@ class LinearModel(LearnedNames):
         parse_node_features(self.node_features)
         if not isinstance(self.loss, str):
             checked_costs(self.loss, len(self.loss))
-        set_fields(self, edge_features=parse_edge_features(self.edge_features))
+        set_frozen(self, edge_features=parse_edge_features(self.edge_features))
         if self.node_weights is not None:
             self._check_learned()
 
@@ -256,7 +256,8 @@ class LinearModel(LearnedNames):
         starts = np.cumsum([0, *(problem.graph.n_nodes for problem in problems[:-1])])
         edges = [p.graph.edges + start for p, start in zip(problems, starts, strict=True)]
         sets = [clique_terms(problem, self.clique_dissent, of_cliques) for problem in problems]
-        labels, told = np.concatenate([truth for _, truth in examples]), told_of(problems)
+        labels = np.concatenate([truth for _, truth in examples])
+        observed = observed_labels(problems)
         loss_of, loss = self._loss_of(problems[0].label_names), np.zeros(len(labels))
         loss[labels >= 0] = loss_of(labels[labels >= 0])
         return PreparedProblems(
@@ -267,8 +268,8 @@ class LinearModel(LearnedNames):
             np.concatenate([self._edge_columns(problem) for problem in problems]) / sizes.edges,
             SetTerms.beside([each for each in sets if each is not None], starts),
             labels,
-            of_those_asked(loss, told),
-            told,
+            mask_observed_losses(loss, observed),
+            observed,
             loss_of,
             problems[0].n_labels,
         )

@@ -44,7 +44,7 @@ class PreparedProblems(NamedTuple):
     """(N,) -1 where unknown."""
     loss: NDArray[np.float64]
     """(N,) what a wrong label costs; 0 where it is unknown or given as evidence."""
-    told: NDArray[np.int64] | None
+    observed: NDArray[np.int64] | None
     """(N,) labels that are evidence while learning, -1 elsewhere."""
     loss_of: LossOf
     """What a wrong label costs at nodes of given labels, once the unknown ones are known."""

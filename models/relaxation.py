@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, number_array, row_blocks, sealed, set_fields
+from pgm_places._checks import freeze, integer_array, number_array, row_blocks, set_frozen
 from pgm_places._option_marks import Ge, Lt
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, NotFittedError
@@ -112,7 +112,7 @@ class Relaxation(LearnedNames):
         if (
             self.max_iterations != "auto" or self._is_given
         ):  # no choice that scores are held out for
-            set_fields(self, traits=replace(self.traits, learns_from_labels=True))
+            set_frozen(self, traits=replace(self.traits, learns_from_labels=True))
         if self.compatibility is None:
             return
         tables = number_array("compatibility", self.compatibility)
@@ -122,7 +122,7 @@ class Relaxation(LearnedNames):
                 "compatibility must have shape (K, K), or (kinds, K, K) with a table for each kind "
                 f"of edge, got {np.shape(self.compatibility)}"
             )
-        set_fields(self, compatibility=check_tables(tables, tables.shape[1]))
+        set_frozen(self, compatibility=check_tables(tables, tables.shape[1]))
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -251,9 +251,9 @@ class Relaxation(LearnedNames):
             info["recording_seconds"] = recorder.seconds
             info["seconds"] -= recorder.seconds
         return Labeling(
-            sealed(_best(relaxed.beliefs)),
+            freeze(_best(relaxed.beliefs)),
             Status.CONVERGED if relaxed.converged else Status.STOPPED,
-            beliefs=sealed(relaxed.beliefs),
+            beliefs=freeze(relaxed.beliefs),
             info=info,
         )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, require_at_least
+from pgm_places._checks import frozen_copy, require_at_least
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials, checked_potentials
 from pgm_places.models.decoders import Decoder
@@ -86,14 +86,14 @@ def sample(
     model = model_of(graph, potentials)
     if is_forest(model.around):
         labels = forest_samples(model, n_samples=n_samples, seed=seed)
-        return Samples(frozen(labels), exact=True)
+        return Samples(frozen_copy(labels), exact=True)
     rng = np.random.default_rng(seed)
     tree = BucketTree.of(model)
     if tree is not None:
-        return Samples(frozen(tree.samples(potentials.unary, n_samples, rng)), exact=True)
+        return Samples(frozen_copy(tree.samples(potentials.unary, n_samples, rng)), exact=True)
     rows = []
     for _ in range(n_samples):
         noisy = potentials.unary + rng.gumbel(size=potentials.unary.shape)
         perturbed = Potentials(noisy, potentials.pairwise, potentials.agreement)
         rows.append(decode(graph, perturbed, decoder).labels)
-    return Samples(frozen(np.stack(rows)), exact=False)
+    return Samples(frozen_copy(np.stack(rows)), exact=False)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places._core import sum_trees, sum_votes
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_parts
@@ -93,9 +93,9 @@ class StrongClassifier(Voters):
         polarity = integer_array("polarity", self.polarity, (size,), low=-1, high=2)
         if (polarity == 0).any():
             raise InputError("polarity must hold +1 or -1, got 0")
-        set_fields(self, feature=feature, polarity=polarity.astype(np.int8))
+        set_frozen(self, feature=feature, polarity=polarity.astype(np.int8))
         for name in ("threshold", "alpha"):
-            set_fields(self, **{name: finite_array(name, getattr(self, name), (size,))})
+            set_frozen(self, **{name: finite_array(name, getattr(self, name), (size,))})
 
     @property
     def cut(self) -> NDArray[np.float32]:

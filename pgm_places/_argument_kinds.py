@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, arms, bare, marks_of
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, marks_of, unannotated, union_members
 
 NO = object()
 """What a check returns for a value that its annotation does not take."""
@@ -68,7 +68,7 @@ def check_of(hint: Any) -> Check:
         return functools.partial(_named, hint.names)
     if is_array(hint):
         return functools.partial(_array, None)
-    parts = arms(hint)
+    parts = union_members(hint)
     arrays = [arm for arm in parts if is_array_part(arm)]
     if arrays:  # the parts of ArrayLike, which a union has taken in
         others = tuple(arm for arm in parts if not is_array_part(arm) and arm not in SCALARS)
@@ -91,7 +91,7 @@ def either(checks: tuple[Check, ...]) -> Check:
 
 
 def _check_of_arm(hint: Any) -> Check:
-    marks, kind = marks_of(hint), bare(hint)
+    marks, kind = marks_of(hint), unannotated(hint)
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     plain = PLAIN.get(kind)
     if plain is not None:
@@ -220,7 +220,9 @@ def _tuple(checks: tuple[Check, ...], value: Any) -> Any:
 
 def _list(hint: Any, check: Check, marks: tuple[Any, ...], value: Any) -> Any:
     """A list whose items are as they should be; one such item is a list of one."""
-    if isinstance(bare(hint), type) and bare(hint).__module__.startswith("pgm_places"):
+    if isinstance(unannotated(hint), type) and unannotated(hint).__module__.startswith(
+        "pgm_places"
+    ):
         one = check(value)
         if one is not NO:
             return [one]

@@ -25,8 +25,8 @@ from pgm_places._argument_kinds import (
     is_array_part,
     kind_of_numbers,
 )
-from pgm_places._option_marks import arms, bare, marks_of, wanted
-from pgm_places.errors import InputError, OptionError, shown
+from pgm_places._option_marks import describe_type, marks_of, unannotated, union_members
+from pgm_places.errors import InputError, OptionError, quoted
 
 _MADE_BY = {
     "EdgeList": "LabelGraph.from_edges takes node pairs",
@@ -44,7 +44,9 @@ def refused(
 ) -> InputError:
     """The error of an argument: one line with what it takes, what came, and what to do."""
     hint, value = hints_of(function)[name], given[name]
-    is_option = any(marks_of(arm) or typing.get_origin(arm) is Literal for arm in arms(hint))
+    is_option = any(
+        marks_of(arm) or typing.get_origin(arm) is Literal for arm in union_members(hint)
+    )
     problem = f"must be {words(hint)}, got {described(value)}"
     problem += _swapped(function, name, given) or _what_to_do(hint, value)
     return OptionError(name, problem) if is_option else error(f"{name} {problem}")
@@ -56,7 +58,7 @@ def words(hint: Any) -> str:
         return " or ".join(n if n == "None" else f"{_article(n)} {n}" for n in hint.names)
     if is_array(hint):
         return "an array of numbers"
-    parts = arms(hint)
+    parts = union_members(hint)
     arrays = any(map(is_array_part, parts))
     if arrays:
         parts = [arm for arm in parts if not is_array_part(arm) and arm not in SCALARS]
@@ -70,7 +72,7 @@ def words(hint: Any) -> str:
 
 
 def _words_of_arm(hint: Any) -> str:
-    kind = bare(hint)
+    kind = unannotated(hint)
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is np.ndarray:
         numbers_of = kind_of_numbers(inner)
@@ -93,7 +95,7 @@ def _words_of_arm(hint: Any) -> str:
     if isinstance(origin or kind, type) and kind not in PLAIN:
         path = " (or the path of a map's YAML file)" if name in CONVERTERS else ""
         return f"{_article(name)} {name}{path}"
-    return wanted(hint)
+    return describe_type(hint)
 
 
 def _article(name: str) -> str:
@@ -103,7 +105,7 @@ def _article(name: str) -> str:
 def described(value: Any) -> str:
     """What came, in words: a number or a text as it is, anything else by its type."""
     if value is None or isinstance(value, str | bytes | numbers.Number | np.generic | os.PathLike):
-        return shown(value)
+        return quoted(value)
     if isinstance(value, type):
         return f"the class {value.__name__} itself"
     if hasattr(value, "mask") and np.ma.is_masked(value):
@@ -115,7 +117,7 @@ def described(value: Any) -> str:
         kinds = {type(item).__name__ for item in value}
         if len(value) and not kinds & {"str", "int", "float", "bool", "NoneType", "list", "tuple"}:
             return f"a {type(value).__name__} of {len(value)} {' or '.join(sorted(kinds))}"
-        return shown(value)
+        return quoted(value)
     return f"{_article(type(value).__name__)} {type(value).__name__}"
 
 
@@ -139,5 +141,9 @@ def _what_to_do(hint: Any, value: Any) -> str:
             return f"; give its .{field}"
     if isinstance(value, list | tuple) and len(value) == 1 and check(value[0]) is not NO:
         return "; give the one item of the list"
-    kinds = [] if isinstance(hint, ByName) else [getattr(arm, "__name__", "") for arm in arms(hint)]
+    kinds = (
+        []
+        if isinstance(hint, ByName)
+        else [getattr(arm, "__name__", "") for arm in union_members(hint)]
+    )
     return next((f"; {_MADE_BY[kind]}" for kind in kinds if kind in _MADE_BY), "")

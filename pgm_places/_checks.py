@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, LabelError, is_printable, shown
+from pgm_places.errors import InputError, LabelError, is_printable, quoted
 
 LONGEST_NAME = 200
 """Characters of a name."""
@@ -23,7 +23,7 @@ def row_blocks(n_rows: int, most: int | None = None) -> Iterator[slice]:
         yield slice(first, min(first + most, n_rows))
 
 
-def frozen(array: NDArray[Any]) -> NDArray[Any]:
+def frozen_copy(array: NDArray[Any]) -> NDArray[Any]:
     """A contiguous read-only array with the same content; copied only if it is writeable."""
     if array.flags.writeable or not array.flags.c_contiguous:
         array = np.array(array, order="C", copy=True)
@@ -31,16 +31,18 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def set_fields(item: Any, **values: Any) -> None:
+def set_frozen(item: Any, **values: Any) -> None:
     """Set fields of a frozen dataclass that is being made; arrays become read-only."""
     for name, value in values.items():
-        object.__setattr__(item, name, frozen(value) if isinstance(value, np.ndarray) else value)
+        object.__setattr__(
+            item, name, frozen_copy(value) if isinstance(value, np.ndarray) else value
+        )
 
 
-def sealed(array: NDArray[Any]) -> NDArray[Any]:
+def freeze(array: NDArray[Any]) -> NDArray[Any]:
     """The array itself, made read-only: for results that nobody else holds; saves a copy."""
     array.setflags(write=False)
-    return frozen(array)
+    return frozen_copy(array)
 
 
 def _shape_text(shape: tuple[int | str | None, ...]) -> str:
@@ -172,7 +174,7 @@ def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float6
     features (products, rows of a mask, columns) is written alike for both.
     """
     if not is_sparse(values):
-        return frozen(finite_array(name, values, (n_rows, "D")))
+        return frozen_copy(finite_array(name, values, (n_rows, "D")))
     from scipy.sparse import csr_array
 
     if getattr(values, "ndim", 2) != 2:
@@ -240,7 +242,7 @@ def learned_number(name: str, values: NDArray[Any], at: int, most: int, *, low: 
     """A whole number from ``low`` to below ``most`` in a learned array, which a file may spoil."""
     value = values[at] if at < len(values) else -1
     if not low <= value < most:
-        raise InputError(f"{name} must hold {low} to {most - 1} at index {at}, got {shown(value)}")
+        raise InputError(f"{name} must hold {low} to {most - 1} at index {at}, got {quoted(value)}")
     return int(value)
 
 
@@ -276,17 +278,17 @@ def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> 
         They are not distinct texts of 1 to 200 characters without control characters.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise error(f"{what} must be a list of names, got {shown(names)}")
+        raise error(f"{what} must be a list of names, got {quoted(names)}")
     seen: dict[str, None] = {}
     for name in names:
         if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
             raise error(
-                f"{what} must be strings of 1 to {LONGEST_NAME} characters, got {shown(name)}"
+                f"{what} must be strings of 1 to {LONGEST_NAME} characters, got {quoted(name)}"
             )
         if not is_printable(name):
-            raise error(f"{what} must not hold control characters, got {shown(name)}")
+            raise error(f"{what} must not hold control characters, got {quoted(name)}")
         if name in seen:
-            raise error(f"{what} must differ, got {shown(name)} twice")
+            raise error(f"{what} must differ, got {quoted(name)} twice")
         seen[name] = None
     return tuple(seen)
 

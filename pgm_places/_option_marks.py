@@ -1,20 +1,32 @@
 """Marks of options: what a number or a list may be, written beside its type.
 
-Cheap stand-ins for annotated_types, whose limits are accepted too.
+Cheap stand-ins for annotated_types (whose constraints are accepted too), which is imported only
+when pydantic is.
 """
 
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Annotated, Any, Literal, Union
 
 
 class Mark:
-    """A limit."""
+    """A limit.
+
+    Libraries that know annotated_types take it for a group of its marks, of which there is one.
+    """
+
+    __is_annotated_types_grouped_metadata__ = True
 
     def __init__(self, limit: float) -> None:
         self.limit = limit
+
+    def __iter__(self) -> Iterator[Any]:
+        """The mark of annotated_types that means the same."""
+        import annotated_types
+
+        yield getattr(annotated_types, type(self).__name__)(self.limit)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.limit!r})"
@@ -61,8 +73,15 @@ class NameOf:
         Returns all names.
     """
 
+    __is_annotated_types_grouped_metadata__ = True
+
     def __init__(self, built_in: Collection[str], names: Callable[[], list[str]]) -> None:
         self.built_in, self.names = built_in, names
+
+    def __iter__(self) -> Iterator[Any]:
+        import annotated_types
+
+        yield annotated_types.Predicate(self.knows)
 
     def knows(self, name: str) -> bool:
         """Whether something has that name."""
@@ -74,7 +93,7 @@ _ATTRIBUTES: dict[str, type[Mark]] = {"ge": Ge, "gt": Gt, "le": Le, "lt": Lt, "m
 
 
 def own_marks(mark: Any) -> list[Any]:
-    """A mark, or the parts of a group such as ``Interval``, as marks of this module."""
+    """A mark, or the parts of a group such as pydantic's ``Field``, as marks of this module."""
     if isinstance(mark, Mark | NameOf):
         return [mark]
     if getattr(mark, "__is_annotated_types_grouped_metadata__", False):
@@ -92,7 +111,10 @@ def _own(mark: Any) -> Any:
     return mark
 
 
-def wanted(hint: Any) -> str:
+_KNOWN = (Ge, Gt, Le, Lt, MinLen, NameOf, OrInfinite)
+
+
+def describe_type(hint: Any) -> str:
     """What an annotation takes, in words.
 
     Examples
@@ -104,29 +126,34 @@ def wanted(hint: Any) -> str:
     >>> wanted(tuple[Annotated[float, Gt(0)], ...] | None)
     'a list of numbers above 0 or None'
     """
-    found = [_words(arm, plural=False) for arm in arms(hint)]
+    found = [_words(arm, plural=False) for arm in union_members(hint)]
     if len(found) < 2:
         return found[0]
     comma = "," if len(found) > 2 or " and " in found[0] else ""
     return ", ".join(found[:-1]) + f"{comma} or {found[-1]}"
 
 
-def bare(hint: Any) -> Any:
+def unannotated(hint: Any) -> Any:
     """An annotation without its marks."""
     return typing.get_args(hint)[0] if typing.get_origin(hint) is Annotated else hint
 
 
 def marks_of(hint: Any) -> tuple[Any, ...]:
-    """The marks of an annotation one by one, those of a group among them."""
+    """The marks of an annotation one by one, those of a pydantic ``Field`` among them."""
     return tuple(found for mark in getattr(hint, "__metadata__", ()) for found in own_marks(mark))
 
 
-def arms(hint: Any) -> list[Any]:
+def union_members(hint: Any) -> list[Any]:
     """The alternatives of a union, None last; marks of a whole union are not looked at."""
-    if typing.get_origin(bare(hint)) not in (Union, types.UnionType):
+    if typing.get_origin(unannotated(hint)) not in (Union, types.UnionType):
         return [hint]
-    found = [arm for part in typing.get_args(bare(hint)) for arm in arms(part)]
+    found = [arm for part in typing.get_args(unannotated(hint)) for arm in union_members(part)]
     return sorted(found, key=lambda arm: arm is types.NoneType)
+
+
+def is_fully_described(hint: Any) -> bool:
+    """Whether the words of an annotation leave out none of its marks."""
+    return all(isinstance(mark, _KNOWN) for arm in union_members(hint) for mark in marks_of(arm))
 
 
 _NOUNS = {
@@ -139,7 +166,7 @@ _NOUNS = {
 
 
 def _words(hint: Any, *, plural: bool) -> str:
-    marks, hint = marks_of(hint), bare(hint)
+    marks, hint = marks_of(hint), unannotated(hint)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
         return _choices(inner)
@@ -166,12 +193,12 @@ def _choices(values: tuple[Any, ...]) -> str:
 
 def _list_words(inner: tuple[Any, ...], marks: tuple[Any, ...]) -> str:
     if len(inner) == 2 and inner[1] is not Ellipsis:
-        return f"a list of two: {wanted(inner[0])}"
+        return f"a list of two: {describe_type(inner[0])}"
     least = next((int(mark.limit) for mark in marks if isinstance(mark, MinLen)), 0)
     start = "a list of" if not least else "a non-empty list of"
     if least > 1:
         start = f"a list of at least {least}"
-    return f"{start} " + " or ".join(_words(arm, plural=True) for arm in arms(inner[0]))
+    return f"{start} " + " or ".join(_words(arm, plural=True) for arm in union_members(inner[0]))
 
 
 def _limits(marks: tuple[Any, ...]) -> str:

@@ -115,7 +115,7 @@ _shown = reprlib.Repr()
 _shown.maxstring = _shown.maxother = _shown.maxlong = 120
 
 
-def printable(text: str, *, keep: str = "") -> str:
+def escape_control(text: str, *, keep: str = "") -> str:
     r"""``text`` with terminal control characters escaped.
 
     Parameters
@@ -142,7 +142,7 @@ def is_printable(text: str) -> bool:
     return _HIDDEN.search(text) is None
 
 
-def shown(value: object) -> str:
+def quoted(value: object) -> str:
     """A value for a message, shortened: what came may be megabytes, or nested a thousand deep."""
     return _BREAK.sub(" ", _shown.repr(value))
 

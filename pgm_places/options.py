@@ -8,26 +8,27 @@ of a TOML file and a flag of the command line are refused by one declaration, an
 import dataclasses
 import functools
 import inspect
+import math
 import re
-import sys
+import types
 import typing
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, Union
 
 from pgm_places._option_marks import (
     Ge,
     Gt,
     Le,
     Lt,
-    MinLen,
     NameOf,
     OrInfinite,
-    arms,
-    bare,
+    describe_type,
+    is_fully_described,
     marks_of,
-    wanted,
+    unannotated,
+    union_members,
 )
-from pgm_places.errors import ConfigError, InputError, nearest_name, shown
+from pgm_places.errors import ConfigError, InputError, nearest_name, quoted
 from pgm_places.errors import OptionError as OptionError
 
 AtLeastZero = Annotated[float, Ge(0)]
@@ -117,7 +118,7 @@ def check_options(item: Any) -> None:
     for field in option_fields(type(item)):
         value = getattr(item, field.name)
         if type(value) is type(field.default) and value == field.default:
-            continue  # needs no check
+            continue  # needs no check, and spares the import of pydantic
         object.__setattr__(item, field.name, check_option(field.name, hints[field.name], value))
 
 
@@ -128,7 +129,7 @@ class Options:
         check_options(self)
 
 
-def taken_from(cls: type[T], item: Any) -> T:
+def subset_of(cls: type[T], item: Any) -> T:
     """The options of a class that are attributes of another object, such as an estimator.
 
     Raises
@@ -156,13 +157,13 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
     """
     if not isinstance(values, Mapping):
         raise ConfigError(
-            f"{path or 'the options'} must be a table of options, got {shown(values)}"
+            f"{path or 'the options'} must be a table of options, got {quoted(values)}"
         )
     hints = option_hints(cls)
     for key in values:
         if key not in hints:
             hint = nearest_name(str(key), list(hints), never=values)
-            raise ConfigError(f"unknown key {shown(_at(path, key))}. {hint}")
+            raise ConfigError(f"unknown key {quoted(_at(path, key))}. {hint}")
     for item in option_fields(cls):
         required = item.default is dataclasses.MISSING is item.default_factory
         if required and item.name not in values:
@@ -176,7 +177,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
         raise ConfigError(f"{path}: {error}" if path else str(error)) from None
 
 
-# ---------------------------------------------------------------------- the verdict
+# ---------------------------------------------------------------------- the verdict: pydantic's
 
 
 def check_option(name: str, hint: Any, value: Any) -> Any:
@@ -192,81 +193,88 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
     >>> check_option("n_folds", Annotated[int, Ge(2)], 3)
     3
     """
-    taken = _taken(hint, _as_tuples(value))
-    if taken is _NO:
-        raise OptionError(name, f"must be {wanted(hint)}, got {shown(value)}")
-    return taken
+    if _fits(hint, value):
+        return value
+    as_tuples = _sequences(value, tuple)
+    if _fits(hint, as_tuples):
+        return as_tuples
+    from pydantic import ValidationError
+
+    if isinstance(value, tuple(filter(dataclasses.is_dataclass, union_members(hint)))):
+        return value  # which has checked its own options
+    if all(
+        map(dataclasses.is_dataclass, union_members(hint))
+    ):  # pydantic cannot be asked for none of these
+        raise OptionError(name, f"must be {describe_type(hint)}, got {quoted(value)}")
+    reason = ""
+    for given in (as_tuples, _sequences(value, list)):
+        try:
+            return _validator(hint).validate_python(given)
+        except ValidationError as error:
+            reason = "" if is_fully_described(hint) else f" ({error.errors()[0]['msg']})"
+    raise OptionError(name, f"must be {describe_type(hint)}, got {quoted(value)}{reason}")
 
 
-_NO = object()
-_LIMITS: dict[type, Callable[[Any, Any], bool]] = {
+_BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
     Ge: lambda value, mark: value >= mark.limit,
     Gt: lambda value, mark: value > mark.limit,
     Le: lambda value, mark: value <= mark.limit,
     Lt: lambda value, mark: value < mark.limit,
-    MinLen: lambda value, mark: len(value) >= mark.limit,
     NameOf: lambda value, mark: mark.knows(value),
 }
 
 
-def _taken(hint: Any, value: Any) -> Any:
-    """The value as an annotation takes it: a whole number as a float where one is; or ``_NO``."""
-    for kind, marks, infinite in _read(hint):
-        taken = _of_kind(kind, infinite, value)
-        if taken is not _NO and all(_LIMITS[type(mark)](taken, mark) for mark in marks):
-            return taken
-    return _NO
+def _fits(hint: Any, value: Any) -> bool:
+    """Fast path: whether pydantic would accept ``value`` unchanged.
+
+    Importing pydantic and preparing its validators takes up to a tenth of a second, and nearly all
+    options that are read from models are numbers and names as declared.
+    """
+    return any(_fits_arm(*arm, value) for arm in _read(hint))
 
 
 @functools.cache
-def _read(hint: Any) -> list[tuple[Any, list[Any], bool]]:
-    """Of each alternative its type, its limits, and whether it may be infinite."""
-    found = []
-    for arm in arms(hint):
-        marks = [mark for mark in marks_of(arm) if not isinstance(mark, OrInfinite)]
-        if unknown := [mark for mark in marks if type(mark) not in _LIMITS]:
-            raise TypeError(f"options know no mark {unknown[0]!r}; take limits such as Ge(0)")
-        found.append((bare(arm), marks, len(marks) < len(marks_of(arm))))
-    return found
+def _read(hint: Any) -> list[tuple[Any, Any, tuple[Any, ...], tuple[Any, ...]]]:
+    """Of each alternative: its type, that without parameters, its parameters, its marks."""
+    parts = [(unannotated(arm), marks_of(arm)) for arm in union_members(hint)]
+    return [(kind, typing.get_origin(kind), typing.get_args(kind), m) for kind, m in parts]
 
 
-def _of_kind(kind: Any, infinite: bool, value: Any) -> Any:
-    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+def _fits_arm(
+    kind: Any, origin: Any, inner: tuple[Any, ...], marks: tuple[Any, ...], value: Any
+) -> bool:
     if kind is Any:
-        return value
+        return dataclasses.is_dataclass(value)
     if origin is Literal:
-        same = (word for word in inner if type(value) is type(word) and value == word)
-        return next(same, _NO)
-    if kind is float and type(value) in (int, float) and abs(value) <= sys.float_info.max:
-        return float(value)
-    if kind is float:
-        return value if infinite and type(value) is float else _NO
-    if kind is str:
-        return str.__str__(value) if isinstance(value, str) else _NO
-    if kind in (int, bool):
-        return value if type(value) is kind else _NO
-    if origin in (tuple, list):
-        return _items(origin, inner, value)
-    if origin in (dict, Mapping) and isinstance(value, Mapping):
-        found = {_taken(inner[0], key): _taken(inner[1], value[key]) for key in value}
-        return _NO if any(item is _NO for pair in found.items() for item in pair) else found
-    return value if isinstance(value, origin or kind) else _NO
+        return any(type(value) is type(word) and value == word for word in inner)
+    if origin is tuple and type(value) is tuple and not marks:
+        if inner[-1] is Ellipsis:
+            inner = inner[:1] * len(value)
+        return len(inner) == len(value) and all(map(_fits, inner, value))
+    if kind not in (str, bool, int, float, types.NoneType) or type(value) is not kind:
+        return False
+    if (kind is str and not value.isascii()) or (kind is float and not math.isfinite(value)):
+        return False
+    return all(type(mark) in _BOUNDS and _BOUNDS[type(mark)](value, mark) for mark in marks)
 
 
-def _items(kind: type[Any], inner: tuple[Any, ...], value: Any) -> Any:
-    """The items of a list that is given as a tuple, each as it is declared."""
-    if not isinstance(value, list | tuple):
-        return _NO
-    hints = inner[:1] * len(value) if kind is list or inner[-1] is Ellipsis else inner
-    found = [_taken(*pair) for pair in zip(hints, value, strict=False)]
-    fits = len(hints) == len(value) and not any(item is _NO for item in found)
-    return kind(found) if fits else _NO
+@functools.cache
+def _validator(hint: Any) -> Any:
+    """The TypeAdapter of an option's values, other classes of options aside."""
+    from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
+
+    others = tuple(arm for arm in union_members(hint) if not dataclasses.is_dataclass(arm))
+    if len(others) < len(union_members(hint)):
+        hint = Union[others]  # noqa: UP007  of what is found at run time
+    infinite = any(isinstance(mark, OrInfinite) for mark in marks_of(hint))
+    settings = ConfigDict(strict=True, allow_inf_nan=infinite, arbitrary_types_allowed=True)
+    return TypeAdapter(hint, config=settings)
 
 
-def _as_tuples(value: Any) -> Any:
-    """The value with tuples for its lists, and no numbers of NumPy."""
+def _sequences(value: Any, kind: type[Any]) -> Any:
+    """The value with all its lists and tuples of one kind, and no numbers of NumPy."""
     if isinstance(value, list | tuple):
-        return tuple(map(_as_tuples, value))
+        return kind(_sequences(item, kind) for item in value)
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         return value.item()
     return value
@@ -281,7 +289,7 @@ def _at(path: str, key: str) -> str:
 
 def _nested(hint: Any, value: Any, path: str) -> Any:
     """A table as the options that are declared for it, a list of tables as a list of them."""
-    for arm in map(bare, arms(hint)):
+    for arm in map(unannotated, union_members(hint)):
         if dataclasses.is_dataclass(arm) and isinstance(arm, type) and isinstance(value, Mapping):
             return from_mapping(arm, value, path=path)
         if typing.get_origin(arm) in (list, tuple) and isinstance(value, list | tuple):

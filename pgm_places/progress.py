@@ -46,7 +46,7 @@ _listening: ContextVar[Progress] = ContextVar("listening", default=Silent())  # 
 
 
 @contextmanager
-def reported(progress: Progress | None) -> Iterator[None]:
+def reporting_to(progress: Progress | None) -> Iterator[None]:
     """Report stages and warnings of the block to ``progress``; None keeps the current reporter."""
     before = _listening.set(progress or _listening.get())
     try:
@@ -55,7 +55,7 @@ def reported(progress: Progress | None) -> Iterator[None]:
         _listening.reset(before)
 
 
-def staged(name: str) -> AbstractContextManager[Stage]:
+def report_stage(name: str) -> AbstractContextManager[Stage]:
     """Report a stage to the current reporter for the duration of the block."""
     return _listening.get().stage(name)
 
@@ -81,7 +81,7 @@ class _Noting:
 def warnings_noted() -> Iterator[list[str]]:
     """The warnings of the block, which the current reporter shows as well."""
     noting = _Noting(_listening.get())
-    with reported(noting):
+    with reporting_to(noting):
         yield noting.warnings
 
 

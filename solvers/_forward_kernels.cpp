@@ -92,7 +92,7 @@ struct Steps {  // see forward.py
 };
 
 template <int K>
-double filter(const Array<double, 1> &belief, bool begun, const Array<const double, 3> &arrival,
+double filter(const Array<double, 1> &belief, bool begun, const Array<const double, 3> &transition_t,
               const Steps &steps) {
     const int64_t n_steps = steps.likelihood.shape(0), n_labels = number_of<K>(belief.shape(0));
     Numbers<K> carried(n_labels), predicted(n_labels);
@@ -104,7 +104,7 @@ double filter(const Array<double, 1> &belief, bool begun, const Array<const doub
     double evidence = -std::log(mass);
     for (int64_t t = 0; t < n_steps; ++t) {
         if (t > 0 || begun) {
-            const double *from = arrival.data() + steps.action(t) * n_labels * n_labels;
+            const double *from = transition_t.data() + steps.action(t) * n_labels * n_labels;
             for (int64_t k = 0; k < n_labels; ++k) {
                 double arriving = from[k * n_labels] * carried[0];
                 for (int64_t m = 1; m < n_labels; ++m) arriving += from[k * n_labels + m] * carried[m];
@@ -144,13 +144,13 @@ double filter(const Array<double, 1> &belief, bool begun, const Array<const doub
 
 // Filter some steps on from `belief` (K,), of any sum, left at the last (paper eq. 3).
 //
-// `arrival[a, l, m]` is the probability of coming to `l` from `m` under the action that led to the
+// `transition_t[a, l, m]` is the probability of coming to `l` from `m` under the action that led to the
 // step; before anything has `begun` the belief is the first step's prediction. Impossible observations
 // are left out. Returns the logarithm of the probability of all that is seen, without what is in
 // `scale`: that of the products carried, which needs no logarithm per step.
-double filter_chain(Array<double, 1> belief, bool begun, Array<const double, 3> arrival, Steps steps) {
+double filter_chain(Array<double, 1> belief, bool begun, Array<const double, 3> transition_t, Steps steps) {
     return for_labels(belief.shape(0), [&](auto labels) {
-        return filter<labels()>(belief, begun, arrival, steps);
+        return filter<labels()>(belief, begun, transition_t, steps);
     });
 }
 
@@ -174,14 +174,14 @@ double one_back(const double *from, const double *filtered, const Numbers<K> &la
 }
 
 template <int K>
-void smooth(const Array<const double, 3> &arrival, const Array<const int64_t, 1> &action,
+void smooth(const Array<const double, 3> &transition_t, const Array<const int64_t, 1> &action,
             const Array<double, 2> &beliefs) {
     const int64_t n_steps = beliefs.shape(0), n_labels = number_of<K>(beliefs.shape(1));
     Numbers<K> later(n_labels), earlier(n_labels), predicted(n_labels), ratio(n_labels);
     for (int64_t k = 0; k < n_labels; ++k) later[k] = n_steps > 0 ? beliefs(n_steps - 1, k) : 0.0;
     double before = 1.0;  // the sum of `later`
     for (int64_t t = n_steps - 2; t >= 0; --t) {
-        const double *from = arrival.data() + action(t + 1) * n_labels * n_labels;
+        const double *from = transition_t.data() + action(t + 1) * n_labels * n_labels;
         double *filtered = beliefs.data() + t * n_labels;
         double least = INF;
         for (int64_t m = 0; m < n_labels; ++m) {
@@ -214,14 +214,14 @@ void smooth(const Array<const double, 3> &arrival, const Array<const int64_t, 1>
 //
 // `p(l_t | all) = f_t(l) sum_m P(m | l) p(m_{t+1} | all) / predicted_{t+1}(m)`; `action[t]` led to step
 // `t`.
-void smooth_chain(Array<const double, 3> arrival, Array<const int64_t, 1> action,
+void smooth_chain(Array<const double, 3> transition_t, Array<const int64_t, 1> action,
                   Array<double, 2> beliefs) {
-    for_labels(beliefs.shape(1), [&](auto labels) { smooth<labels()>(arrival, action, beliefs); });
+    for_labels(beliefs.shape(1), [&](auto labels) { smooth<labels()>(transition_t, action, beliefs); });
 }
 
 template <int K, class T>
 double best_paths(const Array<double, 1> &best_score, bool begun,
-                  const Array<const double, 3> &log_arrival, const Array<const int64_t, 1> &action,
+                  const Array<const double, 3> &log_transition_t, const Array<const int64_t, 1> &action,
                   const Array<const double, 2> &log_likelihood, const Array<T, 2> &origin,
                   const Array<bool, 1> &impossible) {
     const int64_t n_steps = log_likelihood.shape(0), n_labels = number_of<K>(best_score.shape(0));
@@ -230,7 +230,7 @@ double best_paths(const Array<double, 1> &best_score, bool begun,
     double shift = 0.0;
     for (int64_t t = 0; t < n_steps; ++t) {
         if (t > 0 || begun) {
-            const double *from = log_arrival.data() + action(t) * n_labels * n_labels;
+            const double *from = log_transition_t.data() + action(t) * n_labels * n_labels;
             T *__restrict came = origin.data() + t * n_labels;
             for (int64_t k = 0; k < n_labels; ++k) {
                 double best = reach[0] + from[k * n_labels];
@@ -275,11 +275,11 @@ double best_paths(const Array<double, 1> &best_score, bool begun,
 // label before each. An impossible observation is marked and left out. Returns what was taken off all
 // scores.
 template <class T>
-double viterbi_chain(Array<double, 1> best_score, bool begun, Array<const double, 3> log_arrival,
+double viterbi_chain(Array<double, 1> best_score, bool begun, Array<const double, 3> log_transition_t,
                      Array<const int64_t, 1> action, Array<const double, 2> log_likelihood,
                      Array<T, 2> origin, Array<bool, 1> impossible) {
     return for_labels(best_score.shape(0), [&](auto labels) {
-        return best_paths<labels()>(best_score, begun, log_arrival, action, log_likelihood, origin,
+        return best_paths<labels()>(best_score, begun, log_transition_t, action, log_likelihood, origin,
                                     impossible);
     });
 }
@@ -294,7 +294,7 @@ void trace_back(Array<const T, 2> origin, int64_t last, Array<int64_t, 1> out) {
 }
 
 template <class T> void add_all(pgm::Module &module) {
-    module.add("viterbi_chain", viterbi_chain<T>, "best_score"_a, "begun"_a, "log_arrival"_a,
+    module.add("viterbi_chain", viterbi_chain<T>, "best_score"_a, "begun"_a, "log_transition_t"_a,
                "action"_a, "log_likelihood"_a, "origin"_a, "impossible"_a);
     module.add("trace_back", trace_back<T>, "origin"_a, "last"_a, "out"_a);
 }
@@ -303,8 +303,8 @@ template <class T> void add_all(pgm::Module &module) {
 
 PGM_KERNELS(module) {
     module.add("subtract_best", subtract_best, "log_likelihood"_a, "out"_a, "best"_a);
-    module.add("filter_chain", filter_chain, "belief"_a, "begun"_a, "arrival"_a, "steps"_a);
-    module.add("smooth_chain", smooth_chain, "arrival"_a, "action"_a, "beliefs"_a);
+    module.add("filter_chain", filter_chain, "belief"_a, "begun"_a, "transition_t"_a, "steps"_a);
+    module.add("smooth_chain", smooth_chain, "transition_t"_a, "action"_a, "beliefs"_a);
     add_all<std::int8_t>(module);
     add_all<std::int16_t>(module);
 }

@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace {
@@ -20,7 +20,7 @@ constexpr float MIN_MASS = 1e-12f;  // labels that keep less than this together 
 constexpr float SMALLEST = 1e-30f;  // beliefs below become 0: they cannot return, and subnormal
                                     // numbers are slow
 
-template <int BYTES> using Block = pgm::Lanes<float, LANES, BYTES>;
+template <int BYTES> using Block = pgm::Simd<float, LANES, BYTES>;
 
 struct Store {  // see grid_relaxation.py
     Array<float, 2> beliefs;
@@ -156,7 +156,7 @@ PGM_INLINE void update_part(const Store &store, const Update &update, const Arra
                             Block<BYTES> *work, int64_t part, const Array<const float, 4> &edges,
                             double *totals) {
     using L = Block<BYTES>;
-    using Wide = pgm::Lanes<double, LANES, BYTES>;
+    using Wide = pgm::Simd<double, LANES, BYTES>;
     const int n_labels = LABELS > 0 ? LABELS : static_cast<int>(store.beliefs.shape(0));
     const int64_t stride = store.beliefs.shape(1), length = rows.shape(2);
     const int64_t first = store.part_start(part), last = store.part_start(part + 1);

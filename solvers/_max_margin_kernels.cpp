@@ -1,6 +1,6 @@
 // Sums for max-margin learning.
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace {
@@ -43,7 +43,7 @@ void add_feature_difference(Labels labels, Labels truth, ConstMatrix node_featur
 struct MultiplyRows {
     template <int BYTES>
     static PGM_INLINE void run(ConstMatrix rows, ConstMatrix weights, Array<double, 1> out) {
-        using Four = pgm::Lanes<double, 4, BYTES>;
+        using Four = pgm::Simd<double, 4, BYTES>;
         const int64_t n_rows = rows.shape(0), n_features = rows.shape(1), width = weights.shape(1);
         const int64_t n_columns = (out.shape(0) - width) / std::max<int64_t>(n_rows, 1);
         for (int64_t i = 0; i < n_rows; ++i)

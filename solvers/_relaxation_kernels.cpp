@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 namespace {
@@ -20,7 +20,7 @@ struct Neighbours {  // see relaxation.py
     auto fields() { return std::tie(start, place, weight, shared); }
 };
 
-template <int BYTES> using Four = pgm::Lanes<double, 4, BYTES>;
+template <int BYTES> using Four = pgm::Simd<double, 4, BYTES>;
 
 // Update the nodes from `begin` to `end`, and fill the part's `sums`.
 //

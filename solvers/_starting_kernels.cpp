@@ -29,7 +29,7 @@ PGM_INLINE void divide(double *row, int64_t count) {
 struct Normalise {
     template <int BYTES>
     static PGM_INLINE int64_t run(Array<const double, 2> unary, double floor, Array<double, 1> out) {
-        using L = pgm::Lanes<double, LANES, BYTES>;
+        using L = pgm::Simd<double, LANES, BYTES>;
         constexpr double INF = std::numeric_limits<double>::infinity();
         const int64_t n_nodes = unary.shape(0), n_labels = unary.shape(1);
         const double *given = unary.data();

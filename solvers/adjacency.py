@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, require_at_least, sealed
+from pgm_places._checks import freeze, integer_array, require_at_least
 from pgm_places._core import fill_slots, forest_order
 from pgm_places.errors import InputError
 
@@ -87,13 +87,13 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
     if len(loops):
         raise InputError(f"edge {loops[0]} joins node {pairs[loops[0], 0]} to itself")
-    ends = sealed(pairs.astype(np.int32))
+    ends = freeze(pairs.astype(np.int32))
     start = np.empty(n_nodes + 1, np.uint32)
     head = np.empty(2 * len(ends), np.uint32)
     arc = np.empty(2 * len(ends), np.uint32)
     fill_slots(ends.view(np.uint32), np.zeros(n_nodes, np.uint32), start, head, arc)
     owner = ends.view(np.uint32).reshape(-1)
-    return Adjacency(n_nodes, ends, Arcs(sealed(start), sealed(head), sealed(arc), owner))
+    return Adjacency(n_nodes, ends, Arcs(freeze(start), freeze(head), freeze(arc), owner))
 
 
 def part_means(n_nodes: int, edges: NDArray[np.int32], values: ArrayLike) -> NDArray[np.float64]:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places import _core
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers.adjacency import is_forest, rooted_forest
+from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel, total_score
-from pgm_places.solvers.schedule import check_schedule, until_at_rest
 from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
 
 __all__ = ["BeliefPropagation", "belief_propagation", "pair_beliefs"]
@@ -129,31 +129,31 @@ def belief_propagation(
         raise InputError(f"kind must be 'sum-product' or 'max-product', got {kind!r}")
     if sets is not None and kind == "max-product":
         raise InputError("sets are for kind 'sum-product'; decode_with_cliques takes either")
-    check_schedule(max_iterations, tolerance, damping)
+    check_iteration_limits(max_iterations, tolerance, damping)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     rule = Rule(kind == "max-product", float(damping))
     unit = set_unit(model, sets)
-    still = max(tolerance * (unit if rule.maximise else min(unit, 1.0)), ROUNDING * unit)
+    threshold = max(tolerance * (unit if rule.maximise else min(unit, 1.0)), ROUNDING * unit)
     exact = sets is None and is_forest(model.around)
     if sets is None:
         sweep = _sweeper(model, rule, message)
     else:
         model, sweep = _with_sets(model, sets, rule, message)
     if exact:
-        sweep, still, max_iterations = _forest_sweeper(model, rule.maximise, message), -1.0, 2
-    history = until_at_rest(
-        lambda number: sweep(number % 2 == 0), still, max_iterations, on_iteration
+        sweep, threshold, max_iterations = _forest_sweeper(model, rule.maximise, message), -1.0, 2
+    history = until_converged(
+        lambda number: sweep(number % 2 == 0), threshold, max_iterations, on_iteration
     )
     beliefs = beliefs_from_messages(model, message)
     labels = _decoded(model, message, np.inf if rule.maximise else TIE * unit)
     return BeliefPropagation(
-        labels=frozen(labels),
+        labels=frozen_copy(labels),
         score=total_score(model, labels),
-        beliefs=frozen(beliefs),
-        converged=exact or history[-1] <= still,
-        history=frozen(np.array(history)),
+        beliefs=frozen_copy(beliefs),
+        converged=exact or history[-1] <= threshold,
+        history=frozen_copy(np.array(history)),
         exact=exact,
-        messages=frozen(message),
+        messages=frozen_copy(message),
     )
 
 

@@ -34,11 +34,11 @@ class Chain(NamedTuple):
 
     start: NDArray[np.float64]
     """(K,) probabilities at the first step, before its observation."""
-    arrival: NDArray[np.float64]
+    transition_t: NDArray[np.float64]
     """(A, K, K) probability of each label (row) after each label before (column)."""
     observed: NDArray[np.float64]
     """(T, K) log-likelihoods; NaN and +inf are looked for where they are used."""
-    led: NDArray[np.int64]
+    action: NDArray[np.int64]
     """(T,) the table that led to each step; the first one's is not used."""
 
 
@@ -68,20 +68,20 @@ def markov_chain(
     if rows.ndim != 2:
         finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
     n_steps, n_labels = rows.shape
-    start, arrival = check_tables(initial, transition, n_labels)
-    led = np.zeros(n_steps, np.int64)
+    start, transition_t = check_tables(initial, transition, n_labels)
+    action = np.zeros(n_steps, np.int64)
     if actions is not None:
-        high = len(arrival)
-        led[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=high)
-    elif len(arrival) != 1:
-        raise InputError(f"transition has {len(arrival)} tables, so actions are needed")
-    return Chain(start, arrival, np.ascontiguousarray(rows), led)
+        high = len(transition_t)
+        action[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=high)
+    elif len(transition_t) != 1:
+        raise InputError(f"transition has {len(transition_t)} tables, so actions are needed")
+    return Chain(start, transition_t, np.ascontiguousarray(rows), action)
 
 
 def check_tables(
     initial: ArrayLike, transition: ArrayLike, n_labels: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Start (K,) and arrival (A, K, K), by label and label before."""
+    """Start (K,) and transition_t (A, K, K), by label and label before."""
     start = check_start(initial, n_labels)
     tables = np.asarray(transition, np.float64)
     tables = tables[None] if tables.ndim == 2 else tables
@@ -118,9 +118,10 @@ def exceeds_floats(
     impossible : (T,) bool
         Steps whose observation was left out.
     """
-    if chain.arrival.min(initial=1.0) >= LEAST_ARRIVAL:
+    if chain.transition_t.min(initial=1.0) >= LEAST_ARRIVAL:
         return False
-    tables = chain.arrival[np.bincount(chain.led[1:], minlength=len(chain.arrival)) > 0]
+    n_uses = np.bincount(chain.action[1:], minlength=len(chain.transition_t))
+    tables = chain.transition_t[n_uses > 0]
     if tables.min(initial=1.0) >= LEAST_ARRIVAL:
         return False
     if tables.min(initial=1.0, where=tables > 0) < RARE_ARRIVAL:
@@ -133,7 +134,7 @@ def exceeds_floats(
         step += part.start
         seen = (chain.observed[step, label] > -np.inf) | impossible[step]
         step, label = step[seen], label[seen]
-        coming = (chain.arrival[chain.led[step], label] * beliefs[step - 1]).sum(axis=1)
+        coming = (chain.transition_t[chain.action[step], label] * beliefs[step - 1]).sum(axis=1)
         if np.where(step == 0, chain.start[label], coming).any():
             return True
     return False
@@ -155,14 +156,14 @@ def beliefs_in_logs(
         Whether later observations count too.
     """
     with np.errstate(divide="ignore"):
-        start, arrival = np.log(chain.start), np.log(chain.arrival)
+        start, transition_t = np.log(chain.start), np.log(chain.transition_t)
     scaled, best = np.empty(beliefs.shape), np.empty(len(beliefs))
     subtract_best(chain.observed, scaled, best)
     logs = np.empty(beliefs.shape)
-    evidence = filter_in_logs(start, arrival, chain.led, scaled, logs, impossible)
+    evidence = filter_in_logs(start, transition_t, chain.action, scaled, logs, impossible)
     if smooth:
-        leaving = np.ascontiguousarray(arrival.transpose(0, 2, 1))
-        smooth_in_logs(arrival, leaving, chain.led, logs)
+        leaving = np.ascontiguousarray(transition_t.transpose(0, 2, 1))
+        smooth_in_logs(transition_t, leaving, chain.action, logs)
     np.exp(logs, out=beliefs)
     beliefs /= beliefs.sum(axis=1, keepdims=True)
     return evidence + float(best.sum())

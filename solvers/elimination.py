@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places._core import eliminate_labels
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
@@ -120,4 +120,4 @@ def reduce_model(model: PairwiseModel) -> Reduction:
         model.agreement[inside],
     )
     left = PairwiseModel(smaller.around, smaller.unary, smaller.agreement, smaller.tables, offset)
-    return Reduction(left, np.flatnonzero(open_nodes), frozen(labels))
+    return Reduction(left, np.flatnonzero(open_nodes), frozen_copy(labels))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _core
-from pgm_places._checks import frozen, require_at_least
+from pgm_places._checks import frozen_copy, require_at_least
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, Arcs
 from pgm_places.solvers.max_flow import SINK, cut_space
@@ -233,7 +233,7 @@ class _Moves:
 
     def result(self, n_sweeps: int, *, converged: bool) -> Expansion:
         return Expansion(
-            labels=frozen(self.labels.astype(np.int64)),
+            labels=frozen_copy(self.labels.astype(np.int64)),
             score=total_score(self.model, self.labels),
             n_sweeps=n_sweeps,
             n_moves=self.n_moves,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, sealed
+from pgm_places._checks import freeze, frozen_copy
 from pgm_places._core import decode_forest, pass_back, pass_forest, sample_forest
 from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.adjacency import rooted_forest
@@ -81,7 +81,7 @@ def forest_maximum(model: PairwiseModel) -> ForestDecoding:
     score = total_score(model, labels)
     if score == -np.inf:
         raise InfeasibleError
-    return ForestDecoding(frozen(labels.astype(np.int64)), score)
+    return ForestDecoding(frozen_copy(labels.astype(np.int64)), score)
 
 
 def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarginals:
@@ -99,9 +99,9 @@ def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarg
     """
     order, parent = rooted_forest(model.around)
     sums = forest_sums(model, order, parent)
-    joint = sealed(sums.pair_beliefs()) if pairs else None
+    joint = freeze(sums.pair_beliefs()) if pairs else None
     log_partition = float(sums.log_partition.sum()) + model.offset
-    return ForestMarginals(sealed(sums.beliefs), log_partition, joint)
+    return ForestMarginals(freeze(sums.beliefs), log_partition, joint)
 
 
 def forest_samples(model: PairwiseModel, *, n_samples: int, seed: int = 0) -> NDArray[np.int64]:
@@ -145,4 +145,4 @@ def max_marginals(model: PairwiseModel) -> NDArray[np.float64]:
     pass_forest(True, model.terms, model.around.arcs, order, parent, message, shares)
     pass_back(True, model.terms, model.around.arcs, order, parent, message)
     heard = heard_from_all(model, message)
-    return frozen(best.score + heard - heard.max(axis=1, keepdims=True))
+    return frozen_copy(best.score + heard - heard.max(axis=1, keepdims=True))

@@ -135,19 +135,19 @@ def viterbi(chain: Chain) -> ChainPath:
     [0, 0, 0]
     """
     _check(chain)
-    start, arrival, observed, led = chain
+    start, transition_t, observed, action = chain
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
     with np.errstate(divide="ignore"):
-        score, log_arrival = np.log(start), np.log(arrival)
+        score, log_transition_t = np.log(start), np.log(transition_t)
     origin = np.empty(observed.shape, np.int8 if n_labels <= np.iinfo(np.int8).max else np.int16)
     impossible = np.empty(n_steps, np.bool_)
     shift = 0.0
     for part in row_blocks(n_steps, STEPS_AT_ONCE):
         rows, begun = _checked(observed, part), part.start > 0
         shift += viterbi_chain(
-            score, begun, log_arrival, led[part], rows, origin[part], impossible[part]
+            score, begun, log_transition_t, action[part], rows, origin[part], impossible[part]
         )
     labels, last = np.empty(n_steps, np.int64), int(score.argmax()) if n_labels else 0
     trace_back(origin, last, labels)
@@ -166,7 +166,7 @@ class ForwardFilter:
 
     def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:
         n_labels = len(np.asarray(initial))
-        self._start, self._arrival = check_tables(initial, transition, n_labels)
+        self._start, self._transition_t = check_tables(initial, transition, n_labels)
 
     def step(
         self, log_likelihood: ArrayLike, belief: ArrayLike | None = None, action: int = 0
@@ -189,7 +189,7 @@ class ForwardFilter:
             An array has another shape, the likelihood NaN or +inf, the belief does not sum to 1,
             or there is no such table.
         """
-        led = integer_array("action", [action], (1,), low=0, high=len(self._arrival))
+        table = integer_array("action", [action], (1,), low=0, high=len(self._transition_t))
         rows = np.ascontiguousarray(number_array("log_likelihood", log_likelihood)[None])
         before = self._start if belief is None else number_array("belief", belief)
         before = np.ascontiguousarray(before)
@@ -200,7 +200,7 @@ class ForwardFilter:
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
             raise InputError(f"belief must hold probabilities that sum to one, got {before}")
         beliefs, impossible = np.empty(rows.shape), np.empty(1, np.bool_)
-        chain = Chain(before, self._arrival, rows, led)
+        chain = Chain(before, self._transition_t, rows, table)
         _filter(chain, belief is not None, beliefs, impossible)
         return beliefs[0], not impossible[0]
 
@@ -209,8 +209,9 @@ def _check(chain: Chain) -> None:
     """Refuse a chain whose parts do not fit together: kernels go by them."""
     n_steps, n_labels = chain.observed.shape
     require_shape("the chain's start", chain.start.shape, (n_labels,))
-    require_shape("the chain's arrival", chain.arrival.shape, ("A", n_labels, n_labels))
-    integer_array("the chain's actions", chain.led, (n_steps,), low=0, high=len(chain.arrival))
+    require_shape("the chain's transition_t", chain.transition_t.shape, ("A", n_labels, n_labels))
+    high = len(chain.transition_t)
+    integer_array("the chain's actions", chain.action, (n_steps,), low=0, high=high)
 
 
 def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
@@ -230,7 +231,7 @@ def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
     if exceeds_floats(chain, beliefs, impossible):
         evidence = beliefs_in_logs(chain, beliefs, impossible, smooth=smooth)
     elif smooth:
-        smooth_chain(chain.arrival, chain.led, beliefs)
+        smooth_chain(chain.transition_t, chain.action, beliefs)
     return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
 
 
@@ -247,7 +248,7 @@ def _filter(
         scaled, scale = np.empty(rows.shape), np.empty(len(rows))
         subtract_best(rows, scaled, scale)
         np.exp(scaled, out=scaled)
-        steps = _Steps(chain.led[part], rows, scaled, scale, beliefs[part], impossible[part])
-        evidence += filter_chain(belief, begun or part.start > 0, chain.arrival, steps)
+        steps = _Steps(chain.action[part], rows, scaled, scale, beliefs[part], impossible[part])
+        evidence += filter_chain(belief, begun or part.start > 0, chain.transition_t, steps)
         evidence += float(scale.sum())
     return evidence

@@ -8,12 +8,12 @@ from itertools import pairwise as neighbours
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, row_blocks, sealed
+from pgm_places._checks import finite_array, freeze, integer_array, row_blocks
 from pgm_places._core import row_starts, update_rows
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.mean_field import normalised
-from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
 _NODES_PER_TASK = 32_768
 """Below this, starting a thread costs more than it saves."""
@@ -90,7 +90,7 @@ def grid_mean_field(
     >>> grid_mean_field(unary, cells, np.eye(2)).labels.tolist()
     [0, 0, 0]
     """
-    check_schedule(max_iterations, tolerance, damping)
+    check_iteration_limits(max_iterations, tolerance, damping)
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
     nodes = np.ascontiguousarray(finite_array("unary", unary, ("N", "K"), allow_minus_inf=True))
@@ -118,12 +118,12 @@ def grid_mean_field(
             run_tasks(partial(update, parity), len(tasks), n_threads=threads)
         return float(largest.max(initial=0.0))
 
-    history = until_at_rest(whole, tolerance, max_iterations, on_iteration)
+    history = until_converged(whole, tolerance, max_iterations, on_iteration)
     return GridMeanField(
-        labels=sealed(beliefs.argmax(axis=1)),
-        beliefs=sealed(beliefs),
+        labels=freeze(beliefs.argmax(axis=1)),
+        beliefs=freeze(beliefs),
         converged=history[-1] <= tolerance,
-        history=sealed(np.array(history)),
+        history=freeze(np.array(history)),
     )
 
 

@@ -12,12 +12,12 @@ from pgm_places import _core
 from pgm_places._checks import integer_array, row_blocks
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.kernels.pages import Planes
+from pgm_places.kernels.lazy_memory import MappedPlanes
 from pgm_places.kernels.threads import run_parts, run_tasks
 from pgm_places.solvers import relaxation
 from pgm_places.solvers.compatibility import DIRECTIONS
+from pgm_places.solvers.convergence import check_iteration_limits
 from pgm_places.solvers.relaxation import OnIteration, Relaxed
-from pgm_places.solvers.schedule import check_schedule
 
 # Cells of a row that are stored together: a cache line of float32, one to four vectors.
 BLOCK = 16
@@ -138,7 +138,7 @@ def relax_grid(
     neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
     while the result is read from them.
     """
-    check_schedule(max_iterations, tolerance, damping, fewest=0)
+    check_iteration_limits(max_iterations, tolerance, damping, fewest=0)
     table = np.asarray(unary)
     if table.ndim != 2:
         raise InputError(f"unary must have shape (N, K), got {table.shape}")
@@ -242,9 +242,11 @@ def _runs(
     return row, first + 1, last + 1
 
 
-def _fill(unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float) -> Planes:
+def _fill(
+    unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float
+) -> MappedPlanes:
     """The store (K, M) with the beliefs of the start."""
-    store = Planes((unary.shape[1], rows.n_cells), np.float32)
+    store = MappedPlanes((unary.shape[1], rows.n_cells), np.float32)
 
     def fill(part: slice) -> None:
         beliefs = relaxation.starting_beliefs(unary[part], floor=floor, first_node=part.start)
@@ -254,7 +256,9 @@ def _fill(unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: f
     return store
 
 
-def _read(store: Planes, cells: _Cells, rows: _Rows, *, last: bool = False) -> NDArray[np.float32]:
+def _read(
+    store: MappedPlanes, cells: _Cells, rows: _Rows, *, last: bool = False
+) -> NDArray[np.float32]:
     """(N, K) the beliefs in the store.
 
     For the last time, it is given up row after row if cells are in the order of rows.
@@ -273,7 +277,7 @@ def _read(store: Planes, cells: _Cells, rows: _Rows, *, last: bool = False) -> N
         if last and isinstance(cells, MaskCells):
             row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
             below = int(rows.row_start[row + 1])
-            store.give_up(done, below)
+            store.release(done, below)
             done = below
     return beliefs
 

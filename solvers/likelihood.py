@@ -114,7 +114,7 @@ def maximize_likelihood(
     kind: Likelihood = "likelihood",
     start: NDArray[np.float64] | None = None,
     node_weight: NDArray[np.float64] | None = None,
-    told: NDArray[np.int64] | None = None,
+    observed: NDArray[np.int64] | None = None,
     tolerance: float = 1e-3,
     max_iterations: int = 500,
     time_limit_s: float | None = None,
@@ -137,7 +137,7 @@ def maximize_likelihood(
         Where to begin instead of at 0.
     node_weight : (N,) float, optional
         What each node counts against the others.
-    told : (N,) int, optional
+    observed : (N,) int, optional
         Labels that are known, -1 elsewhere: the likelihood is that of the others given these.
     tolerance : float
         The relative gap at which learning ends.
@@ -164,14 +164,14 @@ def maximize_likelihood(
     >>> found.status, found.weights[2:].round(2).tolist()
     ('optimal', [-0.7, 1.43, -0.04, -0.7])
     """
-    asked = labels >= 0 if told is None else (labels >= 0) & (told < 0)
+    asked = labels >= 0 if observed is None else (labels >= 0) & (observed < 0)
     n_known = int(asked.sum())
     if not n_known:
         raise InputError("maximum likelihood needs at least one labelled node, got none")
     total = float(n_known if node_weight is None else node_weight[asked].sum())
     if not total:
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
-    loss = _Loss(field, labels, kind, node_weight, told)
+    loss = _Loss(field, labels, kind, node_weight, observed)
     descent = _Descent(loss, penalty / total, tolerance, time_limit_s)
     descent.on_iteration = on_iteration
     weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
@@ -192,11 +192,11 @@ class _Loss:
     labels: NDArray[np.int64]
     kind: Likelihood
     node_weight: NDArray[np.float64] | None
-    told: NDArray[np.int64] | None = None
+    observed: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         shape, high = (self.field.n_nodes,), self.field.n_labels
-        for name in ("labels", "told"):
+        for name in ("labels", "observed"):
             if (given := getattr(self, name)) is not None:
                 integer_array(name, given, shape, low=-1, high=high)
         if self.field.sets is not None:
@@ -221,10 +221,10 @@ class _Loss:
         potentials = field.potentials(weights)
         if self.kind == "pseudo-likelihood":
             soft = soft_labels(field, labels, expected)
-            asked = labels if self.told is None else np.where(self.told >= 0, -1, labels)
+            asked = labels if self.observed is None else np.where(self.observed >= 0, -1, labels)
             return pseudo_sums(field, asked, potentials, soft, node_weight)
         marginals = exact_sums if self.kind == "likelihood" else piecewise_sums
-        given = potentials._replace(unary=keep_known(potentials.unary, self.told))
+        given = potentials._replace(unary=keep_known(potentials.unary, self.observed))
         free = marginals(field, given, node_weight)
         value, gradient = free.log_partition, field.expected_features(*free[1:])
         if self.truth_features is not None:

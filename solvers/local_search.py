@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array
+from pgm_places._checks import frozen_copy, integer_array
 from pgm_places._core import find_allowed, modes_pass
 from pgm_places.errors import InfeasibleError
+from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
-from pgm_places.solvers.schedule import check_schedule, until_at_rest
 
 # How a search ends; 0 where it gave up.
 FOUND, NONE_EXISTS = 1, -1
@@ -75,14 +75,14 @@ def iterated_conditional_modes(
     >>> iterated_conditional_modes(model).labels.tolist()
     [0, 0]
     """
-    check_schedule(max_iterations)
+    check_iteration_limits(max_iterations)
     labels = checked_labels(model, initial)
     history = improved_modes(model, labels, max_iterations, on_iteration)
     return LocalSearch(
-        labels=frozen(labels.astype(np.int64)),
+        labels=frozen_copy(labels.astype(np.int64)),
         score=total_score(model, labels),
         converged=history[-1] == 0,
-        history=frozen(np.array(history, np.int64)),
+        history=frozen_copy(np.array(history, np.int64)),
     )
 
 
@@ -95,7 +95,7 @@ def improved_modes(
     """Improve ``labels`` (N,) in place, node by node; how many changed in each pass."""
     integer_array("labels", labels, (model.n_nodes,), low=0, high=model.n_labels, narrow=True)
     arguments = model.terms, model.around.arcs, labels
-    return until_at_rest(lambda _: float(modes_pass(*arguments)), 0, max_iterations, on_iteration)
+    return until_converged(lambda _: float(modes_pass(*arguments)), 0, max_iterations, on_iteration)
 
 
 class _SearchSpace(NamedTuple):
@@ -171,4 +171,4 @@ def allowed_labels(
         return None
     allowed = space.alive.argmax(axis=1).astype(np.int32)
     improved_modes(model, allowed)
-    return frozen(allowed.astype(np.int64))
+    return frozen_copy(allowed.astype(np.int64))

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places._core import decode_beliefs
 from pgm_places.errors import InfeasibleError, SolverError
 from pgm_places.solvers.duals import dual_value
@@ -97,12 +97,12 @@ def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDeco
     labels, score = _rounded(model, marginals)
     integral = bool((np.minimum(marginals, 1.0 - marginals) <= _INTEGRAL).all())
     return LPDecoding(
-        labels=frozen(labels.astype(np.int64)),
+        labels=frozen_copy(labels.astype(np.int64)),
         score=score,
         bound=max(value, score),
         integral=integral,
-        node_marginals=frozen(marginals),
-        duals=frozen(duals),
+        node_marginals=frozen_copy(marginals),
+        duals=frozen_copy(duals),
     )
 
 

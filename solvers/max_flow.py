@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen
+from pgm_places._checks import finite_array, frozen_copy
 from pgm_places._core import minimum_cut_kernel, parted_capacity
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
@@ -99,7 +99,7 @@ def minimum_cut(
     inside = space.side == SOURCE
     value = source[~inside].sum() + sink[inside].sum()
     value += parted_capacity(around.edges, inside, ahead, back)
-    return MinimumCut(float(value), frozen(inside))
+    return MinimumCut(float(value), frozen_copy(inside))
 
 
 def cut_space(n_nodes: int) -> CutSpace:

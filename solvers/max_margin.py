@@ -27,10 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import (
     feature_rows,
     finite_array,
-    frozen,
+    frozen_copy,
     integer_array,
     is_sparse,
-    set_fields,
+    set_frozen,
     stacked_rows,
 )
 from pgm_places._core import add_feature_difference, multiply_rows
@@ -47,14 +47,14 @@ class MarginProblem(ABC):
     """A learning problem as the cutting plane sees it: the hinge, and planes below it.
 
     ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
-    ``penalty`` is C, and labels that are ``told`` (N,), -1 elsewhere, are known to every labelling.
+    ``penalty`` is C, and every labelling keeps the ``observed`` labels (N,), -1 elsewhere.
     With ``costs`` (K, K) it is ``loss`` times the cost of the label taken for the true one.
     """
 
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
     penalty: float
-    told: NDArray[np.int64] | None
+    observed: NDArray[np.int64] | None
     costs: NDArray[np.float64] | None
 
     @property
@@ -90,9 +90,9 @@ class MarginProblem(ABC):
             raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
         if not (np.isfinite(self.penalty) and self.penalty > 0):
             raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
-        set_fields(self, labels=labels, loss=loss)
+        set_frozen(self, labels=labels, loss=loss)
         if self.costs is not None:
-            set_fields(self, costs=checked_costs(self.costs, n_labels))
+            set_frozen(self, costs=checked_costs(self.costs, n_labels))
 
     def node_costs(self, n_labels: int) -> NDArray[np.float64]:
         """(N, K) what each label costs at each node, 0 for the true one."""
@@ -103,7 +103,7 @@ class MarginProblem(ABC):
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
         """The joint features of the true labelling."""
-        return frozen(self.features_of(self.labels))
+        return frozen_copy(self.features_of(self.labels))
 
     def augmented_potentials(
         self, weights: NDArray[np.float64]
@@ -116,7 +116,7 @@ class MarginProblem(ABC):
         else:  # nodes never take the label that sets have beside these
             k = len(self.costs)
             unary[: self.n_nodes, :k] += self.node_costs(k)
-        return keep_known(unary, self.told), pairs
+        return keep_known(unary, self.observed), pairs
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
@@ -153,7 +153,7 @@ class MaxMarginProblem(MarginProblem):
         C > 0, the price of the mean hinge against the size of the weights.
     sets : SetTerms, optional
         Sets of nodes that want to have one label, and their features.
-    told : (N,) int, optional
+    observed : (N,) int, optional
         Labels that are known to every labelling, -1 elsewhere: the true labelling has to win
         against those alone that keep them.
     costs : (K, K) float, optional
@@ -169,7 +169,7 @@ class MaxMarginProblem(MarginProblem):
     loss: NDArray[np.float64]
     penalty: float
     sets: SetTerms | None = None
-    told: NDArray[np.int64] | None = None
+    observed: NDArray[np.int64] | None = None
     costs: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -184,7 +184,7 @@ class MaxMarginProblem(MarginProblem):
         self._check_truth(self.n_labels)
         if self.sets is not None:
             self.sets.check_fits(n_nodes, self.n_labels)
-        set_fields(self, node_features=nodes, edges=edges.astype(np.int32), edge_features=features)
+        set_frozen(self, node_features=nodes, edges=edges.astype(np.int32), edge_features=features)
 
     @property
     def n_nodes(self) -> int:
@@ -217,7 +217,7 @@ class MaxMarginProblem(MarginProblem):
         """Its edges: E, and the links of sets after them."""
         if self.sets is None:
             return self.edges
-        return frozen(np.concatenate([self.edges, self.sets.nodes.links]))
+        return frozen_copy(np.concatenate([self.edges, self.sets.nodes.links]))
 
     def split(
         self, weights: NDArray[np.float64]
@@ -306,7 +306,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         np.concatenate([problem.loss for problem in problems]),
         first.penalty,
         SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
-        known_beside([(problem.told, problem.n_nodes) for problem in problems]),
+        known_beside([(problem.observed, problem.n_nodes) for problem in problems]),
         first.costs,
     )
 

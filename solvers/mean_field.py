@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places._core import mean_field_pass, set_mean_field_pass
+from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.pairwise import PairwiseModel, total_score
-from pgm_places.solvers.schedule import check_schedule, until_at_rest
 from pgm_places.solvers.set_beliefs import SetTables, set_slots, set_unit
 
 __all__ = ["MeanField", "mean_field"]
@@ -79,19 +79,19 @@ def mean_field(
     >>> found.labels.tolist(), found.beliefs.sum(axis=1).tolist()
     ([0, 1], [1.0, 1.0])
     """
-    check_schedule(max_iterations, tolerance, damping)
+    check_iteration_limits(max_iterations, tolerance, damping)
     beliefs = normalised(model.unary)
-    still = tolerance * min(set_unit(model, sets), 1.0)
+    threshold = tolerance * min(set_unit(model, sets), 1.0)
     kernel = mean_field_pass if sets is None else set_mean_field_pass
     arguments = damping, model.terms, model.around.arcs, *set_slots(model, sets), beliefs
-    history = until_at_rest(lambda _: kernel(*arguments), still, max_iterations, on_iteration)
+    history = until_converged(lambda _: kernel(*arguments), threshold, max_iterations, on_iteration)
     labels = beliefs.argmax(axis=1)
     return MeanField(
-        labels=frozen(labels),
+        labels=frozen_copy(labels),
         score=total_score(model, labels),
-        beliefs=frozen(beliefs),
-        converged=history[-1] <= still,
-        history=frozen(np.array(history)),
+        beliefs=frozen_copy(beliefs),
+        converged=history[-1] <= threshold,
+        history=frozen_copy(np.array(history)),
     )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.forest import ForestMarginals, forest_marginals
 from pgm_places.solvers.mean_field import mean_field
@@ -66,7 +66,7 @@ def bound_log_partition(model: PairwiseModel, *, max_iterations: int = 50) -> Pa
     upper, marginals = _smallest(model, parts, max_iterations)
     beliefs = np.mean([each.beliefs for each in marginals], axis=0)
     lower = mean_field_bound(model, mean_field(model).beliefs)
-    return PartitionBounds(lower, upper + model.offset, frozen(beliefs))
+    return PartitionBounds(lower, upper + model.offset, frozen_copy(beliefs))
 
 
 def tree_bound(

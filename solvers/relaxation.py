@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array
 from pgm_places._core import starting_probabilities, update_parts_of_graph
 from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.kernels.threads import Crew, resolve_threads
-from pgm_places.solvers.schedule import check_schedule
+from pgm_places.kernels.threads import ThreadTeam, resolve_threads
+from pgm_places.solvers.convergence import check_iteration_limits
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
@@ -149,7 +149,7 @@ def relax_graph(
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    check_schedule(max_iterations, tolerance, damping, fewest=0)
+    check_iteration_limits(max_iterations, tolerance, damping, fewest=0)
     beliefs = starting_beliefs(unary, floor=floor)
     n_nodes, n_labels = beliefs.shape
     rows = integer_array("start", start, (n_nodes + 1,), low=0, high=2**62)
@@ -215,7 +215,7 @@ def repeat(
     mean_change: list[float] = []
     support: list[float] = []
     converged = n_nodes == 0
-    with Crew(threads) as crew:
+    with ThreadTeam(threads) as crew:
         while not converged and len(max_change) < max_iterations:
             crew.run(lambda group: calls[len(max_change) % 2][group](), len(calls[0]))
             max_change.append(float(sums[:, 0].max()))

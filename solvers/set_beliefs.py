@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places._core import pass_from_sets
 from pgm_places.errors import InputError
 from pgm_places.solvers.pairwise import PairwiseModel
@@ -66,7 +66,7 @@ def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
     some = worth > 0
     log_gain[some] = worth[some] + np.log(-np.expm1(-worth[some]))
     start, members = sets.cliques.start, sets.cliques.members
-    return SetTables(sealed(start), sealed(members), sealed(worth), sealed(log_gain))
+    return SetTables(freeze(start), freeze(members), freeze(worth), freeze(log_gain))
 
 
 class SetMessages:

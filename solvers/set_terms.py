@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, set_fields
+from pgm_places._checks import finite_array, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques, check_cliques
 
@@ -173,7 +173,7 @@ class SetTerms:
                 f"weights of sets are learned up to a dissent of {MOST_DISSENT}, got "
                 f"{self.nodes.dissent}; beyond, more than one label of a set may earn something"
             )
-        set_fields(self, features=features)
+        set_frozen(self, features=features)
 
     @classmethod
     def of(

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pgm_places._checks import feature_rows, finite_array, is_sparse, set_fields, stacked_rows
+from pgm_places._checks import feature_rows, finite_array, is_sparse, set_frozen, stacked_rows
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, adjacency, is_forest, rooted_forest
 from pgm_places.solvers.set_terms import SetTerms
@@ -67,7 +67,7 @@ class TableField:
         edges = finite_array("edge_features", self.edge_features, (self.around.n_edges, "F"))
         if self.sets is not None:
             self.sets.check_fits(self.around.n_nodes, self.n_labels)
-        set_fields(self, node_features=nodes, edge_features=edges)
+        set_frozen(self, node_features=nodes, edge_features=edges)
 
     @property
     def n_nodes(self) -> int:

@@ -38,7 +38,7 @@ class TableMarginProblem(MarginProblem):
         What a wrong label costs at each node; 0 where the label is only assumed.
     penalty : float
         C > 0, the price of the mean hinge against the size of the weights.
-    told : (N,) int, optional
+    observed : (N,) int, optional
         Labels that are known to every labelling, -1 elsewhere.
     costs : (K, K) float, optional
         What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all by default.
@@ -48,7 +48,7 @@ class TableMarginProblem(MarginProblem):
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
     penalty: float
-    told: NDArray[np.int64] | None = None
+    observed: NDArray[np.int64] | None = None
     costs: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:

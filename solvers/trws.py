@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places._core import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.errors import InfeasibleError
+from pgm_places.solvers.convergence import check_iteration_limits
 from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
-from pgm_places.solvers.schedule import check_schedule
 
 _DECODE_EVERY = 5
 """Passes between two labellings: one costs a quarter of an iteration."""
@@ -107,7 +107,7 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     >>> found.labels.tolist(), found.score, found.bound
     ([0, 0], 1.5, 1.5)
     """
-    check_schedule(max_iterations, tolerance)
+    check_iteration_limits(max_iterations, tolerance)
     best = None if initial is None else checked_labels(model, initial)
     floor = -np.inf if best is None else total_score(model, best)
     reduced = reduce_model(model) if eliminate else None
@@ -122,12 +122,12 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     if kept is not None and reduced is not None:
         kept = lifted_duals(model, reduced, kept)
     return DualDecoding(
-        labels=frozen(labels.astype(np.int64)),
+        labels=frozen_copy(labels.astype(np.int64)),
         score=score,
         bound=max(passing.bound, score),
         converged=passing.converged,
-        history=frozen(history),
-        duals=None if kept is None else frozen(kept),
+        history=frozen_copy(history),
+        duals=None if kept is None else frozen_copy(kept),
     )
 
 

@@ -34,7 +34,7 @@ def labeler_calls(t: Any) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]
             {"problem": chain(0), "scores": chain_scores, "truth": TRUTH},
         ),
         "StructuredLabeler.label": (t.structured.label, {"problem": chain(0), "truth": TRUTH}),
-        "StructuredLabeler.label_all": (t.structured.label_all, {"X": two["X"]}),
+        "StructuredLabeler.label_many": (t.structured.label_many, {"X": two["X"]}),
         "StructuredLabeler.predict": (t.structured.predict, {"X": two["X"]}),
         "StructuredLabeler.problem": (t.structured.problem, {"problem": chain(0)}),
         "StructuredLabeler.score": (t.structured.score, two),

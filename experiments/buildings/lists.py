@@ -12,7 +12,7 @@ from experiments.kept import Arrays, KeptArrays, fingerprint
 from experiments.paper.setting import Setting
 from pgm_places._version import __version__
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.list_average import list_average
@@ -20,7 +20,7 @@ from pgm_places.progress import Progress, Stage
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.cell_scorers import aligned_log_proba
 from pgm_places.unary.list_learning import with_explicit_order
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import gate_list
@@ -112,7 +112,7 @@ class _GateRows:
     def without(self, folds: set[int], n_threads: int | None) -> BoostedList | None:
         """The list of gates trained without some folds."""
         seen = self.known & ~np.isin(self.fold, list(folds))
-        with threads(n_threads):
+        with thread_limit(n_threads):
             return gate_list(self.values, self.truth, self.fold, seen)
 
 

@@ -16,7 +16,7 @@ from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -159,7 +159,7 @@ class Sample:
     ) -> NDArray[np.float32]:
         def make() -> dict[str, NDArray[np.float32]]:
             maps = [self.known.item]
-            with threads(n_threads):
+            with thread_limit(n_threads):
                 return {"x": training_features(maps, Sensor(), masks=[mask])}
 
         return self.kept.arrays(f"{self.stem}-{part}", make)["x"]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from experiments.buildings.lists import AVERAGE, CORRIDOR, Scored
 from experiments.buildings.maps import NAMES
 from pgm_places.models.list_training import platt, temperature
-from pgm_places.unary.cell_lists import without_halls
+from pgm_places.unary.cell_scorers import without_halls
 
 SHIPPED = "temperature"
 RESCALED = ("platt", SHIPPED)

@@ -11,7 +11,7 @@ from experiments.buildings.maps import NAMES, KnownMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.pictures.canvas import label_canvas, view_of
-from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.figure_grid import Panel, figure_grid
 
 _PIXELS = 30_000
 _PAIRS_ACROSS = 3
@@ -55,7 +55,7 @@ def write_sheets(folder: Path, pairs: Sequence[LabelledPair]) -> None:
 def write_sheet(path: Path, pairs: Sequence[LabelledPair]) -> None:
     """A picture of pairs, the worst map last."""
     ordered = sorted(pairs, key=lambda pair: -pair.accuracy)
-    data = sheet(
+    data = figure_grid(
         [panel for pair in ordered for panel in pair.panels()],
         columns=2 * _PAIRS_ACROSS,
         legend=(*label_swatches(NAMES), *GROUND_SWATCHES),

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from experiments.paper.confusion_picture import confusion_picture
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.experiment.labelled_items import TestItem
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.pictures.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.figure_grid import Panel, figure_grid
 
 MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""
@@ -99,7 +99,7 @@ def _sheet(
     height, width = view.shape
     most = 3 if len(panels) == 3 else 2  # no gap at the end of a second row
     columns = 1 if width > 2.5 * height else min(most, len(panels))
-    return sheet(
+    return figure_grid(
         panels,
         columns=columns,
         title=title,

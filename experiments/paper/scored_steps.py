@@ -12,7 +12,7 @@ from experiments.paper.section import Finding
 from experiments.paper.setting import WAYS
 from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.experiment.labelled_items import stretches
+from pgm_places.experiment.evaluated_items import stretches
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.presets import preset_trajectory_labeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, frozen_copy, integer_array
 from pgm_places._option_marks import Gt, Le
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import (
@@ -47,8 +47,8 @@ class PlacedObjects:
         positions = finite_array("positions_m", self.positions_m, ("n", 2))
         names = tuple(self.object_names)
         kinds = integer_array("kinds", self.kinds, (len(positions),), low=0, high=len(names))
-        object.__setattr__(self, "positions_m", frozen(positions))
-        object.__setattr__(self, "kinds", frozen(kinds))
+        object.__setattr__(self, "positions_m", frozen_copy(positions))
+        object.__setattr__(self, "kinds", frozen_copy(kinds))
         object.__setattr__(self, "object_names", names)
 
     def __len__(self) -> int:

@@ -11,7 +11,7 @@ from experiments.paper.comparison_pictures import label_sheet, window_grid
 from experiments.paper.region_scores import RegionScores, fill_labels, score_regions
 from experiments.paper.section import Finding, Outcome, Picture, Table
 from experiments.paper.setting import WAYS, Setting
-from pgm_places.experiment.labelled_items import TestItem
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.pictures.topology_pictures import topology_drawing
@@ -95,7 +95,7 @@ def topology_table(
 
     Parameters
     ----------
-    item : TestMap
+    item : EvalMap
     answers : mapping of str to (H, W) int16
         Each method's labels, -1 for none.
     names : tuple of str

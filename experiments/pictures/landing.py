@@ -10,7 +10,7 @@ from experiments.pictures.kept import COLOURS, IMAGES, found_on, keep, span
 from pgm_places import label_map, load_map, topological_map, trained_labeler
 from pgm_places.palette import GROUND_SWATCHES, label_swatches, rgb_of
 from pgm_places.pictures.canvas import label_canvas, view_of
-from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.figure_grid import Panel, figure_grid
 
 HERO = (66, "clinic")
 CARD = (640, 280)
@@ -76,5 +76,5 @@ def readme() -> None:
         Panel(label_canvas(grid, places.labels, found.label_names, view), "its places"),
     ]
     entries = (*label_swatches(found.label_names), *GROUND_SWATCHES)
-    drawn = sheet(panels, columns=2, legend=entries, long_side=1400)
+    drawn = figure_grid(panels, columns=2, legend=entries, long_side=1400)
     keep("readme", drawn.image)

@@ -7,7 +7,7 @@ from pgm_places.datasets import STYLES, MapSimulation, generate_building, simula
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.pictures.canvas import label_canvas, view_of
-from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.figure_grid import Panel, figure_grid
 
 NAMES = ("corridor", "room", "doorway", "hall")
 SEEDS = {
@@ -50,7 +50,7 @@ def panel(item: LabelledMap, title: str) -> Panel:
 def _sheet(name: str, panels: Sequence[Panel], columns: int) -> None:
     """A sheet of maps with one legend."""
     legend = (*label_swatches(NAMES), *GROUND_SWATCHES)
-    keep(name, sheet(panels, columns=columns, legend=legend, long_side=1000 * columns).png())
+    keep(name, figure_grid(panels, columns=columns, legend=legend, long_side=1000 * columns).png())
 
 
 def kinds_of_buildings() -> None:

@@ -11,14 +11,13 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.batch.far_maps import fetch_results
+from pgm_places.batch.batch_index import LISTS, BatchIndex, index_of
 from pgm_places.batch.found_maps import FoundMap
-from pgm_places.batch.lists import LISTS, Lists, lists_of
 from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row
 from pgm_places.batch.overview import Overview
+from pgm_places.batch.remote_maps import fetch_results
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import atomic_file, write_json
-from pgm_places.io.far_files import FarFolder, address_of, temporary_folder
 from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
 from pgm_places.io.output_set import claim
 from pgm_places.io.places.result_folder import (
@@ -30,6 +29,7 @@ from pgm_places.io.places.result_folder import (
     places_path,
 )
 from pgm_places.io.places.topology_files import MAX_BYTES
+from pgm_places.io.remote_files import RemoteFolder, address_of, temporary_folder
 from pgm_places.io.staging import claimed, remove_leftovers
 from pgm_places.progress import Progress
 
@@ -45,7 +45,7 @@ def recorded_root(out: Path) -> Path | None:
     if not is_address(out):
         return _root_in(out)
     with temporary_folder() as here:
-        FarFolder.at(out).fetch(_RECORD, here / _RECORD)
+        RemoteFolder.at(out).fetch(_RECORD, here / _RECORD)
         return _root_in(here)
 
 
@@ -79,7 +79,7 @@ def write_root(out: Path, root: Path) -> None:
         return
     with temporary_folder() as here:
         write_json(here / _RECORD, record, indent=1)
-        FarFolder.at(out, OutputError).put(here, [_RECORD], OutputError)
+        RemoteFolder.at(out, OutputError).put(here, [_RECORD], OutputError)
 
 
 def claim_of(out: Path, name: str) -> Path:
@@ -161,7 +161,7 @@ def index_folder(
         places = (PLACES_FILE, OLD_PLACES_FILE) if parquet else ()
         wanted = (Path(MANIFEST_FILE).name, *places)
         shown = address_of(folder)
-        with lists_of(folder) as lists:
+        with index_of(folder) as lists:
             fetch_results(folder, wanted, lists.out)
             _check_holds_results(shown, lists.out)
             return _listed(lists, shown.rstrip("/"), parquet, force=force, progress=progress)
@@ -169,7 +169,7 @@ def index_folder(
     if file_kind(out) != "folder":
         raise InputError(f"{folder}: no such folder; expected one that 'label' wrote many maps to")
     _check_holds_results(str(folder), out)
-    lists = Lists(claim(out, force=True))
+    lists = BatchIndex(claim(out, force=True))
     return _listed(lists, str(folder), parquet, force=force, progress=progress)
 
 
@@ -181,7 +181,9 @@ def _check_holds_results(shown: str, out: Path) -> None:
         )
 
 
-def _listed(lists: Lists, shown: str, parquet: bool, *, force: bool, progress: Progress) -> Index:
+def _listed(
+    lists: BatchIndex, shown: str, parquet: bool, *, force: bool, progress: Progress
+) -> Index:
     """Make the lists of a folder on this machine, which is called as shown."""
     lists.begin(force=force)
     if parquet:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from pgm_places._extras import needed
-from pgm_places.batch.local_workers import Fault, Judge, done_beside
+from pgm_places.batch.local_workers import Fault, Judge, run_in_subprocess
 from pgm_places.errors import InputError, OutputError
 
 Task = TypeVar("Task")
@@ -59,7 +59,7 @@ class DaskWorkers:
         """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
         memory = self.memory_bytes
         if limit_s is not None or memory is not None:
-            function = partial(done_beside, function, limit_s=limit_s, memory_bytes=memory)
+            function = partial(run_in_subprocess, function, limit_s=limit_s, memory_bytes=memory)
         with (
             self._client() as (distributed, client),
             closing(_UnderWay(client, function, iter(tasks), judge)) as under_way,

@@ -11,8 +11,8 @@ from pathlib import Path, PurePosixPath
 from typing import Self
 
 from pgm_places.errors import InputError, MapError
-from pgm_places.io.far_files import FarFolder, address_of
 from pgm_places.io.input_file import file_kind, is_address, user_path
+from pgm_places.io.remote_files import RemoteFolder, address_of
 
 _DESCRIBES_MAP = re.compile(rb"^image[ \t]*:", re.MULTILINE)
 _HEAD = 1 << 16
@@ -61,7 +61,7 @@ class FoundMaps:
 def names_many(argument: str) -> bool:
     """Whether an argument is a folder or a pattern, and no single file."""
     if is_address(argument):
-        return glob.has_magic(argument) or FarFolder.at(argument, MapError).is_folder()
+        return glob.has_magic(argument) or RemoteFolder.at(argument, MapError).is_folder()
     path = user_path(argument, MapError)
     return file_kind(path) == "folder" or (glob.has_magic(argument) and not path.exists())
 
@@ -99,7 +99,7 @@ def find_maps(
             path = Path(argument) if is_address(argument) else user_path(argument, MapError)
             found[str(path if is_address(path) else path.absolute())] = None
             continue
-        far = FarFolder.at(argument, MapError) if is_address(argument) else None
+        far = RemoteFolder.at(argument, MapError) if is_address(argument) else None
         are_maps = (map if far is None else far.at_once)(_describes_map, listed)
         maps = [file for file, is_map in zip(listed, are_maps, strict=True) if is_map]
         if not maps:
@@ -166,7 +166,7 @@ def _name(path: Path, root: Path) -> str:
 def _listed(argument: str, out: Path | None) -> list[str]:
     """The YAML files of a folder or a pattern, absolute and sorted, but for those below ``out``."""
     if is_address(argument):
-        files = map(Path, _listed_far(FarFolder.at(argument, MapError)))
+        files = map(Path, _listed_far(RemoteFolder.at(argument, MapError)))
         return [str(file) for file in files if out not in file.parents]
     path = user_path(argument, MapError)
     if file_kind(path) == "folder":
@@ -181,7 +181,7 @@ def _listed(argument: str, out: Path | None) -> list[str]:
     return sorted({str(file) for file in whole if out not in (file, *file.parents)})
 
 
-def _listed_far(folder: FarFolder) -> list[str]:
+def _listed_far(folder: RemoteFolder) -> list[str]:
     """The YAML files of a far folder, or that fit a pattern, as addresses."""
     if glob.has_magic(folder.path):
         start = len(folder.address) - len(folder.path)
@@ -201,7 +201,7 @@ def _describes_map(file: str) -> bool:
     path = Path(file)
     if is_address(path):
         try:
-            return _DESCRIBES_MAP.search(FarFolder.at(path, MapError).head(_HEAD)) is not None
+            return _DESCRIBES_MAP.search(RemoteFolder.at(path, MapError).head(_HEAD)) is not None
         except InputError:  # an empty file has no first byte to ask for
             return True
     if file_kind(path) != "file":  # a pipe would never end

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.batch import batch_folder
-from pgm_places.batch.far_maps import done_rows, is_visible, label_anywhere
+from pgm_places.batch.batch_index import BatchIndex, index_of
 from pgm_places.batch.found_maps import FoundMap, FoundMaps, Shard
 from pgm_places.batch.limits import TimeIsUpError
-from pgm_places.batch.lists import Lists, lists_of
 from pgm_places.batch.local_workers import Fault, Unfinished, Workers
 from pgm_places.batch.map_task import (
-    Elsewhere,
+    ClaimedByOther,
     Failure,
     LabelledRow,
     MapTask,
@@ -22,10 +21,11 @@ from pgm_places.batch.map_task import (
     Outcome,
 )
 from pgm_places.batch.overview import Overview
+from pgm_places.batch.remote_maps import done_rows, is_visible, label_anywhere
 from pgm_places.errors import InputError, OutputError
-from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import claim
+from pgm_places.io.remote_files import shown_path
 from pgm_places.io.staging import claimed
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
@@ -69,7 +69,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def maps_to_do(
-    found: FoundMaps, lists: Lists, *, shard: Shard | None = None, only_failed: bool = False
+    found: FoundMaps, lists: BatchIndex, *, shard: Shard | None = None, only_failed: bool = False
 ) -> list[FoundMap]:
     """The maps of a shard, or only those of them that failed last."""
     maps = [item for item in found.maps if shard is None or shard.has(item.name)]
@@ -162,7 +162,7 @@ def label_batch(
 
 
 @contextmanager
-def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
+def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[BatchIndex]:
     """The lists of a folder, which becomes ours, wherever it is."""
     names = (item.name for item in found.maps)
     target = out if is_address(out) else claim(out, force=force).absolute()
@@ -171,7 +171,7 @@ def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
         if not is_address(out):
             batch_folder.tidy_after_the_dead(target)
             ends.callback(batch_folder.tidy_after_the_dead, target)
-        lists = ends.enter_context(lists_of(target, names))
+        lists = ends.enter_context(index_of(target, names))
         lists.begin(force=force)
         yield lists
 
@@ -204,7 +204,7 @@ class _Judge:
         self._progress.warn(f"worker {worker} gets no more maps in this run: {message}")
 
 
-def _not_done(tasks: Iterable[MapTask], tally: "_Tally", lists: Lists) -> Iterator[MapTask]:
+def _not_done(tasks: Iterable[MapTask], tally: "_Tally", lists: BatchIndex) -> Iterator[MapTask]:
     """The tasks whose maps are not done; the rows of the others are listed."""
     for task, row in done_rows(tasks):
         if row is None:
@@ -227,7 +227,7 @@ def _outcomes(
         tally.n_elsewhere = 0
         for task, result in workers.run(label_anywhere, tasks, limit_s=limit_s, judge=judge):
             outcome = _outcome(task, result)
-            if isinstance(outcome, Elsewhere):
+            if isinstance(outcome, ClaimedByOther):
                 others.append(task)
                 tally.n_elsewhere = len(others)
             else:
@@ -343,7 +343,7 @@ def plan(
         The model is refused.
     """
     sha256 = LoadedModel.load(options).sha256
-    with lists_of(out) as lists:
+    with index_of(out) as lists:
         lists.take_others()
         failed = lists.failed()
         maps = maps_to_do(found, lists, shard=shard, only_failed=only_failed)

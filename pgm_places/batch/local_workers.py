@@ -21,10 +21,10 @@ Task = TypeVar("Task")
 class Unfinished(Enum):
     """Why a task has no result."""
 
-    OVERDUE = "overdue"
+    TIMED_OUT = "overdue"
 
 
-OVERDUE: Literal[Unfinished.OVERDUE] = Unfinished.OVERDUE
+TIMED_OUT: Literal[Unfinished.TIMED_OUT] = Unfinished.TIMED_OUT
 """The result of a task that took longer than it may: its process was killed."""
 
 
@@ -69,7 +69,7 @@ class Workers(Protocol):
     ) -> Iterator[tuple[Any, Any]]:
         """Each task with what the function returned, as they come to an end.
 
-        The result is None where every worker died on the task, ``OVERDUE`` where one was killed
+        The result is None where every worker died on the task, ``TIMED_OUT`` where one was killed
         because it took too long.
 
         A worker that dies is replaced, and its task begun again, a few times at most. An exception
@@ -95,7 +95,7 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 """Unless it is set, a new process looks for every library in the current folder first."""
 
 
-class OwnProcess:
+class WorkerProcess:
     """A process of joblib's loky that one thread hands its tasks to; others may end it.
 
     Parameters
@@ -122,7 +122,7 @@ class OwnProcess:
         """What the function returns; None where too many processes die on the task.
 
         With a limit, the process is killed some seconds after it, whatever it is doing, and the
-        result is ``OVERDUE``.
+        result is ``TIMED_OUT``.
         """
         for _ in range(_MOST_DEATHS):
             try:
@@ -138,7 +138,7 @@ class OwnProcess:
                 if future.done():  # the function itself has raised it
                     raise
                 self._kill()
-                return OVERDUE
+                return TIMED_OUT
         return None
 
     def end(self) -> None:
@@ -188,7 +188,7 @@ _IDLE_S = 60.0
 _OF_THREAD = threading.local()
 
 
-def done_beside(
+def run_in_subprocess(
     function: Callable[[Task], Any],
     task: Task,
     *,
@@ -197,13 +197,13 @@ def done_beside(
 ) -> Any:
     """What a function makes of a task in a process beside this one, which stays for the next.
 
-    For workers of others, which are not ours to kill or to limit: ``OVERDUE`` where it took too
+    For workers of others, which are not ours to kill or to limit: ``TIMED_OUT`` where it took too
     long, None where its process died each time. Each limit of memory has a process of its own.
     """
     processes = _OF_THREAD.__dict__.setdefault("processes", {})
     if memory_bytes not in processes:
         start_trackers()
-        processes[memory_bytes] = OwnProcess(memory_bytes=memory_bytes, idle_s=_IDLE_S)
+        processes[memory_bytes] = WorkerProcess(memory_bytes=memory_bytes, idle_s=_IDLE_S)
     with _may_have_children():
         return processes[memory_bytes].result(function, task, limit_s)
 
@@ -287,14 +287,14 @@ class LocalWorkers:
     ) -> Generator[tuple[Any, Any], None, None]:
         """The tasks with their results: see :class:`pgm_places.batch.local_workers.Workers`."""
         start_trackers()
-        lanes = _Lanes(self, function, iter(tasks), limit_s)
+        lanes = _Dispatcher(self, function, iter(tasks), limit_s)
         with warnings.catch_warnings(), closing(lanes):
             # loky renews a process that has grown, between two tasks, and warns of it.
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
             yield from lanes.done()
 
 
-class _Lanes:
+class _Dispatcher:
     """A thread per process, which hands it one task after the other."""
 
     def __init__(
@@ -308,7 +308,7 @@ class _Lanes:
         self._lock, self._stopped = threading.Lock(), False
         self._ended: queue.SimpleQueue[tuple[Any, Any] | BaseException | None] = queue.SimpleQueue()
         self._processes = [
-            OwnProcess(workers.n_threads, workers.memory_bytes) for _ in range(workers.n_jobs)
+            WorkerProcess(workers.n_threads, workers.memory_bytes) for _ in range(workers.n_jobs)
         ]
         self._threads = [
             threading.Thread(target=self._lane, args=(process,), daemon=True)
@@ -336,7 +336,7 @@ class _Lanes:
         for process in self._processes:
             process.end()
 
-    def _lane(self, process: OwnProcess) -> None:
+    def _lane(self, process: WorkerProcess) -> None:
         try:
             while (task := self._next()) is not self:
                 self._ended.put((task, process.result(self._function, task, self._limit_s)))

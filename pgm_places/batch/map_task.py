@@ -12,9 +12,8 @@ from typing import Any
 
 from pgm_places._version import __version__
 from pgm_places.batch.limits import TimeIsUpError, causes_of_system, is_full, time_limit
-from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
+from pgm_places.errors import InputError, OutputError, PgmPlacesError, escape_control
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import read_json, sha256_of
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.output_set import has_all_files
@@ -24,6 +23,7 @@ from pgm_places.io.places.result_folder import (
     THUMBNAIL_FILE,
     detail_path,
 )
+from pgm_places.io.remote_files import shown_path
 from pgm_places.io.staging import claimed
 from pgm_places.labelling.files import WrittenMap, label_files, write_labelled
 from pgm_places.labelling.label import label
@@ -123,18 +123,18 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Elsewhere:
+class ClaimedByOther:
     """A map that another batch on the same folder is labelling."""
 
 
-Outcome = LabelledRow | Failure | Elsewhere
+Outcome = LabelledRow | Failure | ClaimedByOther
 
 
 _FORMAT, _SCHEMA = "pgm-places labelled map", 1
 _MAX_BYTES = 1 << 20
 
 
-def made_from(
+def provenance(
     folder: Path, yaml_path: Path, image_path: Path, model: LoadedModel, options: LabelOptions
 ) -> dict[str, Any]:
     """Everything that the labels and places of a map depend on, as plain data.
@@ -161,7 +161,7 @@ def made_from(
 
 
 def manifest_text(made: Mapping[str, Any], row: LabelledRow, outputs: Outputs) -> str:
-    """The file: what :func:`made_from` says, what came out, and which files were written."""
+    """The file: what :func:`provenance` says, what came out, and which files were written."""
     record = {
         "format": _FORMAT,
         "schema": _SCHEMA,
@@ -189,7 +189,7 @@ def done_figures(
         wanted = {name for name, is_wanted in asdict(options.outputs).items() if is_wanted}
         left_out = {name for name, was in record.get("outputs", {}).items() if not was}
         image_path = yaml_path.parent / made["image"]
-        now = made_from(folder, yaml_path, image_path, model, options)
+        now = provenance(folder, yaml_path, image_path, model, options)
     except (InputError, LookupError, TypeError, ValueError, AttributeError):
         return None  # damaged, or a map that is gone: labelling it will say what is wrong
     same = made == now and not wanted & left_out
@@ -298,7 +298,7 @@ class MapTask:
             frame = traceback.extract_tb(error.__traceback__)[-1:]
             where = f" ({Path(frame[0].filename).name}:{frame[0].lineno})" if frame else ""
             message = f"{error}{where}"
-        message = printable(self.as_called(message))
+        message = escape_control(self.as_called(message))
         return Failure(self.name, self.shown, name, message, of_worker)
 
 
@@ -319,12 +319,12 @@ def label_one(task: MapTask) -> Outcome:
     try:
         with claimed(task.claim, task.name) as is_ours:
             if not is_ours:
-                return Elsewhere()
+                return ClaimedByOther()
             figures = done_figures(task.folder, task.map, model, task.options)
             if figures is not None:
                 return LabelledRow.of_figures(task.name, task.shown, figures)
             if task.only_look:
-                return Elsewhere()
+                return ClaimedByOther()
             with time_limit(task.limit_s):
                 return _labelled(task, model)
     except OutputError as error:
@@ -366,7 +366,7 @@ def _labelled(task: MapTask, model: LoadedModel) -> LabelledRow:
         if task.source:
             warnings = tuple(map(task.as_called, source.warnings))
             source = replace(source, yaml_path=Path(task.source), warnings=warnings)
-        made = made_from(task.folder, task.map, source.image_path, model, task.options)
+        made = provenance(task.folder, task.map, source.image_path, model, task.options)
         labelled = write_labelled(
             label(model, source.grid, max_cells=task.options.max_cells, n_threads=task.n_threads),
             source,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
-from pgm_places.batch.growing_table import Row
+from pgm_places.batch.append_only_csv import Row
 from pgm_places.batch.map_task import warnings_of
 from pgm_places.io.places.result_folder import THUMBNAIL_FILE, detail_path
 from pgm_places.palette import label_swatches

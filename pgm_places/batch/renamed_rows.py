@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from pgm_places.batch.batch_folder import batch_of
-from pgm_places.batch.lists import Lists
+from pgm_places.batch.batch_index import BatchIndex
 from pgm_places.batch.map_task import labelled_row, manifest_record
 from pgm_places.io.atomic import write_text
 from pgm_places.io.places.result_folder import MANIFEST_FILE
@@ -35,7 +35,7 @@ def write_row_again(folder: Path) -> None:
         return
     row = labelled_row(folder, folder.resolve().relative_to(out).as_posix())
     if row is not None:
-        lists = Lists(out)
+        lists = BatchIndex(out)
         lists.begin()
         lists.add(row)
         lists.end(lists.settle)

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Generic, TypeVar, Union
 
-from pgm_places._option_marks import arms, bare
+from pgm_places._option_marks import unannotated, union_members
 from pgm_places.options import (
     OptionError,
     check_option,
@@ -58,14 +58,19 @@ class Option:
         One sentence; that of the docstring by default.
     metavar : str, optional
         What stands for its value; the kind of value by default.
-    usual : bool or str, optional
+    shown_default : bool or str, optional
         What holds if it is not given and the command finds nothing else, where its default is None.
     """
 
     def __init__(
-        self, *flags: str, help: str = "", metavar: str = "", usual: bool | str | None = None
+        self,
+        *flags: str,
+        help: str = "",
+        metavar: str = "",
+        shown_default: bool | str | None = None,
     ) -> None:
-        self.flags, self.help, self.metavar, self.usual = flags, help, metavar, usual
+        self.flags, self.help, self.metavar = flags, help, metavar
+        self.shown_default = shown_default
 
 
 @dataclass(frozen=True)
@@ -128,18 +133,18 @@ class Parameter:
     def metavar(self) -> str:
         """What stands for its value."""
         kinds = {Path: "PATH", int: "NUMBER", float: "NUMBER"}
-        return self.declared.metavar or kinds.get(bare(arms(self._item)[0]), "TEXT")
+        return self.declared.metavar or kinds.get(unannotated(union_members(self._item)[0]), "TEXT")
 
     @property
     def _kind(self) -> Any:
-        return bare(arms(self.hint)[0])
+        return unannotated(union_members(self.hint)[0])
 
     @property
     def _item(self) -> Any:
         """What each value has to be, with its limits."""
         if self.is_list:
             return typing.get_args(self._kind)[0]
-        return Union[tuple(arm for arm in arms(self.hint) if arm is not NoneType)]  # noqa: UP007
+        return Union[tuple(arm for arm in union_members(self.hint) if arm is not NoneType)]  # noqa: UP007
 
     def read(self, text: str) -> Any:
         """The value that a text says.
@@ -149,7 +154,7 @@ class Parameter:
         ConfigError
             It is none that the parameter takes.
         """
-        kind = bare(arms(self._item)[0])
+        kind = unannotated(union_members(self._item)[0])
         if kind in (str, Path):
             return kind(text)
         return check_option(self.shown, self._item, number_in(text, kind))
@@ -191,7 +196,10 @@ def parameters_of(command: Callable[..., None]) -> list[Parameter]:
     """The parameters of a command or of a shared options class, in order."""
     parameters, said = [], described(command)
     for item in inspect.signature(command).parameters.values():
-        hint, marks = bare(item.annotation), list(getattr(item.annotation, "__metadata__", ()))
+        hint, marks = (
+            unannotated(item.annotation),
+            list(getattr(item.annotation, "__metadata__", ())),
+        )
         own = marks.pop() if marks and isinstance(marks[-1], Argument | Option) else Option()
         metavar, text = said.get(item.name, ("", ""))
         declared = copy.copy(own)  # which other commands may share
@@ -336,8 +344,12 @@ def _parameters(
         flag, is_switch = flags[item.name], hints[item.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"
-        usual = _default(item.default) if only_given else None
-        option = Option(flag, help=lines[item.name], metavar=_metavar(item.default), usual=usual)
+        option = Option(
+            flag,
+            help=lines[item.name],
+            metavar=_metavar(item.default),
+            shown_default=_default(item.default) if only_given else None,
+        )
         parameters.append(
             inspect.Parameter(
                 item.name,

@@ -51,7 +51,7 @@ def doctor(
 
 def _environment() -> None:
     """Say what is installed."""
-    from pgm_places.features.own import FEATURES
+    from pgm_places.features.custom import FEATURES
     from pgm_places.inference.backends import backend_names
     from pgm_places.kernels.threads import resolve_threads
     from pgm_places.models.decoders import decoder_names

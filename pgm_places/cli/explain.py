@@ -39,13 +39,13 @@ def explain(
     from pgm_places.labelling.options import ModelOptions
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
+    from pgm_places.teaching.interactive_labeler import InteractiveLabeler
     from pgm_places.teaching.paint import Paint
-    from pgm_places.teaching.teacher import Teacher
 
     progress = make_progress(quiet=quiet)
     loaded = LoadedModel.load(ModelOptions(model=model, method=method))
     grid = read_map(map_yaml, unknown_value, progress).grid
-    teacher = Teacher(grid, loaded, n_threads=n_threads)
+    teacher = InteractiveLabeler(grid, loaded, n_threads=n_threads)
     paint = teacher.blank()
     if corrections is not None:
         paint = Paint.read(corrections, grid, teacher.classes)

@@ -81,7 +81,7 @@ def _line(item: Parameter) -> str:
         return f"{text} [required]" if item.flags else text
     holds = item.default
     if holds is None and isinstance(item.declared, Option):
-        holds = item.declared.usual
+        holds = item.declared.shown_default
     if holds is None or holds is False or holds == "":
         return text
     default = item.flags[0].split("/")[0] if item.is_switch else holds

@@ -126,7 +126,7 @@ def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> Non
         if found.changed:
             say(_place_line(found, asked.jsonl))
 
-    desk = MapProcess(
+    session = MapProcess(
         asked.model, method=asked.method, n_threads=asked.n_threads, session=asked.session
     )
     try:
@@ -134,13 +134,15 @@ def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> Non
             tracker = pp.TrajectoryLabeler.from_places(pp.trained_labeler(asked.model))
             finder = PlaceFinder(tracker, options)
             finder.warm_up()
-        robot = DdsNode(finder, desk, progress.warn, node, options, on_place=show, network=network)
+        robot = DdsNode(
+            finder, session, progress.warn, node, options, on_place=show, network=network
+        )
         robot.run(float("inf") if asked.seconds is None else asked.seconds)
     except KeyboardInterrupt:
         if not asked.quiet:
             complain("stopped")
     finally:
-        desk.close()
+        session.close()
 
 
 def _replay(

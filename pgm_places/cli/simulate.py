@@ -12,7 +12,7 @@ from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.options import AtLeastZero, Seed, UnknownGrey, Whole
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
@@ -137,7 +137,7 @@ def simulate(
                 place, names = _demo_map(staged, seed)
             else:
                 place, names = _users_map(map_yaml, labels, unknown_value, progress)
-        with progress.stage("drive"), threads(n_threads):
+        with progress.stage("drive"), thread_limit(n_threads):
             driven = robot.explore(place.grid, seed=seed, max_length_m=length_m, name=_stem(out))
             if names:
                 driven = driven.labelled_by(place, names)

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
     from pgm_places.io.maps.map_server import MapFile
     from pgm_places.progress import Progress
-    from pgm_places.studio.desk import Desk
     from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.layers import GivenLabels
-    from pgm_places.studio.shelf import Shelf
+    from pgm_places.studio.session import MapSession
+    from pgm_places.studio.session_pool import SessionPool
 
 
 def studio(
@@ -73,10 +73,10 @@ def studio(
     from pgm_places.experiment.config import NO_MODEL
     from pgm_places.labelling.model import LoadedModel
     from pgm_places.labelling.options import ModelOptions
-    from pgm_places.studio.desk import Desk
     from pgm_places.studio.export_folders import ExportFolders
     from pgm_places.studio.server import serve
-    from pgm_places.studio.shelf import Shelf
+    from pgm_places.studio.session import MapSession
+    from pgm_places.studio.session_pool import SessionPool
     from pgm_places.teaching.paint import Paint
     from pgm_places.trained import NAMES
 
@@ -87,9 +87,9 @@ def studio(
             raise InputError(f"{name} belongs to one map; start the studio with that map alone")
     loaded_model = None if model == NO_MODEL else LoadedModel.load(ModelOptions(model=model))
 
-    def opened(map_yaml: Path, folder: Path) -> Desk:
+    def opened(map_yaml: Path, folder: Path) -> MapSession:
         loaded = read_map(map_yaml, unknown_value, progress)
-        desk = Desk(
+        session = MapSession(
             loaded,
             folder,
             loaded_model,
@@ -98,17 +98,17 @@ def studio(
             drive_xy_m=None if drive is None else _path(drive, loaded, progress),
             n_threads=n_threads,
         )
-        if desk.carried is not None:
-            progress.warn(desk.carried.words)
-        if desk.ids_notice:
-            progress.warn(desk.ids_notice)
+        if session.migration is not None:
+            progress.warn(session.migration.message)
+        if session.ids_notice:
+            progress.warn(session.ids_notice)
         if corrections is not None:
             try:
-                desk.take(Paint.read(corrections, loaded.grid))
+                session.take(Paint.read(corrections, loaded.grid))
             except BaseException:
-                desk.close()
+                session.close()
                 raise
-        return desk
+        return session
 
     tables = [path.with_suffix(".yaml") for path in labels or ()]
     given = [*maps, *(labels or ()), *tables, *(() if drive is None else (drive,))]
@@ -117,28 +117,28 @@ def studio(
     places = ExportFolders.started_here(export_to or (), given)
     if len(maps) == 1:
         with progress.stage("map"):
-            desk = opened(maps[0], out or Path(f"{maps[0].stem}-studio"))
-        shelf = Shelf.of(desk, places)
+            session = opened(maps[0], out or Path(f"{maps[0].stem}-studio"))
+        pool = SessionPool.of(session, places)
     else:
-        shelf = _shelf_of(maps, out or Path("maps-studio"), opened, places)
+        pool = _shelf_of(maps, out or Path("maps-studio"), opened, places)
     try:
         serve(
-            shelf, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
+            pool, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
         )
     finally:
-        shelf.close()
+        pool.close()
 
 
 def _shelf_of(
     maps: "Sequence[Path]",
     folder: Path,
-    opened: "Callable[[Path, Path], Desk]",
+    opened: "Callable[[Path, Path], MapSession]",
     export_folders: "ExportFolders",
-) -> "Shelf":
-    """A shelf of several maps, each with a folder of its own."""
-    from pgm_places.studio.shelf import Book, Shelf
+) -> "SessionPool":
+    """A pool of several maps, each with a folder of its own."""
+    from pgm_places.studio.session_pool import MapEntry, SessionPool
 
-    books: list[Book] = []
+    books: list[MapEntry] = []
     for map_yaml in maps:
         if not map_yaml.is_file():
             raise InputError(f"{map_yaml}: no such file; give the YAML file of a map")
@@ -147,9 +147,9 @@ def _shelf_of(
         if any(title == book.title for book in books):
             raise InputError(f"{map_yaml}: two maps would be called {title!r}; rename one of them")
         own = folder / title
-        books.append(Book(title, own, partial(opened, map_yaml, own)))
+        books.append(MapEntry(title, own, partial(opened, map_yaml, own)))
     folder.mkdir(parents=True, exist_ok=True)
-    return Shelf(books, folder, export_folders)
+    return SessionPool(books, folder, export_folders)
 
 
 def _given(paths: "Sequence[Path]", grid: "pp.OccupancyGrid") -> "list[GivenLabels]":

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from pgm_places.errors import OutputError, printable
+from pgm_places.errors import OutputError, escape_control
 from pgm_places.progress import Silent, Stage
 
 if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
@@ -27,7 +27,7 @@ def say(text: str) -> None:
         They cannot be written, as on a full disk.
     """
     try:
-        sys.stdout.write(printable(text, keep="\n") + "\n")
+        sys.stdout.write(escape_control(text, keep="\n") + "\n")
         sys.stdout.flush()  # whoever reads a pipe wants each line now
     except BrokenPipeError:  # nobody reads on, which is no mistake
         raise
@@ -50,7 +50,7 @@ def warn(message: str) -> None:
 
 def complain(message: str) -> None:
     """Print a message to standard error, as one line of bounded length."""
-    text = printable(message)
+    text = escape_control(message)
     if len(text) > _LONGEST:
         text = f"{text[:_LONGEST]} ..."
     with contextlib.suppress(OSError, ValueError):  # it is full or closed: nobody to tell
@@ -118,5 +118,5 @@ class BarProgress:
 
     def warn(self, message: str) -> None:
         """Print the warning above the bars."""
-        text = printable(f"warning: {message}")
+        text = escape_control(f"warning: {message}")
         self._console.print(text, style="yellow", markup=False, highlight=False)

@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import require_at_least, set_fields
-from pgm_places.datasets.bending import shifted
-from pgm_places.datasets.dice import Dice, Scale
-from pgm_places.datasets.filling import draw_floor
+from pgm_places._checks import require_at_least, set_frozen
+from pgm_places.datasets.corridor_layout import Wing, draw_wing, partition
+from pgm_places.datasets.distortion import shifted
 from pgm_places.datasets.floor_plan import FloorPlan, Rect
 from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.large_furniture import furnish_largely
 from pgm_places.datasets.layout import draw_layout
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.raster import main_component, mapped_span
+from pgm_places.datasets.room_placement import draw_floor
+from pgm_places.datasets.simulated_mapping import survey
 from pgm_places.datasets.style import OFFICE, Style, StyleName, draw_style
-from pgm_places.datasets.survey import survey
-from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.unary.options import HallsAs
@@ -68,7 +68,7 @@ class LabelledBuilding:
     name: str
 
     def __post_init__(self) -> None:
-        set_fields(self, labels=self.labels)
+        set_frozen(self, labels=self.labels)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def generate_building(
     True
     """
     _check(seed, wings, size, style)
-    scale = Scale(_millimetres(resolution_m, size))
+    scale = MetreScale(_millimetres(resolution_m, size))
     shape, plan, split, drawn = _draw_plan(seed, scale, style, _SIZES[size], wings)
     margin = scale.cells(drawn.doorway_margin_cm)
     labels = _truth(margin, plan, shape, _HALL if halls == "hall" else LABEL_NAMES.index(halls))
@@ -191,7 +191,7 @@ def _millimetres(resolution_m: float | None, size: str) -> int:
 
 
 def _draw_plan(
-    seed: int, scale: Scale, style: str, size: _Size, wings: int
+    seed: int, scale: MetreScale, style: str, size: _Size, wings: int
 ) -> tuple[tuple[int, int], FloorPlan, int | None, Style]:
     """Shape of the raster, plan in its cells, split column of a building of wings, its style."""
     if style not in KINDS:

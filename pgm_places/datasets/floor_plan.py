@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, Self
 
-from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.portable_random import Dice
 from pgm_places.datasets.style import Style
 
 

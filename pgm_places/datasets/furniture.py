@@ -6,8 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect
+from pgm_places.datasets.portable_random import Dice, MetreScale
 
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
 """Where a leaf points from its hinge: (across the gap, into the room)."""
@@ -77,7 +77,7 @@ class Mover:
         self._keep_free = keep_free
 
     @classmethod
-    def of_plan(cls, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> Self:
+    def of_plan(cls, scale: MetreScale, plan: FloorPlan, solid: NDArray[np.bool_]) -> Self:
         """One who keeps the way through each door of a plan free."""
         keep_free = np.zeros_like(solid)
         clear = scale.cells(90)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.portable_random import Dice
 from pgm_places.datasets.style import OFFICE, RoomSizes, Span, Style
 
 # Rooms and corridors of 13 office and 28 school floors, measured in November 2026;

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect
 from pgm_places.datasets.furniture import FULL, Mover
+from pgm_places.datasets.portable_random import Dice
 
 _LARGE_M2 = 30
 """Larger rooms are furnished as laboratories and offices are, smaller ones as rooms of homes."""

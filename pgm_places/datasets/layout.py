@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Rect
+from pgm_places.datasets.portable_random import Dice
 from pgm_places.datasets.style import Span, Style
 
 _HALL_LENGTHS: tuple[Span, ...] = ((310, 520), (520, 800), (800, 1100), (1100, 1700))

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import largest_rectangle
-from pgm_places.datasets.dice import Scale
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, sides
+from pgm_places.datasets.portable_random import MetreScale
 from pgm_places.maps.components import connected_components
 
 _LEAST_SIDE_CM, _LEAST_SHARE, _MOST_RECTANGLES = 60, 25, 12
@@ -48,7 +48,7 @@ class ReadPlan:
 
 
 def read_plan(
-    scale: Scale,
+    scale: MetreScale,
     labels: NDArray[np.int16],
     solid: NDArray[np.bool_],
     *,
@@ -78,7 +78,7 @@ def read_plan(
     )
 
 
-def _places(scale: Scale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
+def _places(scale: MetreScale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
     """The rectangles of each connected part of a mask."""
     parts = connected_components(mask, connectivity=4)
     return [
@@ -88,7 +88,7 @@ def _places(scale: Scale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
     ]
 
 
-def _rectangles(scale: Scale, part: NDArray[np.bool_]) -> list[Rect]:
+def _rectangles(scale: MetreScale, part: NDArray[np.bool_]) -> list[Rect]:
     """Rectangles in a part, the largest of what is left each time."""
     found: list[Rect] = []
     left, area = part.copy(), int(part.sum())
@@ -104,7 +104,10 @@ def _rectangles(scale: Scale, part: NDArray[np.bool_]) -> list[Rect]:
 
 
 def _doors(
-    scale: Scale, is_door: NDArray[np.bool_], is_room: NDArray[np.bool_], solid: NDArray[np.bool_]
+    scale: MetreScale,
+    is_door: NDArray[np.bool_],
+    is_room: NDArray[np.bool_],
+    solid: NDArray[np.bool_],
 ) -> list[Door]:
     """The gap of each doorway, and on which side of it the room lies."""
     parts = connected_components(is_door, connectivity=4)

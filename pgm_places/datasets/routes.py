@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import drive, steps_from
-from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import Rect
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.raster import main_component
-from pgm_places.datasets.survey import crowded, grid_in
+from pgm_places.datasets.simulated_mapping import crowded, grid_in
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 
@@ -99,7 +99,7 @@ def draw_routes(
 
 
 def _all_stops(
-    scale: Scale,
+    scale: MetreScale,
     ground: NDArray[np.bool_],
     rooms: Sequence[Sequence[Rect]],
     passages: Sequence[Sequence[Rect]],
@@ -121,7 +121,7 @@ def _piece_with(drivable: NDArray[np.bool_], stops: NDArray[np.int64]) -> NDArra
 
 
 def _stops(
-    scale: Scale,
+    scale: MetreScale,
     ground: NDArray[np.bool_],
     places: Sequence[Sequence[Rect]],
     pitch_cm: int,

@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import require_names
-from pgm_places.datasets.bending import pushed
-from pgm_places.datasets.dice import Dice, Scale
+from pgm_places.datasets.distortion import pushed
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, sides, windows
 from pgm_places.datasets.furniture import FULL, furnish, hang_doors
+from pgm_places.datasets.glass import BEYOND_CM, fronts, open_ground, windows_out
+from pgm_places.datasets.incomplete_mapping import close_doors, forget_glimpses
 from pgm_places.datasets.large_furniture import furnish_largely
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.plan_reading import ReadPlan, read_plan
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.raster import main_component, mapped_span
 from pgm_places.datasets.routes import Routes, draw_routes
-from pgm_places.datasets.see_through import BEYOND_CM, fronts, open_ground, windows_out
-from pgm_places.datasets.survey import N_RAYS, Tour, budgets, mapped
-from pgm_places.datasets.unfinished import close_doors, forget_glimpses
+from pgm_places.datasets.simulated_mapping import N_RAYS, Tour, budgets, mapped
 from pgm_places.errors import InputError, LabelError
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -89,7 +89,7 @@ def simulate_map(
     options = options or MapSimulation()
     _check(plan, label_names, seed, resolution_m)
     cells, labels, resolution_m = _resampled(Dice(seed, 20), plan, options, resolution_m)
-    scale = Scale(max(1, round(1000 * resolution_m)))
+    scale = MetreScale(max(1, round(1000 * resolution_m)))
     solid = cells != FREE
     passages, doorways = (
         [index for index, name in enumerate(label_names) if name in names]
@@ -227,7 +227,7 @@ def _gaps(
 
 def _survey(
     seed: int,
-    scale: Scale,
+    scale: MetreScale,
     read: ReadPlan,
     solid: NDArray[np.bool_],
     gaps: NDArray[np.bool_],

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.portable_random import Dice
 
 StyleName = Literal[
     "office", "varied", "cells", "clinic", "hall", "home", "hotel", "mall", "museum", "open-plan",

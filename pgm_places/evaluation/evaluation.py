@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import finite_array, integer_array, set_fields
+from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
@@ -96,7 +96,7 @@ class Evaluation:
             raise InputError(
                 "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
             )
-        set_fields(self, label_names=names, confusion=counts)
+        set_frozen(self, label_names=names, confusion=counts)
 
     @classmethod
     def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:

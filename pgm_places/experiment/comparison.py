@@ -10,8 +10,8 @@ import numpy as np
 from pgm_places.evaluation import confusion
 from pgm_places.evaluation.bootstrap import Interval, Resamples, pooled
 from pgm_places.evaluation.evaluation import Evaluation
-from pgm_places.experiment.judgement import Judgement, judge
-from pgm_places.experiment.labelled_items import TestItem, blocks_of
+from pgm_places.experiment.evaluated_items import TestItem, blocks_of
+from pgm_places.experiment.significance import Significance, judge
 from pgm_places.inference.labeling import Labeling
 from pgm_places.plotting import charts
 from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
@@ -162,7 +162,7 @@ class Comparison(Plotted):
         return data_frame(columns, "method")
 
     @cached_property
-    def judgement(self) -> Judgement:
+    def judgement(self) -> Significance:
         """Which differences between methods are more than chance."""
         labelings = {method.id: method.all_labelings for method in self.methods}
         return judge(self.maps, labelings, self.label_names)

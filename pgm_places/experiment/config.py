@@ -20,7 +20,7 @@ from pgm_places.experiment.floor_teaching import FloorOptions
 from pgm_places.experiment.source_config import SourceConfig, SplitConfig, given_options
 from pgm_places.experiment.source_patterns import without_patterns
 from pgm_places.experiment.step_options import StepOptions
-from pgm_places.features.own import FEATURES, as_features
+from pgm_places.features.custom import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
 from pgm_places.io.input_file import read_toml
 from pgm_places.labelers.method import Unary
@@ -29,7 +29,7 @@ from pgm_places.labelers.presets import Preset
 from pgm_places.options import OptionError, Options, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
+from pgm_places.teaching.training_selection import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import ClassifierOptions, ContextOptions, HallsAs, SpaceOptions
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.labelled_items import TestDrive, TestMap
+from pgm_places.experiment.evaluated_items import EvalDrive, EvalMap
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.unary.space_model import MapSpaces
@@ -14,14 +14,14 @@ PASSAGE_M = 0.3
 """A doorway that is labelled this much before or after it was passed through has been found."""
 
 
-def door_scores(item: TestMap, labeling: Labeling, doorway: int) -> DoorScores:
+def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
     """How many doors of a map a method found, missed and invented.
 
     Its doors are the connected pieces of cells that it labelled as doorways.
 
     Parameters
     ----------
-    item : TestMap
+    item : EvalMap
     labeling : Labeling
         Of the map's layout.
     doorway : int
@@ -32,18 +32,18 @@ def door_scores(item: TestMap, labeling: Labeling, doorway: int) -> DoorScores:
     return match.scores(np.ones(len(match.door), np.bool_))
 
 
-def gate_scores(item: TestMap, spaces: MapSpaces, doorway: int) -> DoorScores:
+def gate_scores(item: EvalMap, spaces: MapSpaces, doorway: int) -> DoorScores:
     """How many doors of a map the accepted gates match, whatever a method labels afterwards."""
     match = match_doors(spaces.gates, _known(item), doorway)
     return match.scores(spaces.places.accepted)
 
 
-def _known(item: TestMap) -> NDArray[np.int16]:
+def _known(item: EvalMap) -> NDArray[np.int16]:
     """(H, W) the true labels inside the window, -1 elsewhere."""
     return np.where(item.window, item.truth, np.int16(-1))
 
 
-def passage_scores(item: TestDrive, labeling: Labeling, doorway: int) -> DoorScores:
+def passage_scores(item: EvalDrive, labeling: Labeling, doorway: int) -> DoorScores:
     """How many doorways that a drive passes through a method found, missed and invented.
 
     A passage is a run of steps in a doorway that is entered and left, and counts once, however many

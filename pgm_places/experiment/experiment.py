@@ -15,8 +15,8 @@ from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.input_file import sha256_of
-from pgm_places.kernels.threads import threads
-from pgm_places.progress import Progress, Silent, reported, staged
+from pgm_places.kernels.threads import thread_limit
+from pgm_places.progress import Progress, Silent, report_stage, reporting_to
 
 DATA_VARIABLE = "PGM_PLACES_DATA"
 
@@ -56,7 +56,7 @@ class Experiment:
         """Work with the experiment's threads and progress; its time is added to the named stage."""
         start = time.perf_counter()
         try:
-            with threads(self.n_threads), reported(self.progress):
+            with thread_limit(self.n_threads), reporting_to(self.progress):
                 yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
@@ -75,7 +75,7 @@ class Experiment:
         sources = enumerate(getattr(self.config, part))
         chosen = [(f"{part}[{index}]", item) for index, item in sources if wanted(item)]
         found: list[Any] = []
-        with self.timed("load"), staged(f"{part} {what}") as stage:
+        with self.timed("load"), report_stage(f"{part} {what}") as stage:
             for where, source in chosen:
                 found.append(load(self, source, where))
                 stage.update(len(found) / len(chosen), found[-1].name)

@@ -69,7 +69,7 @@ class FeatureCache:
             return None
         return np.asarray(found)
 
-    def make_room(self, shapes: Sequence[tuple[int, int]]) -> None:
+    def check_space(self, shapes: Sequence[tuple[int, int]]) -> None:
         """Say how much tables of these shapes will take.
 
         Raises

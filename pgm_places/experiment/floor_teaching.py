@@ -13,7 +13,7 @@ from pgm_places.floor.labelled import labelled_raster
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import Options
-from pgm_places.progress import staged
+from pgm_places.progress import report_stage
 from pgm_places.unary.floor_model import FloorModel
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def taught_floor(
     from pgm_places.floor.learning import Trainer
 
     networks = []
-    with staged("teaching the floor networks") as stage:
+    with report_stage("teaching the floor networks") as stage:
         own = [_floor(item, label_names, drawn=False) for item in maps]
         others = [_floor(item, _NAMES, drawn=drawn) for item, drawn in _rehearsal()]
         for number, network in enumerate(floor.networks):

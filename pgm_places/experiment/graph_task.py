@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.evaluated_items import EvalGraph
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
-from pgm_places.experiment.labelled_items import TestGraph
 from pgm_places.experiment.setup import GraphMethod, graph_labelers, one_method
 from pgm_places.experiment.sources import Sources
 from pgm_places.experiment.task import ScoredTest, Tested
@@ -79,7 +79,7 @@ class GraphTask:
         def label(name: str) -> Sequence[Labeling]:
             return [labelers[name].label(source.problem, truth=source.truth)]
 
-        item = TestGraph(source.name, source.problem.graph, source.truth, source.building)
+        item = EvalGraph(source.name, source.problem.graph, source.truth, source.building)
         return ScoredTest([item], label)
 
     def method(self, name: str, labeler: StructuredLabeler) -> GraphMethod:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, LabelError, shown
+from pgm_places.errors import InputError, LabelError, quoted
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.source_config import GraphConfig, SourceConfig
 from pgm_places.inference.problem import LabelingProblem
@@ -128,14 +128,14 @@ def _translated(nodes: Table, given: GraphConfig, where: str) -> Table:
     if all(is_empty(value) for value in translated[given.label]):
         said = sorted({str(v) for v in nodes[given.label] if not is_empty(v)})
         raise LabelError(
-            f"{where}: classes translates none of {shown(said)} in column {given.label!r}"
+            f"{where}: classes translates none of {quoted(said)} in column {given.label!r}"
         )
     return translated
 
 
 def _column(table: Table, name: str) -> list[Any]:
     if name not in table:
-        raise InputError(f"there is no column {name!r}, only {', '.join(map(shown, table))}")
+        raise InputError(f"there is no column {name!r}, only {', '.join(map(quoted, table))}")
     return table[name]
 
 
@@ -159,7 +159,7 @@ def _features(
             features.append(column)
         else:
             experiment.warn(
-                f"{where}: column {shown(column)} holds {shown(odd[0])}, which is not a finite "
+                f"{where}: column {quoted(column)} holds {quoted(odd[0])}, which is not a finite "
                 "number, and is left out of the features"
             )
     return tuple(features)
@@ -207,7 +207,7 @@ def _label(value: Any, names: Sequence[str], column: str) -> int:
         return -1
     if str(value) not in names:
         raise LabelError(
-            f"column {column!r} holds {shown(value)}, which is not one of {list(names)}"
+            f"column {column!r} holds {quoted(value)}, which is not one of {list(names)}"
         )
     return list(names).index(str(value))
 
@@ -221,7 +221,7 @@ def _check_numbers(table: Table, columns: Sequence[str]) -> None:
     for column in columns:
         odd = _odd_value(_column(table, column))
         if odd is not None:
-            raise InputError(f"column {column!r} must hold numbers, got {shown(odd[0])}")
+            raise InputError(f"column {column!r} must hold numbers, got {quoted(odd[0])}")
 
 
 def _check_features(first: SourceGraph, other: SourceGraph, where: str) -> None:

@@ -7,9 +7,9 @@ import numpy as np
 
 from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
 from pgm_places.experiment.doors import door_scores, gate_scores
+from pgm_places.experiment.evaluated_items import EvalMap
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.floor_teaching import taught_floor
-from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.experiment.sources import Sources
 from pgm_places.experiment.task import ScoredTest, Tested
@@ -21,8 +21,8 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.model_folder import MANIFEST
 from pgm_places.persistence.place_labeler import check_savable
 from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
-from pgm_places.teaching.teacher import Teacher
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from pgm_places.unary.halls import HallNames
 
@@ -44,7 +44,7 @@ def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> Place
     labeler = _base_model(experiment)
     with experiment.learning():
         for item in maps:
-            teacher = Teacher(
+            teacher = InteractiveLabeler(
                 item.grid, labeler, classes=config.labels.names, options=config.teaching
             )
             labels = item.labels
@@ -66,10 +66,10 @@ def _base_model(experiment: Experiment) -> PlaceLabeler | None:
     return found
 
 
-def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> TestMap:
+def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> EvalMap:
     """A map whose cells are labelled, under its own or another name."""
     window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
-    return TestMap(name or item.name, item.grid, item.labels, layout, window, item.building)
+    return EvalMap(name or item.name, item.grid, item.labels, layout, window, item.building)
 
 
 class CellTask:

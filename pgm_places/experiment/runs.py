@@ -12,8 +12,8 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment import comparison
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.overlap import warn_of_overlap
 from pgm_places.experiment.selection import select, selected_words
 from pgm_places.experiment.setup import AnyMethod, resolved_config

@@ -32,7 +32,7 @@ MOST_CANDIDATES = 200
 
 
 @dataclass(frozen=True)
-class Candidate:
+class SelectionCandidate:
     """A combination of options and its score on held-out cells or steps.
 
     Parameters
@@ -61,10 +61,10 @@ class Selection:
 
     method: str
     criterion: str
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[SelectionCandidate, ...]
 
     @property
-    def chosen(self) -> Candidate:
+    def chosen(self) -> SelectionCandidate:
         """The best."""
         return max(self.candidates, key=lambda item: item.score)
 
@@ -133,7 +133,7 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
                 float(getattr(part, settings.criterion))
                 for part in (Evaluation.merged(parts), *parts)
             )
-            tried.append(Candidate(options, whole, tuple(figures)))
+            tried.append(SelectionCandidate(options, whole, tuple(figures)))
             stage.update(number / len(candidates), f"{number} of {len(candidates)}")
     return Selection(method, settings.criterion, tuple(tried))
 

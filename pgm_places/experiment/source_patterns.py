@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pgm_places.errors import ConfigError, nearest_name, shown
+from pgm_places.errors import ConfigError, nearest_name, quoted
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.io.csv_table import open_table
 
@@ -148,7 +148,7 @@ def _buildings(path: Path) -> dict[str, str]:
         columns = [table.index("map", "name", "floor"), table.index("building")]
         if None in columns:
             raise ConfigError(
-                f"{path}: expected the columns map and building, got {shown(table.names)}"
+                f"{path}: expected the columns map and building, got {quoted(table.names)}"
             )
         _, (maps, buildings) = table.read([], [column for column in columns if column is not None])
     found: dict[str, str] = {}

@@ -8,8 +8,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.doors import passage_scores
 from pgm_places.experiment.drives import SourceDrive, counted_objects
+from pgm_places.experiment.evaluated_items import EvalDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.labelled_items import TestDrive
 from pgm_places.experiment.map_task import tested_map
 from pgm_places.experiment.setup import joint_labeler, one_method, step_labeler, step_methods
 from pgm_places.experiment.sources import Sources
@@ -77,7 +77,7 @@ class StepTask(_DriveTask):
         with experiment.timed("score steps"):
             scores = first.scores(path, known_map=source.grid, extra=extra)
             grid = source.grid if source.grid is not None else map_of_scans(path)
-        item = TestDrive(path.name, path, grid)
+        item = EvalDrive(path.name, path, grid)
 
         def label(name: str) -> Sequence[Labeling]:
             return [labelers[name].infer(path, scores, map_prior=source.prior, truth=path.labels)]
@@ -118,7 +118,7 @@ class StepAndCellTask(_DriveTask):
             # Score and history belong to all nodes together; they are reported with the cells.
             return [found.cells, replace(found.steps, score=None, bound=None, info={})]
 
-        return ScoredTest([on_map, TestDrive(f"{path.name}: steps", path, known.grid)], label)
+        return ScoredTest([on_map, EvalDrive(f"{path.name}: steps", path, known.grid)], label)
 
 
 def _map_of(drive: SourceDrive) -> LabelledMap:

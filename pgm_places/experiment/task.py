@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.setup import AnyMethod
 from pgm_places.experiment.sources import Sources
 from pgm_places.inference.labeling import Labeling

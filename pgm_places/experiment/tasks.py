@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graph_task import GraphTask
-from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.map_task import CellTask
 from pgm_places.experiment.setup import AnyMethod
 from pgm_places.experiment.sources import Source, Sources

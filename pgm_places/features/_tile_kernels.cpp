@@ -23,7 +23,7 @@ template <class T> struct LoadTiles {
                 scans[lane] = &ranges(std::min(first + tile * LANES + lane, last - 1), 0);
             double *plane = &rho(tile * TILE_ROWS, 0);
             for (int beam = 0; beam < N_BEAMS; ++beam) {
-                using L = pgm::Lanes<double, LANES, BYTES>;
+                using L = pgm::Simd<double, LANES, BYTES>;
                 const L length = L::every([&](int lane) PGM_INLINE_LAMBDA {
                     return static_cast<double>(scans[lane][beam]);
                 });

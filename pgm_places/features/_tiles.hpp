@@ -1,12 +1,12 @@
 // How sixteen scans, a tile, lie in the planes that the kernels share; _tiles.py says the same.
 //
-// A kernel handles a part of a tile at a time: as many scans as two registers hold in float64. Lanes
+// A kernel handles a part of a tile at a time: as many scans as two registers hold in float64. Simd
 // never mix, so that the bits do not depend on how many these are.
 
 #pragma once
 
 #include "pgm_places/kernels/array.hpp"
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 
 namespace pgm::features {
 
@@ -23,8 +23,8 @@ constexpr int F2 = 0, F8 = 12, F27 = 74, F28 = 76, F32 = 78, F5 = 99, F9 = 102, 
 template <int BYTES> constexpr int PART = BYTES / 4;
 // The registers of kernels that compare much: of 64 bytes, GCC compares number after number.
 template <int BYTES> constexpr int COMPARING = std::min(BYTES, 32);
-template <int BYTES> using Wide = Lanes<double, PART<BYTES>, BYTES>;
-template <int BYTES> using Narrow = Lanes<float, PART<BYTES>, BYTES>;
+template <int BYTES> using Wide = Simd<double, PART<BYTES>, BYTES>;
+template <int BYTES> using Narrow = Simd<float, PART<BYTES>, BYTES>;
 
 // Some lanes of the rows of a plane: those of a part, or all of its memory as shorter rows.
 template <class L, class T> struct Rows {

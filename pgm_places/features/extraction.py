@@ -17,8 +17,8 @@ from pgm_places.features.beams import (
     clean_beams,
     resample_beams,
 )
+from pgm_places.features.kernel_plan import FeaturePlan, plan_features
 from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
-from pgm_places.features.plan import FeaturePlan, plan_features
 from pgm_places.kernels.threads import run_parts
 
 __all__ = ["ScanExtractor", "Workspace", "extract", "extract_one", "resample_beams"]

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array, require_type
+from pgm_places._checks import frozen_copy, integer_array, require_type
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 
@@ -54,7 +54,9 @@ class Cliques:
                 )
             members.append(part.astype(np.int64))
         start = np.cumsum([0, *(len(part) for part in members)])
-        return cls(frozen(np.concatenate([*members, np.zeros(0, np.int64)])), frozen(start))
+        return cls(
+            frozen_copy(np.concatenate([*members, np.zeros(0, np.int64)])), frozen_copy(start)
+        )
 
     @classmethod
     def of_segments(cls, segments: Sequence[int] | NDArray[np.int64]) -> Self:
@@ -69,7 +71,7 @@ class Cliques:
         order = np.argsort(of_node, kind="stable")
         order = order[of_node[order] >= 0]
         _, sizes = np.unique(of_node[order], return_counts=True)
-        return cls(frozen(order.astype(np.int64)), frozen(np.cumsum([0, *sizes])))
+        return cls(frozen_copy(order.astype(np.int64)), frozen_copy(np.cumsum([0, *sizes])))
 
     @property
     def sizes(self) -> NDArray[np.int64]:
@@ -80,7 +82,7 @@ class Cliques:
     def links(self) -> NDArray[np.int64]:
         """(M, 2) each node with the number of a set that it is in."""
         of_set = np.repeat(np.arange(len(self.sizes)), self.sizes)
-        return frozen(np.stack([self.members, of_set], axis=1))
+        return frozen_copy(np.stack([self.members, of_set], axis=1))
 
     def among(self, keep: NDArray[np.bool_]) -> "Cliques":
         """The sets without the nodes that a mask (N,) leaves out; empty ones are dropped."""
@@ -88,7 +90,7 @@ class Cliques:
         inside = keep[self.members]
         sizes = self.sizes_among(keep)
         members = number[self.members[inside]]
-        return Cliques(frozen(members), frozen(np.cumsum([0, *sizes[sizes > 0]])))
+        return Cliques(frozen_copy(members), frozen_copy(np.cumsum([0, *sizes[sizes > 0]])))
 
     def sizes_among(self, keep: NDArray[np.bool_]) -> NDArray[np.int64]:
         """(C,) how many nodes of each set a mask (N,) keeps; :meth:`among` drops those with 0."""
@@ -101,7 +103,7 @@ class Cliques:
         begin = np.asarray(starts, np.int64)
         members = [part.members + first for part, first in zip(parts, begin, strict=True)]
         sizes = np.concatenate([part.sizes for part in parts])
-        return Cliques(frozen(np.concatenate(members)), frozen(np.cumsum([0, *sizes])))
+        return Cliques(frozen_copy(np.concatenate(members)), frozen_copy(np.cumsum([0, *sizes])))
 
 
 def check_cliques(cliques: Any, n_nodes: int) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, number_array, row_blocks, set_fields
+from pgm_places._checks import integer_array, number_array, row_blocks, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_order import EdgeOrder
@@ -194,10 +194,10 @@ class EdgeList:
     def __post_init__(self) -> None:
         pairs = integer_array("edges", empty_pairs(self.pairs), ("E", 2), low=0, high=2**31 - 1)
         require_canonical(pairs)
-        set_fields(self, pairs=pairs.astype(np.int32))
+        set_frozen(self, pairs=pairs.astype(np.int32))
         if self.kinds is not None:
             kinds = integer_array("edge_kind", self.kinds, (len(pairs),), low=0, high=128)
-            set_fields(self, kinds=kinds.astype(np.int8))
+            set_frozen(self, kinds=kinds.astype(np.int8))
 
     @classmethod
     def of(cls, n_nodes: int, edges: ArrayLike, edge_kind: ArrayLike | None = None) -> Self:

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, number_array, sealed
+from pgm_places._checks import freeze, frozen_copy, number_array
 from pgm_places.errors import InputError
 
 
@@ -37,7 +37,7 @@ def neighbours_of(n_nodes: int, edges: NDArray[np.int32]) -> Neighbours:
     node, edge = np.empty((2, 2 * n_edges), np.int32)
     node[at_second], edge[at_second] = below.indices, below.data
     node[at_first], edge[at_first] = second, number
-    return Neighbours(sealed(above + below.indptr), sealed(node), sealed(edge))
+    return Neighbours(freeze(above + below.indptr), freeze(node), freeze(edge))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class EdgeOrder:
                 f"edges {first} and {second} both join nodes {i} and {j}, but two nodes may be "
                 "joined once; give that pair once, with what belongs to both together"
             )
-        return cls(frozen(rows), frozen(pairs[rows, 0] > pairs[rows, 1]))
+        return cls(frozen_copy(rows), frozen_copy(pairs[rows, 0] > pairs[rows, 1]))
 
     def values(self, values: ArrayLike) -> NDArray[Any]:
         """(E, ...) values of the pairs, such as features or rewards of agreement, edge by edge."""

@@ -72,7 +72,7 @@ class LabelGraph:
             points = _checks.finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
             if points.shape[1] not in (2, 3):
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
-            _checks.set_fields(self, points_m=points)
+            _checks.set_frozen(self, points_m=points)
         if self.cliques is not None:
             check_cliques(self.cliques, self.n_nodes)
         if isinstance(self.layout, GridLayout) and self.layout.n_nodes != self.n_nodes:
@@ -381,7 +381,7 @@ class LabelGraph:
     @cached_property
     def degree(self) -> NDArray[np.int64]:
         """(N,) number of edges at each node."""
-        return _checks.frozen(np.bincount(self.edges.ravel(), minlength=self.n_nodes))
+        return _checks.frozen_copy(np.bincount(self.edges.ravel(), minlength=self.n_nodes))
 
     @cached_property
     def neighbours(self) -> Neighbours:

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import cell_list, integer_array, require_shape, sealed
+from pgm_places._checks import cell_list, freeze, integer_array, require_shape
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.mask_cells import MaskCells
@@ -66,7 +66,7 @@ class GridLayout:
     @cached_property
     def cells_rc(self) -> NDArray[np.int32]:
         """(N, 2) row and column of each node."""
-        return sealed(self.cells[:])
+        return freeze(self.cells[:])
 
     @property
     def walls(self) -> NDArray[np.bool_] | None:
@@ -86,7 +86,7 @@ class GridLayout:
     @cached_property
     def positions_m(self) -> NDArray[np.float64] | None:
         """(N, 2) centres of the cells in the map frame; None for a mask without a map."""
-        return None if self.source is None else sealed(self.source.cell_centres_m(self.cells_rc))
+        return None if self.source is None else freeze(self.source.cell_centres_m(self.cells_rc))
 
     def mask(self) -> NDArray[np.bool_]:
         """(H, W) whether each cell is a node; read-only."""
@@ -108,7 +108,7 @@ class GridLayout:
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
         """(H, W) node index of each cell, -1 where the cell is not a node."""
-        return sealed(self.nodes_in(slice(0, self.shape[0])))
+        return freeze(self.nodes_in(slice(0, self.shape[0])))
 
     def nodes_in(self, rows: slice) -> NDArray[np.int32]:
         """(n, W) node index of each cell in a band of rows, -1 where the cell is not a node.

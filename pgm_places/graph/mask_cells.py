@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen_copy
 from pgm_places.graph.bands import bands_of_rows
 
 
@@ -35,7 +35,7 @@ class MaskCells:
         """The cells of a mask, which is copied only if it could be written to."""
         starts = np.zeros(len(mask) + 1, np.int64)
         np.cumsum(np.count_nonzero(mask, axis=1), out=starts[1:])
-        return cls(frozen(mask), starts)
+        return cls(frozen_copy(mask), starts)
 
     def __len__(self) -> int:
         return int(self.row_start[-1])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.edge_kind import EdgeKind
@@ -103,7 +103,7 @@ class RasterEdges:
         kinds = np.broadcast_to(np.array([kind for *_, kind in steps], np.int8), heads.shape)
         present = heads >= 0
         pairs = np.stack([tails[present], heads[present]], axis=1)
-        return sealed(pairs), sealed(kinds[present])
+        return freeze(pairs), freeze(kinds[present])
 
 
 def _shifted(

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array, set_fields
+from pgm_places._checks import finite_array, frozen_copy, integer_array, set_frozen
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
@@ -69,8 +69,8 @@ class FactorGraph:
             _factor(number, scope, table, sizes)
             for number, (scope, table) in enumerate(zip(scopes, tables, strict=True))
         ]
-        set_fields(self, n_labels=sizes, scopes=tuple(scope for scope, _ in checked))
-        set_fields(self, tables=tuple(frozen(table) for _, table in checked))
+        set_frozen(self, n_labels=sizes, scopes=tuple(scope for scope, _ in checked))
+        set_frozen(self, tables=tuple(frozen_copy(table) for _, table in checked))
 
     @classmethod
     def of(

@@ -17,7 +17,7 @@ from pgm_places._checks import (
     integer_array,
     require_at_least,
     row_blocks,
-    set_fields,
+    set_frozen,
 )
 from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
@@ -102,14 +102,14 @@ class Labeling:
 
     def __post_init__(self) -> None:
         labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31, narrow=True)
-        set_fields(self, labels=labels)
+        set_frozen(self, labels=labels)
         if self.beliefs is not None:
             beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"), dtype=None)
             parts = (beliefs[some] for some in row_blocks(len(beliefs)))
             if any(np.abs(part.sum(axis=1) - 1).max() > 1e-6 for part in parts):
                 raise InputError("beliefs must sum to one in every row")
-            set_fields(self, beliefs=beliefs)
-        set_fields(self, info=MappingProxyType(dict(self.info)))
+            set_frozen(self, beliefs=beliefs)
+        set_frozen(self, info=MappingProxyType(dict(self.info)))
 
     def __repr__(self) -> str:
         parts = [f"{len(self.labels)} nodes", str(self.status)]

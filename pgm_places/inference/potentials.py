@@ -49,7 +49,7 @@ class Potentials:
     def __post_init__(self) -> None:
         unary = _checks.finite_array("unary", self.unary, ("N", "K"), allow_minus_inf=True)
         n_labels = unary.shape[1]
-        _checks.set_fields(self, unary=unary)
+        _checks.set_frozen(self, unary=unary)
         if self.pairwise is not None and self.agreement is not None:
             raise InputError("give pairwise or agreement, not both")
         if self.pairwise is not None:
@@ -58,10 +58,10 @@ class Potentials:
             if pairwise.ndim == 3:
                 shape = ("E", n_labels, n_labels)
             checked = _checks.finite_array("pairwise", pairwise, shape, allow_minus_inf=True)
-            _checks.set_fields(self, pairwise=checked)
+            _checks.set_frozen(self, pairwise=checked)
         if self.agreement is not None:
             checked = _checks.finite_array("agreement", self.agreement, ("E", n_labels))
-            _checks.set_fields(self, agreement=checked)
+            _checks.set_frozen(self, agreement=checked)
 
     @classmethod
     def potts(cls, unary: ArrayLike, weight: ArrayLike) -> Self:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places import _checks
 from pgm_places._arguments import public
-from pgm_places.errors import InfeasibleError, InputError, shown
+from pgm_places.errors import InfeasibleError, InputError, quoted
 from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
@@ -43,7 +43,7 @@ class LabelingProblem:
         Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
         labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. ``amn``
         and ``crf`` also learn with it: they learn the other labels given these (see
-        :mod:`pgm_places.models.told`). No model stores it.
+        :mod:`pgm_places.models.observed_labels`). No model stores it.
     cliques : Cliques, optional
         Sets of nodes that want to have one label, such as superpixels: C of them; the graph's by
         default. ``potts`` and ``amn`` know them.
@@ -94,13 +94,13 @@ class LabelingProblem:
         names = tuple(str(name) for name in self.label_names)
         if len(names) < 1 or len(set(names)) != len(names):
             raise InputError(f"label_names must be at least one name, each once, got {list(names)}")
-        _checks.set_fields(self, label_names=names)
+        _checks.set_frozen(self, label_names=names)
         n, e = self.graph.n_nodes, self.graph.n_edges
         if self.known is not None:
             known = _checks.integer_array("known", self.known, (n,), low=-1, high=len(names))
-            _checks.set_fields(self, known=known)
+            _checks.set_frozen(self, known=known)
             if self.unary is None and self.node_features is None:
-                _checks.set_fields(self, unary=np.zeros((n, len(names))))
+                _checks.set_frozen(self, unary=np.zeros((n, len(names))))
         self._check_cliques()
         if self.unary is None and self.node_features is None:
             raise InputError(
@@ -109,21 +109,21 @@ class LabelingProblem:
             )
         if self.unary is not None:
             unary, unseen = with_unseen_nodes(self.unary, self.unseen, n, len(names))
-            _checks.set_fields(self, unary=unary, unseen=unseen)
+            _checks.set_frozen(self, unary=unary, unseen=unseen)
             self._check_allowed()
         elif self.unseen is not None:
             raise InputError("unseen names nodes whose unary says nothing; there is no unary")
         if self.node_features is not None:
             nodes = _checks.feature_rows("node_features", self.node_features, n)
-            _checks.set_fields(self, node_features=nodes)
+            _checks.set_frozen(self, node_features=nodes)
         if self.edge_features is not None:
             edges = _checks.finite_array("edge_features", self.edge_features, (e, "F"))
-            _checks.set_fields(self, edge_features=edges)
+            _checks.set_frozen(self, edge_features=edges)
 
     def _check_cliques(self) -> None:
         """Take the graph's cliques over, and refuse features that do not fit them."""
         if self.cliques is None:
-            _checks.set_fields(self, cliques=self.graph.cliques)
+            _checks.set_frozen(self, cliques=self.graph.cliques)
         if self.cliques is not None:
             check_cliques(self.cliques, self.graph.n_nodes)
         if self.clique_features is None:
@@ -138,7 +138,7 @@ class LabelingProblem:
                 f"clique_features must be at least 0, got {features.min():g}; split signed "
                 "features into a positive and a negative column"
             )
-        _checks.set_fields(self, clique_features=features)
+        _checks.set_frozen(self, clique_features=features)
 
     def __repr__(self) -> str:
         given = [
@@ -360,7 +360,7 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     if isinstance(problems, LabelingProblem):
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
     if not isinstance(problems, Iterable) or isinstance(problems, np.ndarray):
-        raise InputError(f"problems must be a list of LabelingProblem, got {shown(problems)}")
+        raise InputError(f"problems must be a list of LabelingProblem, got {quoted(problems)}")
     listed = list(problems)
     for number, problem in enumerate(listed):
         _checks.require_type(f"problems[{number}]", problem, LabelingProblem)
@@ -382,7 +382,7 @@ def labelled_problems(
     if not isinstance(labelings, Iterable) or (
         isinstance(labelings, np.ndarray) and not labelings.ndim
     ):
-        raise InputError(f"labelings must be a list, one per problem, got {shown(labelings)}")
+        raise InputError(f"labelings must be a list, one per problem, got {quoted(labelings)}")
     labelings = list(labelings)
     if not problems or len(problems) != len(labelings):
         raise InputError(

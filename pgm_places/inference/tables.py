@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, shown
+from pgm_places.errors import InputError, quoted
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -61,7 +61,7 @@ def problem_from_tables(
     if len(number) != len(names):
         twice = next(name for i, name in enumerate(names) if number[name] != i)
         raise InputError(
-            f"nodes: {shown(twice)} appears twice in column {node!r}; give each node one row"
+            f"nodes: {quoted(twice)} appears twice in column {node!r}; give each node one row"
         )
     given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
     said = [None if is_empty(value) else str(value) for value in given]
@@ -70,7 +70,7 @@ def problem_from_tables(
     odd = [text for text in known if text not in wanted]
     if odd or not wanted:
         what = (
-            f"{shown(odd[0])} is not among label_names {wanted}" if odd else "no node has a label"
+            f"{quoted(odd[0])} is not among label_names {wanted}" if odd else "no node has a label"
         )
         raise InputError(f"nodes: {what}; give label_names, all of them")
     labels = np.array([-1 if text is None else wanted.index(text) for text in said], np.int64)
@@ -138,7 +138,7 @@ def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) ->
         odd = [name for name in names if name not in number]
         if odd:
             raise InputError(
-                f"edges: {shown(odd[0])} in column {column!r} is not a node; add its row"
+                f"edges: {quoted(odd[0])} in column {column!r} is not a node; add its row"
             )
         sides.append([number[name] for name in names])
     return np.array(sides, np.int64).reshape(2, -1).T
@@ -154,7 +154,7 @@ def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float6
             columns.append(np.asarray(table[column], np.float64))
         except (TypeError, ValueError, OverflowError):
             raise InputError(
-                f"{what}: column {shown(column)} holds values that are not numbers; leave it out, "
+                f"{what}: column {quoted(column)} holds values that are not numbers; leave it out, "
                 "or make a column of 0 and 1 of each of its values"
             ) from None
     return np.stack(columns, axis=1) if columns else None

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, sealed
+from pgm_places._checks import ROWS_AT_ONCE, freeze
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
@@ -56,7 +56,7 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
         beliefs[rows] = _flattened(labeling.beliefs[rows], power)  # type: ignore[index]
 
     run_parts(part, len(beliefs), ROWS_AT_ONCE)
-    return dataclasses.replace(labeling, beliefs=sealed(beliefs))
+    return dataclasses.replace(labeling, beliefs=freeze(beliefs))
 
 
 def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLike]) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._extras import needed
-from pgm_places.errors import InputError, shown
+from pgm_places.errors import InputError, quoted
 from pgm_places.io.input_file import as_unreadable, open_input
 
 MAX_VALUES = 20_000_000
@@ -54,7 +54,7 @@ class CsvTable:
             )
         name, times = Counter(self.names).most_common(1)[0]
         if times > 1:
-            raise error(f"{path}: the column {shown(name)} appears twice")
+            raise error(f"{path}: the column {quoted(name)} appears twice")
 
     def index(self, *names: str) -> int | None:
         """The first of the names that is a column."""
@@ -80,7 +80,7 @@ class CsvTable:
                 if not isfinite(value):
                     raise self._error(
                         f"{where}: {self.names[column]} must be a finite number, got "
-                        f"{shown(row[column])}"
+                        f"{quoted(row[column])}"
                     )
             yield values, row
 

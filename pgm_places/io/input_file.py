@@ -14,7 +14,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
-from pgm_places.errors import InputError, shown
+from pgm_places.errors import InputError, quoted
 
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
@@ -92,7 +92,7 @@ def open_input(
     except FileNotFoundError:
         raise error(f"{path}: no such file; expected {what}") from None
     except OSError as problem:
-        name = shown(str(path)) if problem.errno == errno.ENAMETOOLONG else path
+        name = quoted(str(path)) if problem.errno == errno.ENAMETOOLONG else path
         raise error(f"{name}: cannot be read: {problem.strerror or problem}") from None
     except ValueError:  # a NUL, or half a character
         raise error(f"{path}: not a valid file name; expected {what}") from None
@@ -202,14 +202,14 @@ def read_record(
     if not isinstance(record, dict) or record.get("format") != form:
         raise InputError(f"{path} does not hold {what}; {remedy}")
     if record.get("schema") != schema:
-        found = shown(record.get("schema"))
+        found = quoted(record.get("schema"))
         raise InputError(f"{path} has schema {found}, but only {schema} can be read; {remedy}")
     try:
         yield record
     except InputError as error:
         raise InputError(f"{path}: {error}; {remedy}") from None
     except (LookupError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{path} is damaged ({shown(error)}); {remedy}") from None
+        raise InputError(f"{path} is damaged ({quoted(error)}); {remedy}") from None
 
 
 def parsed_json(text: str, path: Path, error: type[InputError]) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from pgm_places.errors import InputError, nearest_name, shown
+from pgm_places.errors import InputError, nearest_name, quoted
 from pgm_places.io.input_file import read_text
 
 YamlValue: TypeAlias = "str | list[YamlValue] | dict[str, YamlValue]"
@@ -62,19 +62,19 @@ class YamlFile:
         """What stands at a key that must be there."""
         if key not in self.values:
             hint = nearest_name(key, list(self.values), never=self._keys)
-            raise self.fail(f"key {shown(key)} is missing. {hint}")
+            raise self.fail(f"key {quoted(key)} is missing. {hint}")
         return self.values[key]
 
     def text(self, key: str) -> str:
         """Text that is not empty."""
         value = self.value(key)
         if not isinstance(value, str) or not value:
-            raise self.fail(f"key {shown(key)} must be non-empty text, got {shown(value)}")
+            raise self.fail(f"key {quoted(key)} must be non-empty text, got {quoted(value)}")
         return value
 
     def number(self, key: str) -> float:
         """A finite number."""
-        return self.as_number(self.value(key), f"key {shown(key)}")
+        return self.as_number(self.value(key), f"key {quoted(key)}")
 
     def flag(self, key: str) -> bool:
         """True or false, written as an integer or as one of YAML's words for them."""
@@ -84,7 +84,7 @@ class YamlFile:
                 return bool(set(value.lower().lstrip("+-").removeprefix("0x")) - {"0"})
             if value.lower() in _TRUE | _FALSE:
                 return value.lower() in _TRUE
-        raise self.fail(f"key {shown(key)} must be 0, 1, true or false, got {shown(value)}")
+        raise self.fail(f"key {quoted(key)} must be 0, 1, true or false, got {quoted(value)}")
 
     def as_number(self, value: YamlValue, where: str, *, allow_nan: bool = False) -> float:
         """A value of this file as a finite number; ``nan`` in any spelling where allowed."""
@@ -94,7 +94,7 @@ class YamlFile:
             if allow_nan and _NAN.fullmatch(value):
                 return math.nan
         raise self.fail(
-            f"{where} must be a finite decimal number such as 0.05 or 5e-2, got {shown(value)}"
+            f"{where} must be a finite decimal number such as 0.05 or 5e-2, got {quoted(value)}"
         )
 
     def as_integer(self, value: YamlValue, where: str, *, low: int, high: int) -> int:
@@ -103,7 +103,7 @@ class YamlFile:
             number = int(value)
             if low <= number <= high:
                 return number
-        raise self.fail(f"{where} must be a whole number from {low} to {high}, got {shown(value)}")
+        raise self.fail(f"{where} must be a whole number from {low} to {high}, got {quoted(value)}")
 
 
 def read_yaml(
@@ -186,8 +186,8 @@ def _value(event: Any, events: Iterator[Any], file: YamlFile, *, depth: int) -> 
         line = event.start_mark.line + 1
         key = _value(event, events, file, depth=depth + 1)
         if not isinstance(key, str):
-            raise file.fail(f"a key must be text, got {shown(key)}")
+            raise file.fail(f"a key must be text, got {quoted(key)}")
         if key in mapping:
-            raise file.fail(f"key {shown(key)} appears twice (line {line}); keep one")
+            raise file.fail(f"key {quoted(key)} appears twice (line {line}); keep one")
         mapping[key] = _value(next(events), events, file, depth=depth + 1)
     return mapping

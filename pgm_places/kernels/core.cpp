@@ -1,6 +1,6 @@
 // The extension module: it holds what the files of kernels have registered.
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 
 NB_MODULE(_core, module) {

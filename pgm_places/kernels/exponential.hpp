@@ -4,15 +4,15 @@
 
 #pragma once
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 
 namespace pgm {
 
 // `e**x` of float64 lanes from -inf to 0, within 1.1 units of the last place; NaN stays NaN.
 //
 // `x = n ln 2 + r`, and `e**x = 2**n e**r`.
-template <int N, int B> PGM_INLINE Lanes<double, N, B> exponential(Lanes<double, N, B> x) {
-    using L = Lanes<double, N, B>;
+template <int N, int B> PGM_INLINE Simd<double, N, B> exponential(Simd<double, N, B> x) {
+    using L = Simd<double, N, B>;
     const auto number = [](double value) { return L::splat(value); };
     const L least = number(-708.0);  // those of numbers below are 0: subnormal numbers are slow
     const L within = largest(least, x);  // in this order, NaN stays NaN

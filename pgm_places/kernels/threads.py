@@ -23,7 +23,7 @@ _wanted: ContextVar[int | None] = ContextVar("wanted", default=None)
 
 
 @contextmanager
-def threads(n_threads: int | None) -> Iterator[None]:
+def thread_limit(n_threads: int | None) -> Iterator[None]:
     """Limit work in the block to ``n_threads`` threads; None keeps the outer limit.
 
     Examples
@@ -42,7 +42,7 @@ def threads(n_threads: int | None) -> Iterator[None]:
 def resolve_threads(n_threads: int | None = None) -> int:
     """How many threads to use.
 
-    The argument, else what :func:`threads` says, else ``PGM_PLACES_NUM_THREADS``, else the cores.
+    The argument, else the :func:`thread_limit`, else ``PGM_PLACES_NUM_THREADS``, else the cores.
     """
     if n_threads is None:
         n_threads = _wanted.get()
@@ -64,7 +64,7 @@ def resolve_threads(n_threads: int | None = None) -> int:
     return n_threads
 
 
-class _Helper:
+class _Worker:
     """A thread that does its part of one round after another.
 
     Two plain locks hand over: a pool of futures takes twice as long, and a round may be short.
@@ -112,7 +112,7 @@ class _Helper:
             self._ended.release()
 
 
-class Crew:
+class ThreadTeam:
     """Threads that stay for many rounds of tasks, as starting them costs more than a short round.
 
     The caller's own thread is one of them.
@@ -124,9 +124,9 @@ class Crew:
 
     def __init__(self, n_threads: int) -> None:
         self._most = n_threads - 1
-        self._helpers: list[_Helper] = []
+        self._helpers: list[_Worker] = []
 
-    def __enter__(self) -> "Crew":
+    def __enter__(self) -> "ThreadTeam":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -152,12 +152,12 @@ class Crew:
 
         wanted = min(self._most, n_tasks - 1)
         while len(self._helpers) < wanted:
-            self._helpers.append(_Helper())
+            self._helpers.append(_Worker())
         busy = self._helpers[: max(wanted, 0)]
         for helper in busy:
             helper.begin(worker)
         try:
-            with threads(1 if busy else None):
+            with thread_limit(1 if busy else None):
                 worker()
         finally:
             stopped = True  # tasks have run out, or one has failed
@@ -174,7 +174,7 @@ def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | Non
     where several threads share them, work inside a task uses one thread by default. The
     first exception stops the handing out and is raised here once the running tasks have ended.
     """
-    with Crew(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
+    with ThreadTeam(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
         crew.run(work, n_tasks)
 
 

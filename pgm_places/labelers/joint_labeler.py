@@ -12,7 +12,7 @@ from pgm_places._arguments import public_options
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import METHODS, Learnable
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers import method as method_use
 from pgm_places.labelers.joint_graph import JointGraph, JointLabeling, JointScores
 from pgm_places.labelers.labeler import Labeler
@@ -23,7 +23,7 @@ from pgm_places.labelers.trajectory_learning import learn_labelers
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
-from pgm_places.progress import Progress, reported
+from pgm_places.progress import Progress, reporting_to
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.map_model import CellScores
@@ -149,7 +149,7 @@ class JointLabeler(Labeler):
         LabelError
             A label has no example.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             self.fit_methods({"": self.method}, drives, maps)
         return self
 
@@ -189,7 +189,7 @@ class JointLabeler(Labeler):
         places, steps = self._parts()
         paths = [replace(item.drive, building=item.building) for item in drives]
         grids = [item.map.grid for item in drives]
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             unary = places.learn(known, with_scores=True)
             _, of_steps = learn_labelers(steps, {"": steps.method}, known, paths, None, grids)
             assert unary.scores is not None  # asked for
@@ -299,7 +299,7 @@ class JointLabeler(Labeler):
         """
         self.check_fitted()
         cells = cell_scores = step_scores = doorways = None
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             if grid is not None:
                 places = self.places_
                 cells, found = places.scores(grid, mask=mask)
@@ -345,7 +345,7 @@ class JointLabeler(Labeler):
         NotFittedError
             Before :meth:`fit`.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             return self.infer(self.scores(grid, drive, mask=mask))
 
     @property

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.labelled_places import LabelledPlaces, at_model_resolution, on_own_raster
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress, reported, warn
+from pgm_places.progress import Progress, reporting_to, warn
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -66,7 +66,7 @@ def label_map_and_drive(
         The labeler has not learned.
     """
     labeler.check_fitted()
-    with threads(n_threads), reported(progress):
+    with thread_limit(n_threads), reporting_to(progress):
         used, warnings = at_model_resolution(labeler.places_, grid)
         for message in warnings:
             warn(message)

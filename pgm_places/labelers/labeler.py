@@ -48,7 +48,7 @@ from pgm_places.errors import ConfigError, NotFittedError, nearest_name
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.labelers.method import as_backend
 from pgm_places.options import check_option, option_values
-from pgm_places.progress import staged
+from pgm_places.progress import report_stage
 
 
 def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
@@ -225,7 +225,7 @@ class Labeler:
                 fitted = as_fitted(method, of_first[f"{option}_"])
                 learned[name] = {**of_first, f"{option}_": fitted}
             else:
-                with staged(f"method {name}".rstrip()):
+                with report_stage(f"method {name}".rstrip()):
                     learned[name] = learn(method)
             spent = 0.0 if name in shared else time.perf_counter() - start
             last = len(labelers) == len(methods) - 1

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._argument_words import described
 from pgm_places._arguments import public_options
-from pgm_places._checks import integer_array, set_fields
-from pgm_places.errors import ConfigError, shown
+from pgm_places._checks import integer_array, set_frozen
+from pgm_places.errors import ConfigError, quoted
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build, traits_of
 from pgm_places.inference.labeling import Labeling, keep_evidence
 from pgm_places.inference.problem import LabelingProblem
@@ -60,7 +60,7 @@ class PlaceMethod:
     unary: Unary = "auto"
 
     def __post_init__(self) -> None:
-        set_fields(self, backend=as_backend(self.backend))
+        set_frozen(self, backend=as_backend(self.backend))
         check_options(self)
 
     @property
@@ -84,7 +84,7 @@ def place_methods(
         There is none, or one wants scores that the labeler does not compute.
     """
     if isinstance(given, str) or not isinstance(given, Iterable):
-        raise ConfigError(f"methods must be a mapping or a list of names, got {shown(given)}")
+        raise ConfigError(f"methods must be a mapping or a list of names, got {quoted(given)}")
     named = given if isinstance(given, Mapping) else {name: name for name in given}
     if not named:
         raise ConfigError("a labeler needs at least one method")

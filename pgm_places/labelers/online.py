@@ -10,7 +10,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.map_prior import MapPrior, PositionPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
-from pgm_places.trajectories.segments import DistanceGate
+from pgm_places.trajectories.segments import DistanceTrigger
 from pgm_places.unary.floor_model import FloorModel, with_local_floor
 from pgm_places.unary.scan_model import ScanModel, ScanObserver, ScanScorer
 
@@ -36,7 +36,7 @@ class BeliefFilter:
         self, model: HiddenMarkovModel, every_m: float, map_prior: PositionPrior | None = None
     ) -> None:
         self._model, self._map_prior = model, map_prior
-        self._gate = DistanceGate(every_m)
+        self._gate = DistanceTrigger(every_m)
         self._before: Any = None  # the model's state at the end of the segment before
         self._state: Any = None
         self._sum: NDArray[np.float64] | None = None

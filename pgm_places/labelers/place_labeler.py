@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._arguments import public_options
 from pgm_places._checks import label_raster
 from pgm_places.errors import ConfigError, InputError, nearest_name
-from pgm_places.features.own import as_features
+from pgm_places.features.custom import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
@@ -24,18 +24,18 @@ from pgm_places.labelers.method import (
     infer,
     place_methods,
 )
-from pgm_places.labelers.place_problem import along_spaces, cells_problem, shown_names
+from pgm_places.labelers.place_problem import apply_space_evidence, cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Positive
-from pgm_places.progress import Progress, reported
+from pgm_places.progress import Progress, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import options
 from pgm_places.unary.choice import UnaryChoice
+from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
-from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.map_model import CellScores, UnaryModel
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -81,14 +81,14 @@ class PlaceLabeler(Labeler):
         See :class:`pgm_places.unary.learning.UnaryLearner`.
     features : sequence of features or names
         Custom columns that the lists use in addition to the laser's: see
-        :mod:`pgm_places.features.own`.
+        :mod:`pgm_places.features.custom`.
     halls : {"corridor", "room", "hall"}
         What halls are labelled, where ``hall`` is one of the labels beside ``corridor`` and
         ``room``. A fitted labeler changes its mind by ``with_options(halls="hall")``.
     whole_spaces : bool
         Whether borders between ``corridor`` and ``room`` run along openings of segments where
         little speaks for two spaces, for methods that see segments: see
-        :mod:`pgm_places.labelers.whole_spaces`.
+        :mod:`pgm_places.labelers.space_consistency`.
     doorway_depth_m : float, optional
         How deep doorways with gates are labelled along the passage, for methods that see gates; by
         default as in the maps that were learned from: see
@@ -198,7 +198,7 @@ class PlaceLabeler(Labeler):
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             self.learn(maps, feature_cache=feature_cache)
         return self
 
@@ -243,7 +243,7 @@ class PlaceLabeler(Labeler):
         lean: bool = False,
         with_spaces: bool | None = None,
         known: NDArray[np.int16] | None = None,
-        own: KeptTable | None = None,
+        own: CachedFeatures | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
@@ -261,7 +261,7 @@ class PlaceLabeler(Labeler):
         chosen = [self.method(name) for name in (methods or self.methods_)]
         traits = [traits_of(method.backend) for method in chosen]
         graph = LabelGraph.from_grid(grid, connectivity=self.connectivity, mask=mask)
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             scores = self.unary_model_.scores(
                 grid,
                 graph,
@@ -286,7 +286,7 @@ class PlaceLabeler(Labeler):
     ) -> LabelingProblem:
         """The labelling problem that a method is given for a map."""
         name = method or self.default_method
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             graph, scores = self.scores(grid, mask=mask, methods=[name])
         return self.problem_of(graph, scores, self.method(name))
 
@@ -302,7 +302,7 @@ class PlaceLabeler(Labeler):
     ) -> Labeling:
         """The labels of the map's free cells, in the node order of ``LabelGraph.from_grid``."""
         name = method or self.default_method
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             graph, scores = self.scores(grid, mask=mask, methods=[name])
             return self.infer(graph, scores, method=name, truth=truth)
 
@@ -353,7 +353,9 @@ class PlaceLabeler(Labeler):
         if method.unary in ("laser", "context"):
             return problem
         doorway, depth_m = self.doorway_at_gates(method), self.doorway_depth_m
-        return along_spaces(problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces)
+        return apply_space_evidence(
+            problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces
+        )
 
     def doorway_at_gates(self, method: PlaceMethod) -> int | None:
         """The label that a method keeps to accepted gates, None for none."""

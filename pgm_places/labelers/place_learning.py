@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.evaluation.folds import map_buildings
-from pgm_places.features.own import as_features
+from pgm_places.features.custom import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Learnable, traits_of
 from pgm_places.inference.problem import LabelingProblem
@@ -22,7 +22,7 @@ from pgm_places.labelers.method import PlaceMethod, with_shares, with_unary
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.progress import Stage, staged, warn
+from pgm_places.progress import Stage, report_stage, warn
 from pgm_places.sensing.simulated_moves import N_RUNS, STAY_M, simulate_moves
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import columns_of
@@ -245,7 +245,7 @@ def learn_methods(
             fitted[name] = replace(method, backend=backend)
         elif isinstance(method.backend, Learnable):
             problems = nodes.problems(method.unary)
-            with staged(f"training {name}") as stage:
+            with report_stage(f"training {name}") as stage:
                 start = time.perf_counter()
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start

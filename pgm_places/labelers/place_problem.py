@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, sealed
+from pgm_places._checks import ROWS_AT_ONCE, freeze
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.whole_spaces import with_whole_spaces
+from pgm_places.labelers.space_consistency import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -128,7 +128,7 @@ def cells_problem(
     """The problem of the cells; ``unary`` is ``laser``, ``context``, ``space`` or ``floor``."""
     features = None
     if scores.node_features is not None:
-        features = sealed(np.asarray(scores.node_features, np.float64))
+        features = freeze(np.asarray(scores.node_features, np.float64))
     return LabelingProblem(graph, label_names, scores.of(unary), features, known=known)
 
 
@@ -145,7 +145,7 @@ def accepted_doorways(
     return (scores.spaces or space.spaces(grid, known=known)).doorways
 
 
-def along_spaces(
+def apply_space_evidence(
     problem: LabelingProblem,
     scores: CellScores,
     doorway: int | None,
@@ -166,7 +166,7 @@ def along_spaces(
         place, has_gates = None, scores.doorways is not None or scores.spaces is not None
         if problem.known is not None and has_gates:
             place = layout.from_raster(scores.accepted_gates.place)
-        unary = with_whole_spaces(
+        unary = smooth_over_spaces(
             unary, scores.segments, layout, tuple(problem.label_names), problem.known, place
         )
-    return problem if unary is problem.unary else problem.with_unary(sealed(unary))
+    return problem if unary is problem.unary else problem.with_unary(freeze(unary))

@@ -17,11 +17,11 @@ from pgm_places.inference.node_weights import weights_of
 from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers import structured_learning
+from pgm_places.labelers.batched_inference import label_many, stack_problems
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer, with_shares
-from pgm_places.labelers.side_by_side import beside, label_all
 from pgm_places.labelers.structured_learning import Truth, numbered
-from pgm_places.progress import Progress, reported
+from pgm_places.progress import Progress, reporting_to
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 
@@ -209,7 +209,7 @@ class StructuredLabeler(Labeler):
             fitted = {"classifier_": classifier, "backend_": backend}
             return {**fitted, "label_names_": names, "named_": by_name}
 
-        with reported(progress):
+        with reporting_to(progress):
             return self.set_learned_with(methods, learn)
 
     # ------------------------------------------------------------------ use
@@ -262,21 +262,21 @@ class StructuredLabeler(Labeler):
             classifier, features, problem.n_labels, self.min_probability
         )
 
-    def label_all(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
+    def label_many(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
         """The labelling of each problem; many small ones without cycles in one call.
 
-        See :func:`pgm_places.labelers.side_by_side.label_all` for when they are labelled as one.
+        :func:`pgm_places.labelers.batched_inference.label_many` says when they are labelled as one.
         """
         problems = listed_problems(X)
         for problem in problems:
             self._check_labels(problem)
-        whole = beside(problems) if len(problems) > 1 else None
+        whole = stack_problems(problems) if len(problems) > 1 else None
         if whole is None or self.classifier_ is None:
-            return label_all(self.backend_, [self.problem(problem) for problem in problems])
+            return label_many(self.backend_, [self.problem(problem) for problem in problems])
         ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
         scores = np.split(self.scores(whole), ends)
         seen = [one.with_unary(part) for one, part in zip(problems, scores, strict=True)]
-        return label_all(self.backend_, seen)
+        return label_many(self.backend_, seen)
 
     @property
     def classes_(self) -> NDArray[Any]:
@@ -287,7 +287,7 @@ class StructuredLabeler(Labeler):
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
         """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
-        labelings = (item.labels for item in self.label_all(X))
+        labelings = (item.labels for item in self.label_many(X))
         names = np.array(self.label_names_)
         return PerProblem(names[labels] if self.named_ else labels for labels in labelings)
 
@@ -299,13 +299,13 @@ class StructuredLabeler(Labeler):
         InputError
             The backend tells labels only, as a graph cut does.
         """
-        return PerProblem(_beliefs(item) for item in self.label_all(X))
+        return PerProblem(_beliefs(item) for item in self.label_many(X))
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
         self.check_options()
         problems, truths = zip(*labelled_problems(X, numbered(X, y)[0]), strict=True)
-        labelings = [item.labels for item in self.label_all(problems)]
+        labelings = [item.labels for item in self.label_many(problems)]
         result = evaluate(
             np.concatenate(truths), np.concatenate(labelings), problems[0].label_names
         )

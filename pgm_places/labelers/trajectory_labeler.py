@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public_options
 from pgm_places.errors import NotFittedError
-from pgm_places.features.own import as_features
+from pgm_places.features.custom import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers import method as method_use
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.map_prior import MapPrior
@@ -24,7 +24,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.options import AtLeastZero, Seed, Whole
-from pgm_places.progress import Progress, reported, staged
+from pgm_places.progress import Progress, report_stage, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_moves import N_RUNS
 from pgm_places.trajectories.scan import ScanGeometry
@@ -80,7 +80,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
     n_runs, seed : int
         Simulated runs in maps (paper, section 5).
     features : sequence of features or names
-        Columns of your own that are computed from scans: see :mod:`pgm_places.features.own`.
+        Columns of your own that are computed from scans: see :mod:`pgm_places.features.custom`.
     extra_names : sequence of D str
         Names of columns in addition to the laser's that :meth:`fit` and :meth:`label` are given as
         ``extra``.
@@ -240,7 +240,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         InputError
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             learn_labelers(self, {"": self.method}, maps, trajectories, extra, known_map)
         return self
 
@@ -271,7 +271,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         LabelError, InputError
             As :meth:`fit`.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             return learn_labelers(self, methods, maps, trajectories, extra, known_map)[0]
 
     def online(
@@ -309,7 +309,11 @@ class TrajectoryLabeler(WithDistance, Labeler):
         """(T, K) log z of each step by itself: what the list, and the networks, say of it."""
         self.check_fitted()
         model, beams, floor = self.scan_model_, self.beams, self.floor
-        with threads(n_threads), reported(progress), staged("scans, features and list"):
+        with (
+            thread_limit(n_threads),
+            reporting_to(progress),
+            report_stage("scans, features and list"),
+        ):
             seen = observed_along(trajectory, model.sensor, beams, known_map=known_map, floor=floor)
             log_z = model.log_proba(seen.circles_m, extra, spaces=seen.spaces)
         if floor is None or seen.floor is None:
@@ -345,7 +349,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
         truth, n_threads, progress
             As for every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
-        with threads(n_threads), reported(progress):
+        with thread_limit(n_threads), reporting_to(progress):
             scores = self.scores(trajectory, known_map=known_map, extra=extra)
             return self.infer(trajectory, scores, map_prior=map_prior, truth=truth)
 

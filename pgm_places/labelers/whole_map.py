@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsening_factor
 from pgm_places.maps.known_window import KnownWindow
@@ -27,12 +27,12 @@ def whole_layout(layout: GridLayout, window: KnownWindow, grid: OccupancyGrid) -
     """The same nodes, in the same order, on the raster of the whole map or its coarsened form."""
     source, part = layout.source, window.part_shape
     if layout.shape == part:
-        return GridLayout.of_mask(sealed(window.paste(layout.mask(), False)), grid)
+        return GridLayout.of_mask(freeze(window.paste(layout.mask(), False)), grid)
     assert isinstance(source, OccupancyGrid)  # coarsened from a map
     coarse = window.coarser(source.resolution_m / grid.resolution_m)
     cells = coarse.paste(source.cells, UNKNOWN)
     whole = OccupancyGrid(cells, source.resolution_m, grid.origin_xy_m, grid.yaw_rad)
-    return GridLayout.of_mask(sealed(coarse.paste(layout.mask(), False)), whole)
+    return GridLayout.of_mask(freeze(coarse.paste(layout.mask(), False)), whole)
 
 
 def whole_doorways(

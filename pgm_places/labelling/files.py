@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pgm_places._checks import row_blocks
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_bytes, write_json
-from pgm_places.io.far_files import shown_path
 from pgm_places.io.input_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
@@ -29,7 +28,8 @@ from pgm_places.io.places.result_folder import (
     places_path,
     probability_file,
 )
-from pgm_places.kernels.pages import return_freed, set_aside
+from pgm_places.io.remote_files import shown_path
+from pgm_places.kernels.lazy_memory import set_aside, trim_heap
 from pgm_places.labelers.labelled_places import LabelledCells, LabelledPlaces
 from pgm_places.labelling.options import Outputs
 from pgm_places.labelling.places import places_of, separating_gates
@@ -38,7 +38,7 @@ from pgm_places.pictures.drawing import Packing
 from pgm_places.pictures.map_page import PAGE_FILE, MapPage
 from pgm_places.pictures.map_pictures import overview
 from pgm_places.pictures.topology_pictures import topology_drawing
-from pgm_places.progress import Progress, reported, staged, warn, warnings_noted
+from pgm_places.progress import Progress, report_stage, reporting_to, warn, warnings_noted
 from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.place_ids import PlaceIds
@@ -142,8 +142,8 @@ def write_labelled(
 ) -> WrittenMap:
     """Write a labelled map and its places; ``outputs`` leaves some files out."""
     outputs = outputs or Outputs()
-    with reported(progress), Packing(n_threads) as packing:
-        with staged("writing files"):
+    with reporting_to(progress), Packing(n_threads) as packing:
+        with report_stage("writing files"):
             write_labels(result, source, files.stage, packing=packing, outputs=outputs)
         record, unentered = _record_of(result, source), result.unentered
         warnings, cells = (*source.warnings, *result.warnings), result.cells
@@ -154,8 +154,8 @@ def write_labelled(
             cells = replace(cells, hall=set_aside(cells.hall, files.stage))
         names = output_file_names(result.label_names, outputs)
         del result  # the labels of a huge map's nodes are not needed any more
-        return_freed()
-        with staged("places"), warnings_noted() as of_places:
+        trim_heap()
+        with report_stage("places"), warnings_noted() as of_places:
             topology = write_places(
                 files,
                 source.name,

@@ -12,8 +12,8 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Backend
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.kernels.pages import return_freed
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.lazy_memory import trim_heap
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.labelled_places import (
     LabelledPlaces,
@@ -29,13 +29,13 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import separating_gates
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import Whole
-from pgm_places.progress import Progress, reported, staged, warn
+from pgm_places.progress import Progress, report_stage, reporting_to, warn
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.unary.kept_table import KeptTable
+from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.map_model import CellScores
 
-FeaturesOf = Callable[[OccupancyGrid], KeptTable | None]
+FeaturesOf = Callable[[OccupancyGrid], CachedFeatures | None]
 """The laser features of a map's free cells at the model's resolution, where some are cached."""
 
 
@@ -121,7 +121,7 @@ def label(
             progress=progress,
         )
         return part.on_whole(grid, window)
-    with threads(n_threads), reported(progress):
+    with thread_limit(n_threads), reporting_to(progress):
         return score_map(model, grid, observed, cache, max_cells=max_cells).labelled()
 
 
@@ -168,8 +168,8 @@ class ScoredMap:
         """The map as the method labels it, or each cell by itself; observed labels are kept."""
         model, observed = self.model, self.observed
         name = model.method if independent is None else "independent"
-        return_freed()  # what scoring took
-        with staged(f"labelling with {name}"):
+        trim_heap()  # what scoring took
+        with report_stage(f"labelling with {name}"):
             labeling = infer(independent or model.chosen.backend, self.problem)
             labeling = model.labeler.with_halls(labeling, self.hall)
         if observed is not None:

@@ -8,7 +8,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsBus, DdsNetwork
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions, NodeOptions
-from pgm_places.live.map_process import MapDesk
+from pgm_places.live.map_process import MapLabellingService
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 from pgm_places.live.ros_codec import OUTPUTS
 
@@ -24,7 +24,7 @@ class DdsNode:
 
     Parameters
     ----------
-    finder, desk, complain, options, live, on_place
+    finder, service, complain, options, live, on_place
         As of :class:`~pgm_places.live.live_node.LiveNode`.
     network : DdsNetwork, optional
     """
@@ -32,7 +32,7 @@ class DdsNode:
     def __init__(
         self,
         finder: PlaceFinder,
-        desk: MapDesk,
+        service: MapLabellingService,
         complain: Callable[[str], None],
         options: NodeOptions | None = None,
         live: LiveOptions | None = None,
@@ -41,7 +41,7 @@ class DdsNode:
         network: DdsNetwork | None = None,
     ) -> None:
         options = options or NodeOptions()
-        self._options, self._complain, self._desk = options, complain, desk
+        self._options, self._complain, self._service = options, complain, service
         self._bus = DdsBus(_domain(options), network)
         name, out = options.full_name, options.full_name(options.output_namespace)
         kept = options.map_subscribe_transient_local
@@ -66,7 +66,9 @@ class DdsNode:
         self._sim_s: float | None = None
         self._lonely: list[str] = []
         self._mismatched: list[str] = []
-        self._node = LiveNode(finder, desk, self._send, complain, options, live, on_place=on_place)
+        self._node = LiveNode(
+            finder, service, self._send, complain, options, live, on_place=on_place
+        )
 
     def run(self, seconds: float = float("inf")) -> None:
         """Work until interrupted, or for so many seconds."""
@@ -82,7 +84,7 @@ class DdsNode:
 
     def close(self) -> None:
         """End the labelling of maps."""
-        self._desk.close()
+        self._service.close()
 
     def _send(self, what: str, raw: bytes) -> None:
         self._writers[what].write(raw)

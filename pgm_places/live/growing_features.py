@@ -9,13 +9,13 @@ from scipy.ndimage import binary_dilation
 from pgm_places._checks import row_blocks
 from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
-from pgm_places.features.own import feature_values, n_columns
-from pgm_places.kernels.threads import run_parts, threads
+from pgm_places.features.custom import feature_values, n_columns
+from pgm_places.kernels.threads import run_parts, thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
 from pgm_places.maps.raster_shift import raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.kept_table import KeptTable
+from pgm_places.unary.feature_table import CachedFeatures
 
 __all__ = ["GrowingFeatures", "Update"]
 
@@ -87,12 +87,12 @@ class GrowingFeatures:
         self.sensor, self.n_threads = sensor, n_threads
         self.columns = np.arange(n_columns(())) if columns is None else columns
         self.last = Update(0, 0, 0)
-        self._table = KeptTable(self.columns)
+        self._table = CachedFeatures(self.columns)
         self._reach = np.empty((0, min(sensor.n_beams, MOST_SECTORS)), np.float32)
         self._farthest = np.empty(0, np.float32)
         self._seen: _Seen | None = None
 
-    def __call__(self, grid: OccupancyGrid) -> KeptTable:
+    def __call__(self, grid: OccupancyGrid) -> CachedFeatures:
         """The laser features of the free cells, in row-major order; one table for all maps.
 
         Raises
@@ -111,7 +111,7 @@ class GrowingFeatures:
         if missing:
             self._reach = np.pad(self._reach, ((0, missing), (0, 0)))
             self._farthest = np.pad(self._farthest, (0, missing))
-        with threads(self.n_threads):
+        with thread_limit(self.n_threads):
             self._cast(grid, cells_rc, fresh)
         self._seen = _Seen(grid, self._table.row_of)
         self.last = Update(len(cells_rc), len(fresh), n_changed)

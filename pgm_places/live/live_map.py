@@ -133,10 +133,10 @@ class LiveMap:
     Features are computed again only where a beam can have entered a changed cell
     (:class:`~pgm_places.live.growing_features.GrowingFeatures`), and lists are asked again only
     about cells whose features or spaces have changed
-    (:class:`~pgm_places.unary.kept_table.KeptTable`); both take most of the time. The division into
-    spaces, inference and places are those of the whole map each time, because a door that appears
-    anywhere may turn two places into others. So labels are the same, to the last bit, as those of
-    the map labelled by itself.
+    (:class:`~pgm_places.unary.feature_table.CachedFeatures`); both take most of the time. The
+    division into spaces, inference and places are computed for the whole map each time, because
+    a door that appears anywhere may turn two places into others. So labels are the same, to the
+    last bit, as those of the map labelled by itself.
 
     A change of a few cells counts once five maps on end have shown it
     (:class:`~pgm_places.live.live_map.SettledMap`), so the map that is labelled may differ from

@@ -13,7 +13,7 @@ from pgm_places.io.logs.bags import ScanMessages
 from pgm_places.live.health import Health
 from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions, NodeOptions
-from pgm_places.live.map_process import MapDesk
+from pgm_places.live.map_process import MapLabellingService
 from pgm_places.live.place_finder import DIGITS, FoundPlace, MapView, PlaceFinder, PlaceOfMap
 from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.sensing.map_agreement import WARN_BELOW
@@ -54,7 +54,7 @@ class LiveNode:
     Parameters
     ----------
     finder : PlaceFinder
-    desk : MapDesk
+    service : MapLabellingService
         Who labels the maps.
     publish : callable
         Called with what it is (a key of ``ros_codec.OUTPUTS``) and its bytes.
@@ -69,7 +69,7 @@ class LiveNode:
     def __init__(
         self,
         finder: PlaceFinder,
-        desk: MapDesk,
+        service: MapLabellingService,
         publish: Callable[[str, bytes], None],
         complain: Callable[[str], None],
         options: NodeOptions | None = None,
@@ -77,7 +77,7 @@ class LiveNode:
         *,
         on_place: Callable[[FoundPlace], None] | None = None,
     ) -> None:
-        self._finder, self._desk, self._publish, self._say = finder, desk, publish, complain
+        self._finder, self._service, self._publish, self._say = finder, service, publish, complain
         self._options, self._live = options or NodeOptions(), live or LiveOptions()
         self._on_place = on_place
         self._codec, self._frames = RosCodec(), FrameBuffer()
@@ -140,7 +140,7 @@ class LiveNode:
             topic = self._options.full_name(self._options.scan_topic)
             self._complain("silent", f"no scan on {topic} for {silent_s:.0f} s")
         self._tell_health()
-        answer = self._desk.answer()
+        answer = self._service.answer()
         if isinstance(answer, str):
             self._complain("map", answer)
         elif answer is not None:
@@ -151,7 +151,7 @@ class LiveNode:
                 self._publish(what, raw)
         since = now_s - self._submitted_s
         is_due = since >= self._live.relabel_min_period_s
-        if self._map_is_new and self._desk.is_idle and is_due:
+        if self._map_is_new and self._service.is_idle and is_due:
             self._submit(since)
 
     def _submit(self, since: float) -> None:
@@ -163,7 +163,7 @@ class LiveNode:
                 "were skipped; the latest is labelled now",
             )
         self._map_is_new, self._n_skipped, self._submitted_s = False, 0, self._now_s
-        self._desk.submit(self._map.raw())
+        self._service.submit(self._map.raw())
 
     def _tell_of_distance(self, view: MapView) -> None:
         """Say so if a map lies elsewhere than the one before."""
@@ -197,7 +197,7 @@ class LiveNode:
         except InputError as error:
             self._complain(f"not used: {what}", str(error))
             return
-        if what == "map" and self._map_is_new and not self._desk.is_idle:
+        if what == "map" and self._map_is_new and not self._service.is_idle:
             self._n_skipped += 1
         self._map_is_new = True
 

@@ -162,7 +162,7 @@ MapAnswer = LabelledMapMessages | str
 """A labelled map, or a line that says what has happened instead."""
 
 
-class MapDesk(Protocol):
+class MapLabellingService(Protocol):
     """Where maps are handed in to be labelled, one at a time."""
 
     @property

@@ -4,7 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from pgm_places._extras import needed
-from pgm_places.errors import InputError, printable
+from pgm_places.errors import InputError, escape_control
 
 PLACE = """\
 std_msgs/Header header
@@ -144,7 +144,7 @@ class RosCodec:
         try:
             return self.store.deserialize_cdr(raw, TYPES[what])
         except Exception as error:  # damaged bytes make the reader raise anything at all
-            reason = printable(f"{type(error).__name__}: {error}")[:200]
+            reason = escape_control(f"{type(error).__name__}: {error}")[:200]
             raise InputError(
                 f"a message of {what} cannot be read as {TYPES[what]} ({reason}); check its "
                 "publisher"

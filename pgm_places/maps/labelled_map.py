@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import require_names, set_fields
+from pgm_places._checks import require_names, set_frozen
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -60,7 +60,7 @@ class LabelledMap(Plotted):
                 f"{self.name}: labels must be integers of the map's shape {self.grid.shape}, got "
                 f"{labels.dtype} of shape {labels.shape}"
             )
-        set_fields(self, labels=labels.astype(np.int16))
+        set_frozen(self, labels=labels.astype(np.int16))
         window = self.window
         if window is not None:
             window = np.asarray(window, np.bool_)
@@ -69,7 +69,7 @@ class LabelledMap(Plotted):
                     f"{self.name}: window must have the map's shape {self.grid.shape}, "
                     f"got {window.shape}"
                 )
-            set_fields(self, window=window)
+            set_frozen(self, window=window)
 
     @cached_property
     def cells(self) -> NDArray[np.bool_]:

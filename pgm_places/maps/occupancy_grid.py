@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public_raising
-from pgm_places._checks import number_array, sealed, set_fields
+from pgm_places._checks import freeze, number_array, set_frozen
 from pgm_places.errors import InputError, MapError
 from pgm_places.plotting import rasters
 from pgm_places.plotting.axes import Plotted, axes_or_new
@@ -89,8 +89,8 @@ class OccupancyGrid(Plotted):
                 f"{pose}"
             )
         x, y, yaw = map(float, pose)
-        set_fields(self, resolution_m=float(self.resolution_m), origin_xy_m=(x, y), yaw_rad=yaw)
-        set_fields(self, cells=cells.astype(np.int8, copy=False))
+        set_frozen(self, resolution_m=float(self.resolution_m), origin_xy_m=(x, y), yaw_rad=yaw)
+        set_frozen(self, cells=cells.astype(np.int8, copy=False))
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -107,17 +107,17 @@ class OccupancyGrid(Plotted):
     @cached_property
     def free(self) -> NDArray[np.bool_]:
         """(H, W) mask of the free cells."""
-        return sealed(self.cells == FREE)
+        return freeze(self.cells == FREE)
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
         """(H, W) mask of the occupied cells, a new one each time: it is not needed for long."""
-        return sealed(self.cells == OCCUPIED)
+        return freeze(self.cells == OCCUPIED)
 
     @cached_property
     def unknown(self) -> NDArray[np.bool_]:
         """(H, W) mask of the unknown cells."""
-        return sealed(self.cells == UNKNOWN)
+        return freeze(self.cells == UNKNOWN)
 
     @property
     def corners_m(self) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
-from pgm_places.errors import ModelFileError, PgmPlacesError, shown
+from pgm_places.errors import ModelFileError, PgmPlacesError, quoted
 from pgm_places.io.atomic import atomic_folder, check_folder_target
 from pgm_places.io.input_file import file_kind, read_bytes, read_json, user_path
 
@@ -126,7 +126,7 @@ def readable(folder: Path | str) -> Iterator[None]:
         raise ModelFileError(f"{folder}: {_shortened(str(error))}") from None
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise ModelFileError(
-            f"{folder}/{MANIFEST} is not what this version writes ({shown(error)}); train again"
+            f"{folder}/{MANIFEST} is not what this version writes ({quoted(error)}); train again"
         ) from None
 
 
@@ -185,8 +185,8 @@ def _manifest(folder: Path) -> dict[str, Any]:
         raise ModelFileError(f"{path} does not describe a {FORMAT}")
     if record.get("schema") != SCHEMA:
         raise ModelFileError(
-            f"{path} has schema {shown(record.get('schema'))} (written by version "
-            f"{shown(record.get('package_version'))}), this version {__version__} reads {SCHEMA}; "
+            f"{path} has schema {quoted(record.get('schema'))} (written by version "
+            f"{quoted(record.get('package_version'))}), this version {__version__} reads {SCHEMA}; "
             "use a matching version or train again"
         )
     for key, kind in (("arrays_sha256", str), ("content", dict)):

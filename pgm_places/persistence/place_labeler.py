@@ -8,8 +8,8 @@ import numpy as np
 
 from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import ModelFileError
+from pgm_places.features.custom import FEATURES, as_features, n_columns
 from pgm_places.features.laser import feature_set_hash
-from pgm_places.features.own import FEATURES, as_features, n_columns
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod

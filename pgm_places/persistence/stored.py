@@ -9,7 +9,7 @@ from typing import Any
 
 from pgm_places._arguments import public
 from pgm_places._checks import plain_names
-from pgm_places.errors import InputError, ModelFileError, OutputError, shown
+from pgm_places.errors import InputError, ModelFileError, OutputError, quoted
 from pgm_places.inference.backends import Backend
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.options import from_mapping
@@ -141,7 +141,7 @@ def read(folder: Path | str, *kinds: str) -> Stored:
         use = ""
         if isinstance(kind, str) and kind in USES:  # a damaged manifest may hold anything
             use = f"; use this one with {USES[kind]}"
-        raise ModelFileError(f"{folder} holds a {shown(kind)} model; expected a {listed}{use}")
+        raise ModelFileError(f"{folder} holds a {quoted(kind)} model; expected a {listed}{use}")
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})
@@ -160,7 +160,7 @@ def _options_of(record: Any) -> tuple[TopologyOptions, EnteredOptions]:
 
 def _table(where: str, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise InputError(f"{where} must be a table of keys and values, got {shown(value)}")
+        raise InputError(f"{where} must be a table of keys and values, got {quoted(value)}")
     return value
 
 

@@ -4,14 +4,14 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from pgm_places.features.custom import n_columns
 from pgm_places.features.laser import feature_set_hash
-from pgm_places.features.own import n_columns
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.persistence import unary as parts
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
+from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
-from pgm_places.unary.surroundings import N_SURROUNDINGS
 
 OPTIONS = ("n_folds", "n_runs", "seed", "loop_m")
 """Plain options; those that only learning reads are kept so that a loaded labeler can be fitted
@@ -46,7 +46,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
     extra_names = tuple(str(name) for name in manifest["extra_names"])
     features = parts.load_features(manifest)
     sees_spaces = bool(manifest.get("sees_spaces", False))  # absent before it could be so
-    n_all = n_columns(features) + sees_spaces * N_SURROUNDINGS + len(extra_names)
+    n_all = n_columns(features) + sees_spaces * N_LOCAL_SPACE_FEATURES + len(extra_names)
     classifier = parts.load_list(arrays, "classifier", manifest["classifier"], n_all, len(names))
     sensor = parts.load_sensor(manifest["sensor"])
     labeler = TrajectoryLabeler.of_parts(

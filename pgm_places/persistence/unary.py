@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from pgm_places.errors import ModelFileError
+from pgm_places.features.custom import FEATURES
 from pgm_places.features.laser import feature_set_hash
-from pgm_places.features.own import FEATURES
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.options import option_values

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import require_shape, sealed
+from pgm_places._checks import freeze, require_shape
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -65,7 +65,7 @@ class GraphLayout:
         span = np.ptp(xy, axis=0)
         scale = (SIDE - 1) / max(float(span.max(initial=0.0)), 1e-12)
         cells = np.rint((xy - xy.min(axis=0)) * scale).astype(np.int64) + _MARGIN
-        return sealed(np.ascontiguousarray(cells[:, ::-1]))
+        return freeze(np.ascontiguousarray(cells[:, ::-1]))
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
@@ -81,7 +81,7 @@ class GraphLayout:
         for offset in brush[np.argsort(-(brush**2).sum(axis=1), kind="stable")]:
             rows, columns = (self.cells_rc + offset).T
             raster[rows, columns] = np.arange(n_nodes, dtype=np.int32)
-        return sealed(raster)
+        return freeze(raster)
 
     @cached_property
     def grid(self) -> OccupancyGrid:

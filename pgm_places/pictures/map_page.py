@@ -12,8 +12,8 @@ from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches, tinted
 from pgm_places.pictures.page import data_uri, render
 from pgm_places.pictures.topology_pictures import PALE, count_line, marked_checks, places_drawing
 from pgm_places.topology.checks import doubtful_share
-from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.regions import Region
+from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 PAGE_FILE = "index.html"
@@ -107,7 +107,7 @@ class MapPage:
             legend=[(item, area) for item in _swatches(found) if (area := areas[item.name])],
             ground=GROUND_SWATCHES,
             checks=marked_checks(found),
-            hidden=hidden_rooms(found),
+            hidden=split_candidates(found),
             places=_rows(places, found),
             doorways=_rows(doorways, found),
             n_places=len(places),

@@ -22,7 +22,7 @@ from pgm_places.palette import (
 )
 from pgm_places.pictures.canvas import label_canvas, value_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
-from pgm_places.pictures.sheet import ColourBar, Panel, sheet
+from pgm_places.pictures.figure_grid import ColourBar, Panel, figure_grid
 
 _MOST_PIXELS = 1_500_000
 _THUMBNAIL_PIXELS = 40_000
@@ -65,7 +65,7 @@ def label_map(
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     canvas = label_canvas(grid, labels, label_names, view)
     entries = (*label_swatches(label_names), *GROUND_SWATCHES) if legend else ()
-    return sheet([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar).png()
+    return figure_grid([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar).png()
 
 
 def thumbnail(
@@ -119,7 +119,7 @@ def overview(
         panels.append(Panel(canvas, "Uncertainty"))
         bars = (ColourBar("entropy", "uncertainty", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape
-    return sheet(
+    return figure_grid(
         panels,
         columns=1 if width > 1.3 * height else 2,
         title=title,
@@ -202,7 +202,7 @@ def path_map(
     if other is not None:
         entries.append(Swatch(f"{other_name} (dashed)", _OTHER_COLOUR))
     entries += [item for item in GROUND_SWATCHES if not item.hatched]
-    return sheet([Panel(canvas, overlay=draw)], title=title, legend=entries).png()
+    return figure_grid([Panel(canvas, overlay=draw)], title=title, legend=entries).png()
 
 
 def _pieces(panel: Drawing, points: NDArray[np.float64], colours: Sequence[str]) -> None:

@@ -13,7 +13,7 @@ from pgm_places.io.places.nav2_folder import write_nav2, write_nav2_route
 from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swatches
 from pgm_places.pictures.canvas import view_of
 from pgm_places.pictures.drawing import INK, Drawing
-from pgm_places.pictures.sheet import Panel, sheet
+from pgm_places.pictures.figure_grid import Panel, figure_grid
 from pgm_places.pictures.topology_pictures import name_spots, paled_canvas
 from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
@@ -127,7 +127,7 @@ def route_drawing(topology: TopologicalMap, routes: RouteGraph) -> Drawing:
         entries.append(Swatch("cannot be reached", ERROR))
     if routes.closed:
         entries.append(Swatch("to keep out of", IGNORED, hatched=True))
-    return sheet([Panel(canvas, line, draw)], legend=entries, long_side=1800)
+    return figure_grid([Panel(canvas, line, draw)], legend=entries, long_side=1800)
 
 
 def _draw_nodes(

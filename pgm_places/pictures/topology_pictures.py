@@ -12,10 +12,10 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, label_colours, tinted
 from pgm_places.pictures.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
-from pgm_places.pictures.sheet import draw_scale_bar
+from pgm_places.pictures.figure_grid import draw_scale_bar
 from pgm_places.topology.checks import PlaceCheck, places_to_check
-from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.regions import Region
+from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _SQUARE = 64.0
@@ -153,7 +153,7 @@ def topology_drawing(
     caption = "places over the map"
     if checks := marked_checks(topology):
         caption += "; check those with their numbers in red first"
-    if hidden_rooms(topology):
+    if split_candidates(topology):
         caption += "; split along red lines?"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
     over = Drawing.of(canvas, scale)
@@ -237,7 +237,7 @@ def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> 
 
 def _draw_splits(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
     """A line across each opening that could part rooms, and what to say of it."""
-    for item in hidden_rooms(topology):
+    for item in split_candidates(topology):
         for line in item.lines_m:
             panel.line(pixels(line), colour="white", width=7)
             panel.line(pixels(line), colour=ERROR, width=4)

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config_presets import preset_record
-from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
+from pgm_places.experiment.evaluated_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
 from pgm_places.inference.labeling import Status
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
 from pgm_places.pictures.page import render
 from pgm_places.report.comparison_tables import comparison_tables
-from pgm_places.report.glance import glance_of
 from pgm_places.report.line_chart import Chart, Line, line_chart
 from pgm_places.report.map_layers import label_layers, probability_layers
+from pgm_places.report.summary import summary_of
 
 _SHARED_QUANTITIES = ("accuracy", "balanced_accuracy", "change", "residual")
 """Quantities that mean the same for every method: drawn in one chart. Energies are not."""
@@ -120,7 +120,7 @@ def report_page(comparison: Comparison) -> str:
         n_nodes=comparison.n_evaluated,
         seeds=comparison.seeds,
         all_choices=comparison.all_choices,
-        glance=glance_of(comparison),
+        glance=summary_of(comparison),
         tables=tables,
         swatches={item.name: item for item in labels},
         blocks=_MIXED_BLOCKS if comparison.is_mixed else _BLOCKS[comparison.unit],

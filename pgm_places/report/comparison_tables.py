@@ -9,7 +9,7 @@ import numpy as np
 from pgm_places.evaluation.bootstrap import SignTest
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.experiment.judgement import Difference, points
+from pgm_places.experiment.significance import Difference, points
 from pgm_places.pictures.page import decimals, percent, spent
 from pgm_places.spaces.door_truth import DoorScores
 

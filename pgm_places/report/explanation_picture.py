@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.palette import label_colours
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
+from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.reasons import CellExplanation, FeatureVote, Question
-from pgm_places.teaching.taught import Taught
 
 _EDGE, _MAP, _ROW, _PANEL = 24, 560, 21, 500
 _BAR = 110
@@ -67,12 +67,12 @@ def _gate_text(found: CellExplanation) -> str:
     return f"{at}, which adds {found.gate_log_odds:+.2f} to its log-odds"
 
 
-def explanation_picture(taught: Taught, found: CellExplanation) -> bytes:
+def explanation_picture(taught: InteractiveResult, found: CellExplanation) -> bytes:
     """A PNG file: the scan over the labelled map, and the features that weighed most.
 
     Parameters
     ----------
-    taught : Taught
+    taught : InteractiveResult
     found : CellExplanation
         Of one of its cells.
     """
@@ -104,7 +104,7 @@ def _subtitle(found: CellExplanation) -> str:
     return ", ".join([*parts, "painted"] if found.painted else parts)
 
 
-def _map_panel(taught: Taught, found: CellExplanation, size: tuple[int, int]) -> Drawing:
+def _map_panel(taught: InteractiveResult, found: CellExplanation, size: tuple[int, int]) -> Drawing:
     """The surroundings that the scan sees, labelled, with its beams; at most of a size."""
     grid = taught.grid
     here = np.array([found.x_m, found.y_m])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.experiment.labelled_items import TestDrive, TestGraph, TestItem
+from pgm_places.experiment.evaluated_items import EvalDrive, EvalGraph, TestItem
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.labelers.tracking import Track
 from pgm_places.pictures.canvas import (
@@ -18,8 +18,8 @@ from pgm_places.pictures.canvas import (
     value_canvas,
     view_of,
 )
+from pgm_places.pictures.figure_grid import round_length
 from pgm_places.pictures.page import data_uri
-from pgm_places.pictures.sheet import round_length
 from pgm_places.report.track_page import belief_plot
 
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000
@@ -107,7 +107,7 @@ def label_layers(comparison: Comparison) -> list[MapLayers]:
     for index, item in enumerate(comparison.maps):
         truth, methods = _pictures(comparison, index, most_pixels)
         plots = []
-        if isinstance(item, TestDrive):
+        if isinstance(item, EvalDrive):
             for method in comparison.methods:
                 track = Track(item.trajectory, method.labelings[index], comparison.label_names)
                 plots.append((method.id, data_uri(belief_plot(track))))
@@ -173,13 +173,13 @@ def _pair(
 def _facts(item: TestItem) -> list[tuple[str, str]]:
     n_evaluated = int((item.node_truth >= 0).sum())
     evaluated = ("evaluated", f"{n_evaluated:,} {item.unit}s with ground truth")
-    if isinstance(item, TestGraph):
+    if isinstance(item, EvalGraph):
         return [("graph", f"{item.graph.n_nodes:,} nodes, {item.graph.n_edges:,} edges"), evaluated]
     height, width = item.grid.shape
     side = item.grid.resolution_m
     size = f"{width} × {height} cells of {side:g} m ({width * side:.1f} × {height * side:.1f} m)"
     labelled = f"{len(item.layout.cells_rc):,} free cells of the test window"
-    if isinstance(item, TestDrive):
+    if isinstance(item, EvalDrive):
         path = item.trajectory
         labelled = f"{len(path):,} steps over {path.path_length_m:,.0f} m"
     return [("map", size), ("labelled", labelled), evaluated]

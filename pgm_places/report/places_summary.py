@@ -6,7 +6,7 @@ from pathlib import Path
 from pgm_places.pictures.topology_pictures import count_line, marked_checks
 from pgm_places.topology.checks import doubtful_share
 from pgm_places.topology.cuts import line_width_m
-from pgm_places.topology.hidden_rooms import HiddenRooms, hidden_rooms
+from pgm_places.topology.split_candidates import SplitCandidate, split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _MOST_SPLITS = 5
@@ -21,7 +21,7 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
     lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
     doubt = doubt_summary(topology)
     lines += [] if doubt is None else [doubt]
-    if folder is not None and (found := hidden_rooms(topology)):
+    if folder is not None and (found := split_candidates(topology)):
         lines += [hidden_line(item) for item in found[:_MOST_SPLITS]]
         more = len(found) - _MOST_SPLITS
         lines += [f"and {more} more place{'' if more == 1 else 's'}"] if more > 0 else []
@@ -33,7 +33,7 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
     return "\n".join(lines)
 
 
-def hidden_line(item: HiddenRooms) -> str:
+def hidden_line(item: SplitCandidate) -> str:
     """How many rooms a place could be, how large they are, and how wide the openings between."""
     sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
     widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/kernels/registry.hpp"
 #include "pgm_places/sensing/_dda.hpp"
 

@@ -13,7 +13,7 @@
 
 #pragma once
 
-#include "pgm_places/kernels/lanes.hpp"
+#include "pgm_places/kernels/simd.hpp"
 #include "pgm_places/sensing/_sweep_tables.hpp"
 
 namespace pgm::sensing {

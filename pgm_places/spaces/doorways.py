@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed, set_fields
+from pgm_places._checks import freeze, set_frozen
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps._blocks import factor_between, holders
@@ -93,7 +93,7 @@ class Doorways:
             raise InputError(
                 f"place must have the map's shape {self.grid.shape}, got {self.place.shape}"
             )
-        set_fields(self, _runs=RasterRuns.of(self.place))
+        set_frozen(self, _runs=RasterRuns.of(self.place))
         object.__delattr__(self, "place")
 
     def __getattr__(self, name: str) -> NDArray[Any]:
@@ -134,14 +134,14 @@ class Doorways:
         return cls(
             places.gates.segmentation.watershed.grid,
             tuple(places.gates[int(g)] for g in taken),
-            sealed(np.asarray(probability, np.float64)[taken]),
+            freeze(np.asarray(probability, np.float64)[taken]),
             place,
         )
 
     def with_known(self, gates: Sequence[Gate]) -> Self:
         """These doorways and others that are certain."""
         probability = np.append(self.probability, np.ones(len(gates)))
-        return replace(self, gates=(*self.gates, *gates), probability=sealed(probability))
+        return replace(self, gates=(*self.gates, *gates), probability=freeze(probability))
 
     def place_on(self, grid: OccupancyGrid) -> NDArray[np.int16] | NDArray[np.int32]:
         """(H, W) the place at each cell centre of the same map at another resolution, -1 for none.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
@@ -104,7 +104,7 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     taken = (log_odds > 0) | (log_odds == strongest)
     taken &= sides[:, 0] != sides[:, 1]
     taken |= log_odds == np.inf
-    return Places(gates, sealed(taken), segments, sides)
+    return Places(gates, freeze(taken), segments, sides)
 
 
 def place_features(places: Places) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from pgm_places._checks import cell_list, sealed
+from pgm_places._checks import cell_list, freeze
 from pgm_places._core import border_sites, highest_passes, merge_basins
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
@@ -101,7 +101,7 @@ class Segments:
         cells = np.bincount(
             self.segment_of[inside], self.watershed.basins.area[inside].astype(np.float64)
         )
-        return sealed(cells * self.watershed.grid.resolution_m**2)
+        return freeze(cells * self.watershed.grid.resolution_m**2)
 
     @cached_property
     def radius_m(self) -> NDArray[np.float64]:
@@ -109,7 +109,7 @@ class Segments:
         top = np.zeros(self.count, np.int32)
         inside = self.segment_of >= 0
         np.maximum.at(top, self.segment_of[inside], self.watershed.basins.summit[inside])
-        return sealed(half_width_m(top, self.watershed.grid.resolution_m))
+        return freeze(half_width_m(top, self.watershed.grid.resolution_m))
 
     @cached_property
     def graph(self) -> LabelGraph:
@@ -119,7 +119,7 @@ class Segments:
     @cached_property
     def neighbours(self) -> NDArray[np.int32]:
         """(E, 2) the pairs of segments that share an opening, the smaller first, sorted."""
-        return sealed(np.unique(self.openings.segments, axis=0))
+        return freeze(np.unique(self.openings.segments, axis=0))
 
     def at(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
         """(n,) segment of cells (n, 2) given as row and column, -1 for none."""
@@ -204,7 +204,7 @@ class Segmentation:
             basins = find_basins(relief)
             divisions, touching = _divisions(basins, relief, ratios, grid.resolution_m)
         borders = _borders(basins, relief, divisions, touching, grid)
-        watershed = Watershed(grid, sealed(relief), basins, borders)
+        watershed = Watershed(grid, freeze(relief), basins, borders)
         return cls(watershed, tuple(ratios), divided(watershed, divisions), cuts)
 
 
@@ -226,7 +226,7 @@ def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segment
     basins, resolution_m = watershed.basins, watershed.grid.resolution_m
     openings = find_openings(watershed.borders, divisions, resolution_m)
     numbers = (
-        sealed(np.concatenate([segment_of, basins.segment_of_line(segment_of)]))
+        freeze(np.concatenate([segment_of, basins.segment_of_line(segment_of)]))
         for segment_of in divisions
     )
     return tuple(Segments(watershed, *both) for both in zip(numbers, openings, strict=True))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import require_shape, sealed
+from pgm_places._checks import freeze, require_shape
 from pgm_places._core import grow_pieces, label_components, open_cells, sum_pieces
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
@@ -161,7 +161,7 @@ def find_unentered(
     area_m2 = int(np.count_nonzero(cells)) * cell_m2
     if area_m2 < LEAST_M2:
         cells, area_m2 = np.zeros(grid.shape, np.bool_), 0.0
-    return Unentered(sealed(cells), area_m2, n_free * cell_m2, n_outside * cell_m2)
+    return Unentered(freeze(cells), area_m2, n_free * cell_m2, n_outside * cell_m2)
 
 
 def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:

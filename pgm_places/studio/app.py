@@ -17,11 +17,11 @@ from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.io.input_file import parsed_json
 from pgm_places.progress import warnings_noted
 from pgm_places.studio import records
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import edit_with_exports, exports_record, write_export
-from pgm_places.studio.guard import Guard
 from pgm_places.studio.layers import Theme
-from pgm_places.studio.shelf import LIVE_S, Shelf
+from pgm_places.studio.request_guard import Guard
+from pgm_places.studio.session import MapSession
+from pgm_places.studio.session_pool import LIVE_S, SessionPool
 
 KINDS = {
     ".html": "text/html; charset=utf-8",
@@ -58,17 +58,17 @@ class _Files:
 
 
 class _Overview(_Files):
-    """What is answered about all maps of a shelf."""
+    """What is answered about all maps of a pool."""
 
-    def __init__(self, shelf: Shelf) -> None:
+    def __init__(self, pool: SessionPool) -> None:
         super().__init__("maps.html")
-        self.shelf = shelf
+        self.pool = pool
 
     def maps(self, _: Request) -> Response:
-        return _json({"maps": self.shelf.records()})
+        return _json({"maps": self.pool.records()})
 
     async def training(self, _: Request) -> Response:
-        written = await run_in_threadpool(self.shelf.write_training)
+        written = await run_in_threadpool(self.pool.write_training)
         return _json({"files": [str(path) for path in written]})
 
     @property
@@ -78,77 +78,77 @@ class _Overview(_Files):
 
 
 class _Answers(_Files):
-    """The routes and what they answer about one desk of a shelf."""
+    """The routes and what they answer about one session of a pool."""
 
-    def __init__(self, shelf: Shelf, number: int) -> None:
+    def __init__(self, pool: SessionPool, number: int) -> None:
         super().__init__("index.html")
-        self.shelf, self.number = shelf, number
-        self.tabs = shelf.tabs[number]
+        self.pool, self.number = pool, number
+        self.tabs = pool.tabs[number]
 
     @property
-    def desk(self) -> Desk:
-        return self.shelf.desk(self.number)
+    def session(self) -> MapSession:
+        return self.pool.session(self.number)
 
     async def state(self, request: Request) -> Response:
         """The state as soon as it is newer than ``after``; the old one when nothing happens."""
         after = int(request.query_params.get("after", "-1"))
         tab = request.query_params.get("tab", "")
         self.tabs.seen(tab)  # first: the map of a tab stays open
-        desk = await run_in_threadpool(lambda: self.desk)
+        session = await run_in_threadpool(lambda: self.session)
         tabs, deadline = len(self.tabs), time.monotonic() + WAIT_S
-        while desk.tick == after and len(self.tabs) == tabs and time.monotonic() < deadline:
+        while session.tick == after and len(self.tabs) == tabs and time.monotonic() < deadline:
             await asyncio.sleep(LOOK_S)
-            if desk.closing:
+            if session.closing:
                 break
             if await request.is_disconnected():
                 self.tabs.left(tab)
                 return _json({})
         self.tabs.seen(tab)
-        record = await run_in_threadpool(records.state_record, desk)
-        position = {"number": self.number, "of": len(self.shelf)}
-        return _json({**record, "tabs": len(self.tabs), "shelf": position})
+        record = await run_in_threadpool(records.state_record, session)
+        position = {"number": self.number, "of": len(self.pool)}
+        return _json({**record, "tabs": len(self.tabs), "pool": position})
 
     def places(self, _: Request) -> Response:
-        taught = self.desk.taught
+        taught = self.session.taught
         return _json({} if taught is None else records.places_record(taught))
 
     def cell(self, request: Request) -> Response:
-        return _json(records.cell_record(self.desk, *_numbers(request, "x", "y")))
+        return _json(records.cell_record(self.session, *_numbers(request, "x", "y")))
 
     async def parts(self, request: Request) -> Response:
         """How many places a place looks like."""
         number = int(request.query_params["id"])
-        return _json({"parts": await run_in_threadpool(self.desk.n_parts, number)})
+        return _json({"parts": await run_in_threadpool(self.session.n_parts, number)})
 
     def door_line(self, request: Request) -> Response:
         """Where a doorway would end that is drawn along two points."""
         x1, y1, x2, y2 = _numbers(request, "x1", "y1", "x2", "y2")
-        return _json({"ends": self.desk.door_line([(x1, y1), (x2, y2)])})
+        return _json({"ends": self.session.door_line([(x1, y1), (x2, y2)])})
 
     def reasons(self, request: Request) -> Response:
-        return _json(records.reasons_record(self.desk.answer, *_numbers(request, "x_m", "y_m")))
+        return _json(records.reasons_record(self.session.answer, *_numbers(request, "x_m", "y_m")))
 
     def drive(self, _: Request) -> Response:
-        return _json(records.drive_record(self.desk))
+        return _json(records.drive_record(self.session))
 
     def tile(self, request: Request) -> Response:
         theme: Theme = "dark" if request.query_params.get("theme") == "dark" else "light"
-        classes = self.desk.painting.classes
-        content = self.desk.layers.tile(**request.path_params, classes=classes, theme=theme)
+        classes = self.session.painting.classes
+        content = self.session.layers.tile(**request.path_params, classes=classes, theme=theme)
         headers = {"cache-control": "private, max-age=3600, immutable"}  # addresses have a version
         return Response(content, media_type="image/png", headers=headers)
 
     async def edit(self, request: Request) -> Response:
         body = await _body(request)
-        desk = await run_in_threadpool(lambda: self.desk)
-        remark = await run_in_threadpool(edit_with_exports, desk, body)
-        revision = desk.painting.revision
-        return _json({"tick": desk.tick, "revision": revision, "remark": remark})
+        session = await run_in_threadpool(lambda: self.session)
+        remark = await run_in_threadpool(edit_with_exports, session, body)
+        revision = session.painting.revision
+        return _json({"tick": session.tick, "revision": revision, "remark": remark})
 
     def exports(self, request: Request) -> Response:
         """What can be written into a folder, and which of it is out of date."""
         chosen = request.query_params.get("folder", "")
-        return _json(exports_record(self.desk, self.shelf.export_folders, chosen))
+        return _json(exports_record(self.session, self.pool.export_folders, chosen))
 
     async def export(self, request: Request) -> Response:
         body = await _body(request)
@@ -156,11 +156,13 @@ class _Answers(_Files):
         replaced = body.get("replaced", [])
         if not isinstance(replaced, list):
             raise InputError("'replaced' must be a list of names")
-        folders = self.shelf.export_folders
+        folders = self.pool.export_folders
 
         def write() -> Response:
             with warnings_noted() as remarks:
-                written = write_export(self.desk, what, folders, chosen=chosen, replaced=replaced)
+                written = write_export(
+                    self.session, what, folders, chosen=chosen, replaced=replaced
+                )
             return _json({"files": [str(path) for path in written], "remarks": remarks})
 
         return await run_in_threadpool(write)
@@ -212,13 +214,13 @@ def _refused(_: Request, error: Exception) -> Response:
     return JSONResponse({"problem": str(error) or "the request is not understood"}, 400)
 
 
-def application(shelf: Shelf, *, token: str, port: int) -> Guard:
-    """The application of a shelf, behind its guard: the page of its map, or a list of its maps."""
-    desks = [_Answers(shelf, number) for number in range(len(shelf))]
-    routes: list[BaseRoute] = [*desks[0].routes]
-    if len(shelf) > 1:
-        mounts = (Mount(f"/maps/{k}", routes=each.routes) for k, each in enumerate(desks))
-        routes = [*_Overview(shelf).routes, *mounts]
+def application(pool: SessionPool, *, token: str, port: int) -> Guard:
+    """The application of a pool, behind its guard: the page of its map, or a list of its maps."""
+    sessions = [_Answers(pool, number) for number in range(len(pool))]
+    routes: list[BaseRoute] = [*sessions[0].routes]
+    if len(pool) > 1:
+        mounts = (Mount(f"/maps/{k}", routes=each.routes) for k, each in enumerate(sessions))
+        routes = [*_Overview(pool).routes, *mounts]
     refused = dict.fromkeys((PgmPlacesError, ValueError, KeyError), _refused)
     inner: Any = Starlette(routes=routes, exception_handlers=refused)
     return Guard(inner, token, port)

@@ -47,7 +47,7 @@ class ExportFolders:
         )
 
     def chosen(self, text: str, own: Path) -> Path:
-        """The folder of that name, which need not be there yet; the desk's ``own`` for none.
+        """The folder of that name, which need not be there yet; the session's ``own`` for none.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class ExportFolders:
                 )
 
     def offered(self, own: Path) -> list[str]:
-        """Names of folders to choose from: the desk's own, those told, and those at hand."""
+        """Names of folders to choose from: the session's own, those told, and those at hand."""
         found = [self.name_of(own), *map(self.name_of, self.told)]
         try:
             inside = sorted(path for path in self.working.iterdir() if path.is_dir())

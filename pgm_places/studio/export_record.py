@@ -12,7 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_json
 from pgm_places.io.input_file import read_json, sha256_of
 from pgm_places.options import plain_values
-from pgm_places.studio.desk import Desk
+from pgm_places.studio.session import MapSession
 from pgm_places.teaching.paint import Paint
 
 RECORD_FILE = "exports.json"
@@ -26,19 +26,19 @@ class Content(Enum):
     PAINT, TRAINING, LABELS, PLACES = range(4)
 
 
-def digest(desk: Desk, content: Content, paint: Paint, *, learns: bool) -> str:
+def digest(session: MapSession, content: Content, paint: Paint, *, learns: bool) -> str:
     """A fingerprint of everything that an export follows from: equal for equal files."""
-    loaded = desk.loaded
-    files = [file.sha256 for file in desk.files]
-    state: list[Any] = [files, desk.source.unknown_value, paint.classes]
+    loaded = session.loaded
+    files = [file.sha256 for file in session.files]
+    state: list[Any] = [files, session.source.unknown_value, paint.classes]
     if content is not Content.PAINT:
-        state += [__version__, desk.model, plain_values(desk.rules)]
+        state += [__version__, session.model, plain_values(session.rules)]
     if content is not Content.PAINT and loaded is not None:
         state += [loaded.sha256, loaded.method, plain_values(loaded.entered)]
     if content in (Content.LABELS, Content.PLACES):
         state.append(learns)
     if content is Content.PLACES:
-        state += [sorted(desk.painting.names.items()), *desk.painting.cuts]
+        state += [sorted(session.painting.names.items()), *session.painting.cuts]
     found = hashlib.sha256(json.dumps(state).encode())
     found.update(paint.labels.tobytes())
     return found.hexdigest()

@@ -35,10 +35,10 @@ from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.progress import warn
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.export_record import RECORD_FILE, Content, ExportRecord, digest
-from pgm_places.studio.lesson import renamed
+from pgm_places.studio.relabelling import renamed
+from pgm_places.studio.session import MapSession
 from pgm_places.studio.training_config import CORRECTIONS, paint_of, rules_of, write_training
 from pgm_places.topology import place_edits
 from pgm_places.topology.topological_map import TopologicalMap
@@ -55,7 +55,7 @@ class Export:
     files : tuple of str
         The names of what it always writes.
     write : callable
-        Writes it for a desk into a stage of a folder; the paths.
+        Writes it for a session into a stage of a folder; the paths.
     more : tuple of str
         The names of what it may write beside that.
     content : Content
@@ -66,20 +66,20 @@ class Export:
 
     words: str
     files: tuple[str, ...]
-    write: Callable[[Desk, Path, Path], list[Path]]
+    write: Callable[[MapSession, Path, Path], list[Path]]
     more: tuple[str, ...] = ()
     content: Content = Content.LABELS
     per_class: bool = False
 
-    def targets(self, folder: Path, desk: Desk) -> list[Path]:
+    def targets(self, folder: Path, session: MapSession) -> list[Path]:
         """All that it may write into a folder."""
-        classes = desk.painting.classes.names if self.per_class else ()
+        classes = session.painting.classes.names if self.per_class else ()
         return [
             folder / name for name in (*self.files, *self.more, *map(probability_file, classes))
         ]
 
 
-def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
+def exports_record(session: MapSession, folders: ExportFolders, chosen: str = "") -> dict[str, Any]:
     """A folder, and for each export its files, whether they exist, and whether they are outdated.
 
     As plain data for the browser.
@@ -89,18 +89,18 @@ def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict
     InputError
         Nothing may be written into the chosen folder.
     """
-    folder = folders.chosen(chosen, desk.folder)
-    record, now = ExportRecord(desk.folder / RECORD_FILE), desk.question
+    folder = folders.chosen(chosen, session.folder)
+    record, now = ExportRecord(session.folder / RECORD_FILE), session.question
     items = []
     for name, item in EXPORTS.items():
         is_there = all((folder / file).exists() for file in item.files)
-        state = digest(desk, item.content, now.paint, learns=now.learns)
+        state = digest(session, item.content, now.paint, learns=now.learns)
         items.append(
             {
                 "name": name,
                 "words": item.words,
                 "files": list(item.files),
-                "there": _there(item, desk, folder),
+                "there": _there(item, session, folder),
                 "written": is_there,
                 "older": is_there and not record.is_current(folder, name, state),
             }
@@ -108,21 +108,21 @@ def exports_record(desk: Desk, folders: ExportFolders, chosen: str = "") -> dict
     return {
         "folder": str(folder.resolve()),
         "name": folders.name_of(folder),
-        "own": folder == desk.folder,
-        "offered": folders.offered(desk.folder),
+        "own": folder == session.folder,
+        "offered": folders.offered(session.folder),
         "items": items,
     }
 
 
 def write_export(
-    desk: Desk,
+    session: MapSession,
     name: str,
     folders: ExportFolders | None = None,
     *,
     chosen: str = "",
     replaced: Collection[str] | None = None,
 ) -> list[Path]:
-    """Write an export into the desk's folder, or into a chosen one; the paths.
+    """Write an export into the session's folder, or into a chosen one; the paths.
 
     Of files that lie there already, only those ``replaced`` are written over, if that is given.
 
@@ -137,29 +137,29 @@ def write_export(
         raise InputError(f"there is no export {name[:40]!r}; there are {', '.join(EXPORTS)}")
     item = EXPORTS[name]
     folders = folders or ExportFolders.started_here()
-    folder = folders.chosen(chosen, desk.folder)
-    targets = item.targets(folder, desk)
-    folders.check_free(targets, [desk.source.yaml_path, desk.source.image_path])
-    there = _there(item, desk, folder)
+    folder = folders.chosen(chosen, session.folder)
+    targets = item.targets(folder, session)
+    folders.check_free(targets, [session.source.yaml_path, session.source.image_path])
+    there = _there(item, session, folder)
     new = next((name for name in there if replaced is not None and name not in replaced), None)
     if new is not None:
         raise InputError(f"{new} was written there in the meantime; look at the list again")
-    lesson, question = desk.lesson, desk.question
+    relabelling, question = session.relabelling, session.question
     paint, learns = question.paint, question.learns
-    if item.content in (Content.LABELS, Content.PLACES) and lesson is not None:
-        paint, learns = lesson.taught.paint, lesson.learns
-    state = digest(desk, item.content, paint, learns=learns)
-    written = _written(desk, [name], folder)[name]
-    is_same = desk.lesson is lesson and desk.painting.revision == question.revision
-    record = ExportRecord(desk.folder / RECORD_FILE)
+    if item.content in (Content.LABELS, Content.PLACES) and relabelling is not None:
+        paint, learns = relabelling.taught.paint, relabelling.learns
+    state = digest(session, item.content, paint, learns=learns)
+    written = _written(session, [name], folder)[name]
+    is_same = session.relabelling is relabelling and session.painting.revision == question.revision
+    record = ExportRecord(session.folder / RECORD_FILE)
     record.note(folder, name, state if is_same else "", written)
     return written
 
 
-def edit_with_exports(desk: Desk, request: Mapping[str, Any]) -> str:
+def edit_with_exports(session: MapSession, request: Mapping[str, Any]) -> str:
     """Carry out an edit; a new name of a place is written into the exports that are up to date.
 
-    All files in the desk's folder change at once, or none.
+    All files in the session's folder change at once, or none.
 
     Raises
     ------
@@ -169,37 +169,37 @@ def edit_with_exports(desk: Desk, request: Mapping[str, Any]) -> str:
         A file cannot be written.
     """
     if request.get("kind") != "rename":
-        return desk.edit(request)
-    folder, now = desk.folder, desk.question
+        return session.edit(request)
+    folder, now = session.folder, session.question
     before = ExportRecord(folder / RECORD_FILE)
-    state = digest(desk, Content.PLACES, now.paint, learns=now.learns)
+    state = digest(session, Content.PLACES, now.paint, learns=now.learns)
     current = [name for name in ("places", "nav2") if before.is_current(folder, name, state)]
-    remark = desk.edit(request)
+    remark = session.edit(request)
     if current:
-        written = _written(desk, current, folder)
+        written = _written(session, current, folder)
         record = ExportRecord(folder / RECORD_FILE)
-        state = digest(desk, Content.PLACES, now.paint, learns=now.learns)
+        state = digest(session, Content.PLACES, now.paint, learns=now.learns)
         for name, paths in written.items():
             record.note(folder, name, state, paths)
     return remark
 
 
-def _there(item: Export, desk: Desk, folder: Path) -> list[str]:
+def _there(item: Export, session: MapSession, folder: Path) -> list[str]:
     """The files of an export that lie in a folder already."""
-    targets = item.targets(folder, desk)
+    targets = item.targets(folder, session)
     return [path.relative_to(folder).as_posix() for path in targets if path.exists()]
 
 
-def _written(desk: Desk, names: Sequence[str], folder: Path) -> dict[str, list[Path]]:
+def _written(session: MapSession, names: Sequence[str], folder: Path) -> dict[str, list[Path]]:
     """Write exports into a folder, all of their files or none; the paths of each."""
-    own = _named_places(desk, folder).own if "places" in names else None
+    own = _named_places(session, folder).own if "places" in names else None
     with output_set(folder, "studio", force=True, shared=True, keeps_owners=True) as files:
-        staged = {name: EXPORTS[name].write(desk, files.stage, folder) for name in names}
+        staged = {name: EXPORTS[name].write(session, files.stage, folder) for name in names}
         has_names = (files.stage / NAMES_FILE).exists()
     if own is not None:
         if not has_names:
             (folder / NAMES_FILE).unlink(missing_ok=True)
-        ExportRecord(desk.folder / RECORD_FILE).note_names(folder, own)
+        ExportRecord(session.folder / RECORD_FILE).note_names(folder, own)
     return {
         name: [
             folder / path.relative_to(files.stage) if path.is_relative_to(files.stage) else path
@@ -209,29 +209,29 @@ def _written(desk: Desk, names: Sequence[str], folder: Path) -> dict[str, list[P
     }
 
 
-def _labels(desk: Desk, stage: Path, _: Path) -> list[Path]:
-    return write_labels(desk.answer.labelled, desk.source, stage)
+def _labels(session: MapSession, stage: Path, _: Path) -> list[Path]:
+    return write_labels(session.answer.labelled, session.source, stage)
 
 
-def _corrections(desk: Desk, folder: Path, _: Path) -> list[Path]:
-    paint = paint_of(desk)
-    image = paint.save(folder / CORRECTIONS, desk.grid)
-    shapes = paint.save(folder / "corrections.geojson", desk.grid)
+def _corrections(session: MapSession, folder: Path, _: Path) -> list[Path]:
+    paint = paint_of(session)
+    image = paint.save(folder / CORRECTIONS, session.grid)
+    shapes = paint.save(folder / "corrections.geojson", session.grid)
     return [image, image.with_suffix(".yaml"), shapes]
 
 
-def _places(desk: Desk, stage: Path, folder: Path) -> list[Path]:
-    topology, others, own = _named_places(desk, folder)
-    found = desk.answer.labelled
+def _places(session: MapSession, stage: Path, folder: Path) -> list[Path]:
+    topology, others, own = _named_places(session, folder)
+    found = session.answer.labelled
     there = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
     page: PageFacts = {
         "names": {*there, *PLACES, *SETTINGS},
-        "map_name": desk.source.yaml_path.name,
-        "warnings": (*desk.source.warnings, *found.warnings),
+        "map_name": session.source.yaml_path.name,
+        "warnings": (*session.source.warnings, *found.warnings),
     }
-    gates = separating_gates(found.doorways, desk.rules)
-    written = save_settings(stage, PlaceSettings(desk.rules, gates))
-    written += write_topology(stage, desk.grid, topology, title=desk.source.name, page=page)
+    gates = separating_gates(found.doorways, session.rules)
+    written = save_settings(stage, PlaceSettings(session.rules, gates))
+    written += write_topology(stage, session.grid, topology, title=session.source.name, page=page)
     if names := others | own:
         lines = (f"{key}: {json.dumps(name, ensure_ascii=False)}\n" for key, name in names.items())
         written.append(write_text(stage / NAMES_FILE, "".join(lines)))
@@ -246,48 +246,48 @@ class _NamedPlaces(NamedTuple):
     own: dict[int, str]
 
 
-def _named_places(desk: Desk, folder: Path) -> _NamedPlaces:
+def _named_places(session: MapSession, folder: Path) -> _NamedPlaces:
     """The places by the ids of a folder that has some, and the user's names."""
-    taught, names = desk.answer, desk.painting.names
-    known = None if folder == desk.folder else earlier_places(folder)
+    taught, names = session.answer, session.painting.names
+    known = None if folder == session.folder else earlier_places(folder)
     if known is not None:
-        cuts = desk.painting.cuts
-        found = places_of(taught.labelled.cells, desk.rules, ids=known, cuts=cuts)
+        cuts = session.painting.cuts
+        found = places_of(taught.labelled.cells, session.rules, ids=known, cuts=cuts)
         if not np.array_equal(found.region, taught.topology.region):
             warn(f"The places have other ids in {folder} than on this page, and keep them there.")
         taught = renamed(replace(taught, topology=found), names)
     topology = taught.topology
     regions = [topology.region_at(*point) for point in names]
     own = {region.id: region.name for region in regions if region is not None}
-    earlier = ExportRecord(desk.folder / RECORD_FILE).names(folder)
+    earlier = ExportRecord(session.folder / RECORD_FILE).names(folder)
     others = {k: name for k, name in read_own_names(folder).items() if earlier.get(k) != name}
     return _NamedPlaces(place_edits.renamed(topology, others | own), others, own)
 
 
-def _nav2(desk: Desk, stage: Path, folder: Path) -> list[Path]:
-    topology = _named_places(desk, folder).topology
+def _nav2(session: MapSession, stage: Path, folder: Path) -> list[Path]:
+    topology = _named_places(session, folder).topology
     kinds = ("nav2-route", "zones")
     record_exports(stage, folder, [*map(ExportRequest, kinds)])
     return [path for kind in kinds for path in export(topology, kind, stage, lies_in=folder)]
 
 
-def _training(desk: Desk, stage: Path, _: Path) -> list[Path]:
+def _training(session: MapSession, stage: Path, _: Path) -> list[Path]:
     """A configuration by which ``pgm-places train`` learns what the studio has learned."""
-    names = [name for name, n in paint_of(desk).counts.items() if n]
-    title = f"{desk.source.yaml_path.stem}, painted in the studio"
-    written = write_training([desk], stage, title, names, beside=True)
-    return [written[0], *_corrections(desk, stage, stage)]
+    names = [name for name, n in paint_of(session).counts.items() if n]
+    title = f"{session.source.yaml_path.stem}, painted in the studio"
+    written = write_training([session], stage, title, names, beside=True)
+    return [written[0], *_corrections(session, stage, stage)]
 
 
-def _model(desk: Desk, _: Path, folder: Path) -> list[Path]:
+def _model(session: MapSession, _: Path, folder: Path) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
-    if desk.answer.labeler is desk.labeler:
+    if session.answer.labeler is session.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
     record = {
-        "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
-        "config": plain_values(rules_of(desk)),
+        "taught": {"map": session.source.yaml_path.name, "on_top_of": session.model},
+        "config": plain_values(rules_of(session)),
     }
-    return [save(desk.answer.labeler, folder / "model", record=record)]
+    return [save(session.answer.labeler, folder / "model", record=record)]
 
 
 EXPORTS = {

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import IO, Any
 
-from pgm_places.errors import InputError, OutputError, shown
+from pgm_places.errors import InputError, OutputError, quoted
 from pgm_places.io.input_file import sha256_of
 from pgm_places.io.staging import as_output_errors, open_own
 
@@ -122,7 +122,7 @@ class Journal:
         for key, value in subject.items():
             if first.get(key) != value:
                 raise InputError(
-                    f"{self.path} belongs to another {key} ({shown(first.get(key))}, not "
+                    f"{self.path} belongs to another {key} ({quoted(first.get(key))}, not "
                     f"{value!r}); choose another folder with --out"
                 )
         if torn:  # a kill came in the middle of a line, which nobody has seen the effect of

@@ -12,8 +12,8 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.raster_image import encoded
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.palette import ERROR, levels, rgb_of
-from pgm_places.studio.lesson import Changes, Lesson, probability_raster
 from pgm_places.studio.painting import Classes
+from pgm_places.studio.relabelling import LabelChanges, Relabelling, probability_raster
 from pgm_places.studio.runs import Window
 
 TILE = 256
@@ -183,7 +183,7 @@ class GivenLabels:
         return np.array([*table, -1], np.int16)[self.labels]  # the last entry serves -1
 
 
-LESSON_SOURCES = {
+RELABELLING_SOURCES = {
     "taught": "Labels now",
     "before": "Labels at the start",
     "unary": "Each cell alone",
@@ -217,7 +217,7 @@ class Layers:
         }
         self._given = dict(zip(self._labels, given, strict=True))
         self._values: dict[str, Pyramid] = {}
-        self._lesson: Lesson | None = None
+        self._relabelling: Relabelling | None = None
         self._changes: Pyramid | None = None
         self._lock, self._making = threading.Lock(), threading.Lock()
 
@@ -230,34 +230,34 @@ class Layers:
         with self._lock:
             self._labels.setdefault("taught", Pyramid(labels, encode_labels))
 
-    def learned(self, lesson: Lesson, changes: Changes | None = None) -> None:
+    def learned(self, relabelling: Relabelling, changes: LabelChanges | None = None) -> None:
         """Labels have changed."""
         with self._lock:
-            self._labels["taught"] = Pyramid(lesson.labels, encode_labels)
-            self._labels["unary"] = Pyramid(lesson.unary_labels, encode_labels)
+            self._labels["taught"] = Pyramid(relabelling.labels, encode_labels)
+            self._labels["unary"] = Pyramid(relabelling.unary_labels, encode_labels)
             self._labels.setdefault("before", self._labels["taught"])
             self._changes = None if changes is None else Pyramid(changes.cells, _as_bytes)
-            self._use(lesson)
+            self._use(relabelling)
 
-    def renumbered(self, table: NDArray[np.int16], lesson: Lesson) -> None:
+    def renumbered(self, table: NDArray[np.int16], relabelling: Relabelling) -> None:
         """Classes have other numbers: ``table`` has each, and -1 at its end."""
         with self._lock:
-            for name in LESSON_SOURCES:
+            for name in RELABELLING_SOURCES:
                 if name in self._labels:
                     self._labels[name] = Pyramid(table[self._labels[name].raster], encode_labels)
-            self._use(lesson)
+            self._use(relabelling)
 
-    def _use(self, lesson: Lesson) -> None:
+    def _use(self, relabelling: Relabelling) -> None:
         """Take an answer, and forget what was made of the one before."""
-        self._lesson, self._values = lesson, {}
+        self._relabelling, self._values = relabelling, {}
         for name in [name for name in self._labels if name.startswith(METHOD)]:
             del self._labels[name]
 
     @property
     def sources(self) -> dict[str, str]:
         """The labels that can be looked at now, with what they are called."""
-        found = {name: words for name, words in LESSON_SOURCES.items() if name in self._labels}
-        methods = () if self._lesson is None else self._lesson.methods
+        found = {name: words for name, words in RELABELLING_SOURCES.items() if name in self._labels}
+        methods = () if self._relabelling is None else self._relabelling.methods
         return found | {f"{METHOD}{name}": f"Method {name}" for name in methods} | self._given
 
     def _labels_of(self, source: str) -> Pyramid:
@@ -266,14 +266,14 @@ class Layers:
         if found is not None:
             return found
         with self._making:  # once, however many tiles are waiting; edits do not wait for it
-            lesson, method = self._lesson, source.removeprefix(METHOD)
-            if lesson is None or source not in self.sources:
+            relabelling, method = self._relabelling, source.removeprefix(METHOD)
+            if relabelling is None or source not in self.sources:
                 raise InputError(f"no labels are called {source[:40]!r}")
             found = self._labels.get(source)
             if found is None:
-                found = Pyramid(lesson.labels_by(method), encode_labels)
+                found = Pyramid(relabelling.labels_by(method), encode_labels)
                 with self._lock:
-                    if lesson is self._lesson:
+                    if relabelling is self._relabelling:
                         self._labels[source] = found
             return found
 
@@ -328,15 +328,15 @@ class Layers:
     def _value(self, layer: str, name: str) -> Pyramid:
         """The pyramid of a layer of probabilities, made when it is first looked at."""
         if layer not in self._values:
-            if self._lesson is None:
+            if self._relabelling is None:
                 raise InputError("there are no probabilities yet")
             label = None
             if layer != "entropy":
-                places = np.flatnonzero(self._lesson.class_of == _number(name))
+                places = np.flatnonzero(self._relabelling.class_of == _number(name))
                 if not places.size:
                     raise InputError(f"no probability is known of class {name[:40]!r}")
                 label = int(places[0])
-            raster = probability_raster(self._lesson.taught.labelled, label)
+            raster = probability_raster(self._relabelling.taught.labelled, label)
             self._values[layer] = Pyramid(raster, _as_bytes)
         return self._values[layer]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import InputError, LabelError, printable, shown
+from pgm_places.errors import InputError, LabelError, escape_control, quoted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_option
 from pgm_places.palette import label_colours
@@ -42,7 +42,7 @@ class PlaceClass:
         if "/" in self.name or "\\" in self.name or self.name.startswith("."):
             raise LabelError(f"label {self.name!r} cannot be part of a file name; choose another")
         if not isinstance(self.colour, str) or not _COLOUR.fullmatch(self.colour):
-            raise InputError(f"a colour is written #rrggbb, got {shown(self.colour)}")
+            raise InputError(f"a colour is written #rrggbb, got {quoted(self.colour)}")
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class Painting:
                 self._follow(entry)
             except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
                 at = self.revision + 2  # the header is the first line
-                reason = printable(str(error))[:300]
+                reason = escape_control(str(error))[:300]
                 raise InputError(f"{journal.path}: line {at} is damaged ({reason})") from None
 
     @property

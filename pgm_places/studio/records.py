@@ -1,4 +1,4 @@
-"""What the browser is told about the desk, as plain data."""
+"""What the browser is told about the session, as plain data."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -8,11 +8,11 @@ import numpy as np
 
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.maps.coarsening import Coarsening
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.layers import GROUNDS, TILE, value_colours
+from pgm_places.studio.session import MapSession
 from pgm_places.teaching.explanation import explain_cell
+from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.reasons import FeatureVote
-from pgm_places.teaching.taught import Taught
 from pgm_places.topology.checks import PlaceCheck
 from pgm_places.topology.geojson import gate_record
 from pgm_places.topology.topological_map import TopologicalMap
@@ -26,72 +26,74 @@ PLACE_KEYS = ("id", "name", "label", "is_likely_hall", "anchor_m", "box_m")
 """What the page is told of a place that is to be checked."""
 
 
-def state_record(desk: Desk) -> dict[str, Any]:
+def state_record(session: MapSession) -> dict[str, Any]:
     """All that changes, apart from pictures and places."""
-    grid, painting, lesson = desk.grid, desk.painting, desk.lesson
-    own = () if desk.labeler is None else desk.labeler.label_names_
+    grid, painting, relabelling = session.grid, session.painting, session.relabelling
+    own = () if session.labeler is None else session.labeler.label_names_
     return {
-        "tick": desk.tick,
+        "tick": session.tick,
         "map": {
-            "name": desk.source.yaml_path.stem,
+            "name": session.source.yaml_path.stem,
             "rows": grid.shape[0],
             "columns": grid.shape[1],
             "resolution_m": grid.resolution_m,
             "origin_m": list(grid.origin_xy_m),
             "yaw_rad": grid.yaw_rad,
             "tile": TILE,
-            "levels": desk.layers.n_levels,
-            "box": list(desk.box),
+            "levels": session.layers.n_levels,
+            "box": list(session.box),
         },
         "classes": [
-            {**asdict(item), "own": k < len(own), "fixed": k < desk.n_fixed}
+            {**asdict(item), "own": k < len(own), "fixed": k < session.n_fixed}
             for k, item in enumerate(painting.classes.items)
         ],
         "next_colour": painting.classes.next_colour,
         "painted": painting.n_painted,
         **{name: getattr(painting, name) for name in ("revision", "can_undo", "can_redo")},
         "versions": [asdict(item) for item in painting.versions],
-        "learns": desk.learns,
-        "learner": asdict(desk.learner.state),
-        "lesson": None
-        if lesson is None
+        "learns": session.learns,
+        "learner": asdict(session.learner.state),
+        "relabelling": None
+        if relabelling is None
         else {
-            "number": desk.n_lessons,
-            "revision": lesson.revision,
-            "method": lesson.taught.labelled.method,
-            "seconds": lesson.taught.seconds,
-            "known": lesson.class_of.tolist(),
-            "warnings": list(lesson.taught.labelled.warnings),
-            "changed": "" if desk.changes is None else desk.changes.words(painting.classes.names),
-            "agrees": desk.agrees,
+            "number": session.n_relabellings,
+            "revision": relabelling.revision,
+            "method": relabelling.taught.labelled.method,
+            "seconds": relabelling.taught.seconds,
+            "known": relabelling.class_of.tolist(),
+            "warnings": list(relabelling.taught.labelled.warnings),
+            "changed": ""
+            if session.changes is None
+            else session.changes.words(painting.classes.names),
+            "agrees": session.agrees,
         },
-        "sources": desk.layers.sources,
-        "drive": desk.drive_xy_m is not None,
+        "sources": session.layers.sources,
+        "drive": session.drive_xy_m is not None,
         "gradients": {
             theme: {name: value_colours(name, theme)[::32] for name in ("entropy", "probability")}
             for theme in GROUNDS
         },
-        "notices": _notices(desk),
-        "model": desk.model if desk.labeler is not None else None,
+        "notices": _notices(session),
+        "model": session.model if session.labeler is not None else None,
     }
 
 
-def _notices(desk: Desk) -> list[str]:
+def _notices(session: MapSession) -> list[str]:
     found = [
         f"{file.path.name} was changed on the disk. End the studio and start it again."
-        for file in desk.files
+        for file in session.files
         if file.was_changed()
     ]
-    if desk.carried is not None:
-        found.append(desk.carried.words)
-    if desk.ids_notice:
-        found.append(f"{desk.ids_notice[0].upper()}{desk.ids_notice[1:]}.")
-    if desk.painting.journal.was_changed():
+    if session.migration is not None:
+        found.append(session.migration.message)
+    if session.ids_notice:
+        found.append(f"{session.ids_notice[0].upper()}{session.ids_notice[1:]}.")
+    if session.painting.journal.was_changed():
         found.append("The journal was changed by something else. Nothing more can be saved to it.")
     return found
 
 
-def places_record(taught: Taught) -> dict[str, Any]:
+def places_record(taught: InteractiveResult) -> dict[str, Any]:
     """Regions with outlines, gates, connections, and the places to check first."""
     topology = taught.topology
     features = {item["id"]: item for item in topology.to_geojson()["features"]}
@@ -121,7 +123,7 @@ def places_record(taught: Taught) -> dict[str, Any]:
                 "doubtful_m2": check.doubtful_m2,
                 "second_label": _second_label(check, topology),
             }
-            for check in taught.unanswered[:MOST_CHECKS]
+            for check in taught.open_checks[:MOST_CHECKS]
             if min(check.place.area_m2, check.doubtful_m2) >= LEAST_M2
         ],
     }
@@ -137,24 +139,24 @@ def _second_label(check: PlaceCheck, topology: TopologicalMap) -> str | None:
     return max(others, key=lambda name: others[name]) if any(others.values()) else None
 
 
-def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:
+def cell_record(session: MapSession, x: float, y: float) -> dict[str, Any]:
     """What is known of the cell at a point (x, y in cells)."""
-    grid = desk.grid
+    grid = session.grid
     column, row = int(np.floor(x)), int(np.floor(y))
     [[x_m, y_m]] = grid.cell_centres_m([[y - 0.5, x - 0.5]]).tolist()
     record: dict[str, Any] = {"x_m": x_m, "y_m": y_m, "ground": "outside"}
     if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
         return record
-    names = desk.painting.classes.names
+    names = session.painting.classes.names
     record["ground"] = {0: "free", 100: "wall"}.get(int(grid.cells[row, column]), "unknown")
-    record["paint"] = _name(names, int(desk.painting.labels[row, column]))
-    if desk.layers.truth is not None:
-        record["truth"] = _name(names, int(desk.layers.truth[row, column]))
-    lesson, taught = desk.lesson, desk.taught
-    if lesson is None or taught is None:
+    record["paint"] = _name(names, int(session.painting.labels[row, column]))
+    if session.layers.truth is not None:
+        record["truth"] = _name(names, int(session.layers.truth[row, column]))
+    relabelling, taught = session.relabelling, session.taught
+    if relabelling is None or taught is None:
         return record
-    record["label"] = _name(names, int(lesson.labels[row, column]))
-    record["unary"] = _name(names, int(lesson.unary_labels[row, column]))
+    record["label"] = _name(names, int(relabelling.labels[row, column]))
+    record["unary"] = _name(names, int(relabelling.unary_labels[row, column]))
     region = int(taught.topology.region[row, column])
     record["region"] = region or None
     for key, found in (("probabilities", taught.labelled), ("unary_probabilities", taught.unary)):
@@ -165,9 +167,9 @@ def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:
     return record
 
 
-def drive_record(desk: Desk) -> dict[str, Any]:
+def drive_record(session: MapSession) -> dict[str, Any]:
     """The path of the drive in metres, thinned out where it is long."""
-    path = desk.drive_xy_m
+    path = session.drive_xy_m
     if path is None:
         return {"path_m": []}
     step = max(1, len(path) // MOST_PATH_POINTS)
@@ -201,7 +203,7 @@ QUESTION_KEYS = ("label", "log_odds", "from_scan", "from_spaces")
 GATE_KEYS = ("painted", "gate_probability", "gate_log_odds", "networks", "doorway_log_odds")
 
 
-def reasons_record(taught: Taught, x_m: float, y_m: float) -> dict[str, Any]:
+def reasons_record(taught: InteractiveResult, x_m: float, y_m: float) -> dict[str, Any]:
     """The scan of the cell at a position, the votes for each class, its gate and its neighbours.
 
     Raises

@@ -14,7 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from pgm_places.errors import OutputError
 from pgm_places.io.staging import open_own
 from pgm_places.studio.app import application
-from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.session_pool import SessionPool
 
 MOST_CONNECTIONS = 64
 """Several tabs with six connections each fit; a program that opens more is turned away."""
@@ -71,14 +71,14 @@ FIRST_PORT, LAST_PORT = 1024, 65535
 _LONGEST_PORT = 8  # characters
 
 
-def serve(shelf: Shelf, *, port: int = 0, on_address: Callable[[str], None]) -> None:
-    """Serve the maps of a shelf until SIGINT or SIGTERM.
+def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]) -> None:
+    """Serve the maps of a pool until SIGINT or SIGTERM.
 
     Parameters
     ----------
-    shelf : Shelf
+    pool : Shelf
     port : int
-        0 for that of the last time in the shelf's folder if it is free, or else any that is.
+        0 for that of the last time in the pool's folder if it is free, or else any that is.
     on_address : callable
         Told the address, token included, once browsers may open it.
 
@@ -87,10 +87,10 @@ def serve(shelf: Shelf, *, port: int = 0, on_address: Callable[[str], None]) -> 
     OutputError
         The port is taken.
     """
-    with _listening(port) if port else _listening_again(shelf.folder / PORT_FILE) as listener:
+    with _listening(port) if port else _listening_again(pool.folder / PORT_FILE) as listener:
         number = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
-        app = application(shelf, token=token, port=number)
+        app = application(pool, token=token, port=number)
         config = uvicorn.Config(
             app,
             http=BoundedConnection,
@@ -100,9 +100,9 @@ def serve(shelf: Shelf, *, port: int = 0, on_address: Callable[[str], None]) -> 
             timeout_graceful_shutdown=1,  # browsers wait for news; they would wait for ever
             timeout_keep_alive=30,
         )
-        shelf.start()
+        pool.start()
         on_address(f"http://{HOST}:{number}/{token}/")
-        _Server(config, shelf).run(sockets=[listener])
+        _Server(config, pool).run(sockets=[listener])
 
 
 def _listening_again(kept: Path) -> socket.socket:
@@ -126,12 +126,12 @@ def _listening_again(kept: Path) -> socket.socket:
 class _Server(uvicorn.Server):
     """A server that lets those go who wait for news, before it ends."""
 
-    def __init__(self, config: uvicorn.Config, shelf: Shelf) -> None:
+    def __init__(self, config: uvicorn.Config, pool: SessionPool) -> None:
         super().__init__(config)
-        self._shelf = shelf
+        self._pool = pool
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._shelf.end()
+        self._pool.end()
         await super().shutdown(sockets)
 
 

@@ -11,16 +11,16 @@ from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.options import Options, option_values
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.studio.desk import Desk
-from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
+from pgm_places.studio.session import MapSession
 from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.training_selection import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.trained import NAMES
 
 CORRECTIONS = "corrections.png"
 
 
 def write_training(
-    desks: Sequence[Desk],
+    sessions: Sequence[MapSession],
     folder: Path,
     title: str,
     painted: Collection[str],
@@ -29,26 +29,28 @@ def write_training(
 ) -> list[Path]:
     """Write a configuration that teaches one model the paint of all these maps, and the paint.
 
-    ``painted`` are the classes that are painted anywhere. The desks need not be open. The paint is
-    written into each desk's folder, or ``beside`` the configuration.
+    ``painted`` are the classes that are painted anywhere. The maps need not be open. The paint is
+    written into each session's folder, or ``beside`` the configuration.
 
     Raises
     ------
     InputError
         Without a model to build on, fewer than two classes are painted.
     """
-    first = desks[0]
+    first = sessions[0]
     alone = first.labeler is None
     if alone and len(set(painted)) < 2:
         raise InputError("paint at least two classes; there is nothing to tell apart yet")
     options = option_values(TeachingOptions())
     if alone:
         options = {name: options[name] for name in OF_PAINT_ALONE}
-    names = list(dict.fromkeys(name for desk in desks for name in desk.painting.classes.names))
-    paths = [(folder if beside else desk.folder) / CORRECTIONS for desk in desks]
+    names = list(
+        dict.fromkeys(name for session in sessions for name in session.painting.classes.names)
+    )
+    paths = [(folder if beside else session.folder) / CORRECTIONS for session in sessions]
     images = [
-        paint_of(desk).with_classes(names).save(path, desk.grid)
-        for desk, path in zip(desks, paths, strict=True)
+        paint_of(session).with_classes(names).save(path, session.grid)
+        for session, path in zip(sessions, paths, strict=True)
     ]
     text = "\n".join(
         [
@@ -58,8 +60,8 @@ def write_training(
             *_tables_of_rules(first),
             *(
                 line
-                for desk, path in zip(desks, paths, strict=True)
-                for line in _table("[[train]]", _source(desk, path, folder))
+                for session, path in zip(sessions, paths, strict=True)
+                for line in _table("[[train]]", _source(session, path, folder))
             ),
             "",
         ]
@@ -67,37 +69,37 @@ def write_training(
     return [write_text(folder / "train.toml", text), *images]
 
 
-def rules_of(desk: Desk) -> dict[str, Options]:
+def rules_of(session: MapSession) -> dict[str, Options]:
     """The rules of the model, by their table in a configuration."""
-    loaded = desk.loaded
+    loaded = session.loaded
     return {
-        "topology": desk.rules,
+        "topology": session.rules,
         "entered": EnteredOptions() if loaded is None else loaded.entered,
     }
 
 
-def _tables_of_rules(desk: Desk) -> Iterator[str]:
+def _tables_of_rules(session: MapSession) -> Iterator[str]:
     """The rules that are not the defaults, as tables of a configuration."""
-    for name, options in rules_of(desk).items():
+    for name, options in rules_of(session).items():
         if options != type(options)():
             yield from _table(f"[{name}]", option_values(options))
 
 
-def _source(desk: Desk, corrections: Path, folder: Path) -> dict[str, Any]:
+def _source(session: MapSession, corrections: Path, folder: Path) -> dict[str, Any]:
     """What a configuration in a folder says of a painted map."""
     found: dict[str, Any] = {
-        "map": str(desk.source.yaml_path.resolve()),
+        "map": str(session.source.yaml_path.resolve()),
         "corrections": os.path.relpath(corrections.resolve(), folder.resolve()),
     }
-    if desk.source.unknown_value is not None:
-        found["unknown_value"] = desk.source.unknown_value
+    if session.source.unknown_value is not None:
+        found["unknown_value"] = session.source.unknown_value
     return found
 
 
-def _base_model(desk: Desk) -> str:
-    if desk.labeler is None:
+def _base_model(session: MapSession) -> str:
+    if session.labeler is None:
         return NO_MODEL
-    return desk.model if desk.model in NAMES else str(Path(desk.model).resolve())
+    return session.model if session.model in NAMES else str(Path(session.model).resolve())
 
 
 def _table(header: str, values: Mapping[str, Any]) -> list[str]:
@@ -109,8 +111,8 @@ def _keys(values: Mapping[str, Any]) -> list[str]:
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 
 
-def paint_of(desk: Desk) -> Paint:
+def paint_of(session: MapSession) -> Paint:
     """What is painted; refused where nothing is."""
-    if not desk.painting.n_painted:
+    if not session.painting.n_painted:
         raise InputError("nothing is painted yet")
-    return Paint(desk.painting.labels.copy(), desk.painting.classes.names)
+    return Paint(session.painting.labels.copy(), session.painting.classes.names)

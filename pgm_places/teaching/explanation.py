@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.features.own import column_names, feature_values, n_columns, values_on_map
+from pgm_places.features.custom import column_names, feature_values, n_columns, values_on_map
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
@@ -22,11 +22,11 @@ from pgm_places.spaces.places import place_features
 from pgm_places.spaces.segmentation import RATIOS
 from pgm_places.spaces.space_spec import PLACE_FEATURES
 from pgm_places.teaching import reasons
-from pgm_places.teaching.taught import Taught
+from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.unary.space_model import MapSpaces, gate_log_odds
 
 
-def explain_cell(taught: Taught, x_m: float, y_m: float) -> reasons.CellExplanation:
+def explain_cell(taught: InteractiveResult, x_m: float, y_m: float) -> reasons.CellExplanation:
     """Why the cell at a position of the map frame has its label.
 
     Raises
@@ -75,7 +75,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> reasons.CellExplanat
     )
 
 
-def explain_region(taught: Taught, key: int | str) -> reasons.RegionExplanation:
+def explain_region(taught: InteractiveResult, key: int | str) -> reasons.RegionExplanation:
     """What is known of a place, by its id or name.
 
     Raises
@@ -106,7 +106,7 @@ def explain_region(taught: Taught, key: int | str) -> reasons.RegionExplanation:
 class _View:
     """A taught map on the cells that were labelled."""
 
-    def __init__(self, taught: Taught) -> None:
+    def __init__(self, taught: InteractiveResult) -> None:
         self.taught, self.labeler, self.model = taught, taught.labeler, taught.labeler.unary_model_
         self.method = taught.labeler.method(taught.labelled.method)
         self.window = window_to_label(taught.grid, taught.labeler.resolution_m_)

@@ -14,11 +14,16 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.further_boosting import Examples
 from pgm_places.models.mrf import PottsField
-from pgm_places.progress import staged
+from pgm_places.progress import report_stage
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import gate_features
 from pgm_places.teaching.cell_table import CellPaint, CellTable
-from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
+from pgm_places.teaching.training_selection import (
+    CellSelection,
+    TeachingOptions,
+    chosen_cells,
+    learned_further,
+)
 from pgm_places.unary.floor_model import FloorJudge
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
@@ -64,7 +69,7 @@ class Learning:
         new = tuple(name for name in paint.used if name not in labeler.label_names_)
         names, halls = (*learned, *new), labeler.label_names_[len(learned) :]
         unary = labeler.unary_model_
-        with staged("learning the paint"):
+        with report_stage("learning the paint"):
             if labeler.method(method).sees_spaces:
                 sees_floor = labeler.method(method).unary == "floor"
                 judge = unary.gate_judge(unary.seen(self.table.grid)) if sees_floor else None
@@ -82,8 +87,8 @@ class Learning:
 
     def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
-        lesson = chosen_cells(nodes, self.options)
-        rows = _Rows(lesson, self.table.rows(lesson.both))
+        selection = chosen_cells(nodes, self.options)
+        rows = _Rows(selection, self.table.rows(selection.both))
         fitted = self._learned(unary.classifier, rows)
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
 
@@ -94,8 +99,8 @@ class Learning:
         space = self._with_gates(unary.space, painted)
         spaces = space.judged_candidates(self.table.gates, painted, judge)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
-        lesson = chosen_cells(nodes, self.options)
-        rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces))
+        selection = chosen_cells(nodes, self.options)
+        rows = _Rows(selection, self.table.beside_spaces(selection.both, spaces))
         hall = unary.n_labels
         if space.corridor is not None:
             rows = rows.with_halls(space.classifier, hall, hall + n_new, space.corridor)
@@ -125,20 +130,20 @@ class Learning:
         return replace(space, gates=gates)
 
     def _learned(self, fitted: BoostedList, rows: "_Rows") -> BoostedList:
-        lesson = rows.lesson
-        examples = Examples(rows.of(lesson.nodes), lesson.labels, lesson.weights)
-        return learned_further(fitted, examples, rows.of(lesson.kept), self.options)
+        selection = rows.selection
+        examples = Examples(rows.of(selection.nodes), selection.labels, selection.weights)
+        return learned_further(fitted, examples, rows.of(selection.kept), self.options)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """The features (n + m, F) of a lesson's cells, by node."""
 
-    lesson: Lesson
+    selection: CellSelection
     values: NDArray[np.float32]
 
     def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
-        return self.values[np.searchsorted(self.lesson.both, nodes)]
+        return self.values[np.searchsorted(self.selection.both, nodes)]
 
     def with_halls(self, fitted: BoostedList, hall: int, shown: int, corridor: int) -> "_Rows":
         """Labels as a list numbers them that knows halls, before all new classes.
@@ -146,14 +151,14 @@ class _Rows:
         Painted corridors are taught as halls where the list rather takes them for halls, unless
         halls (``shown``) are painted themselves.
         """
-        labels = self.lesson.labels
+        labels = self.selection.labels
         shifted = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
         shifted[labels == shown] = hall
         circulation = np.flatnonzero(labels == corridor)
         if len(circulation) and not (labels == shown).any():
-            log_z = fitted.log_histogram(self.of(self.lesson.nodes[circulation]))
+            log_z = fitted.log_histogram(self.of(self.selection.nodes[circulation]))
             shifted[circulation[log_z[:, hall] > log_z[:, corridor]]] = hall
-        return replace(self, lesson=replace(self.lesson, labels=shifted))
+        return replace(self, selection=replace(self.selection, labels=shifted))
 
 
 def _halls_last(fitted: BoostedList, hall: int) -> BoostedList:
@@ -189,19 +194,19 @@ def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) 
             f"{', '.join(names) or 'none'}"
         )
     painted, doorway = paint.on(names), _SPACES.doorway(names)
-    with staged("learning the paint"):
+    with report_stage("learning the paint"):
         nodes = table.layout.from_raster(painted).astype(np.int64)
-        lesson = chosen_cells(nodes, options)
-        own = table.rows(lesson.nodes)
+        selection = chosen_cells(nodes, options)
+        own = table.rows(selection.nodes)
         order = np.argsort(np.bincount(nodes[nodes >= 0]), kind="stable").tolist()
-        learn: dict[str, Any] = {"y": lesson.labels, "sample_weight": lesson.weights}
+        learn: dict[str, Any] = {"y": selection.labels, "sample_weight": selection.weights}
         stumps = DecisionListClassifier(_LASER_ROUNDS, order)
         laser = stumps.fit(own, **learn).boosted_list_
         gates = None if doorway is None else _gates(painted, doorway, table)
         space = SpaceModel(laser, gates, doorway)
         spaces = space.judged_candidates(table.gates, painted)
         trees = _SPACES.classifier().set_params(order=order)
-        trees.fit(table.beside_spaces(lesson.nodes, spaces), **learn)
+        trees.fit(table.beside_spaces(selection.nodes, spaces), **learn)
     columns = np.asarray(laser.features_in_order_of_choice(_NODE_FEATURES), np.int64)
     model = UnaryModel(
         table.sensor,

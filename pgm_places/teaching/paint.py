@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import label_raster, plain_names, set_fields
+from pgm_places._checks import label_raster, plain_names, set_frozen
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import load_labels, save_labels
@@ -58,7 +58,7 @@ class Paint:
     def __post_init__(self) -> None:
         names = plain_names("classes", list(self.classes))
         labels = label_raster("labels", self.labels, ("H", "W"), n_labels=len(names))
-        set_fields(self, classes=names, labels=labels)
+        set_frozen(self, classes=names, labels=labels)
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} {n}" for name, n in self.counts.items() if n) or "nothing"

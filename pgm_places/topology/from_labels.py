@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import finite_array, label_raster, sealed
+from pgm_places._checks import finite_array, freeze, label_raster
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.pages import leave_in_file
+from pgm_places.kernels.lazy_memory import drop_pages
 from pgm_places.maps._blocks import factor_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.coarsening import Coarsening
@@ -75,7 +75,7 @@ def mean_probabilities(
         counts += np.bincount(numbers, minlength=pieces.count)
         for k in range(n_labels):
             sums[:, k] += np.bincount(numbers, array[nodes, k], pieces.count)
-        leave_in_file(array)
+        drop_pages(array)
     return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)
 
 
@@ -214,7 +214,7 @@ def topological_map(
     region = pieces.on_cells(np.array(ids, np.int32), 0, out=pieces.piece)
     return TopologicalMap(
         grid,
-        sealed(region),
+        freeze(region),
         tuple(sorted(regions, key=lambda region: region.id)),
         connections,
         names,
@@ -255,7 +255,7 @@ def _on_whole(found: TopologicalMap, grid: OccupancyGrid, window: KnownWindow) -
         replace(each, cell_rc=(each.cell_rc[0] + first[0], each.cell_rc[1] + first[1]))
         for each in found.corrections
     )
-    region = sealed(window.paste(found.region, 0))
+    region = freeze(window.paste(found.region, 0))
     return replace(found, grid=grid, region=region, corrections=corrections)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import plain_names, sealed
+from pgm_places._checks import freeze, plain_names
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
@@ -14,9 +14,9 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.topology import cuts
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.cuts import Line, Parts
-from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
+from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _WIDER_M = 0.5
@@ -121,7 +121,7 @@ def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
         The place is unknown, or looks like one room.
     """
     place = topology.place(key)
-    found = [item for item in hidden_rooms(topology) if item.place.id == place.id]
+    found = [item for item in split_candidates(topology) if item.place.id == place.id]
     if not found:
         raise InputError(
             f"{place.name!r} looks like one room, so there is nothing to split it along; give a "
@@ -138,7 +138,7 @@ def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
     InputError
         Every place looks like one room.
     """
-    found = hidden_rooms(topology)
+    found = split_candidates(topology)
     if not found:
         raise InputError(
             "every place looks like one room, so there is nothing to split; name a place and give "
@@ -236,7 +236,7 @@ def _described(
     )
     return replace(
         topology,
-        region=sealed(region),
+        region=freeze(region),
         regions=tuple(regions),
         connections=connections_of(pieces, topology.grid, ids.tolist(), clearance),
         next_id=max(topology.next_id, int(ids.max(initial=0)) + 1),

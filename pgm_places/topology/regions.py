@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, require_shape
+from pgm_places._checks import frozen_copy, require_shape
 from pgm_places._core import mark_deepest
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
@@ -209,5 +209,5 @@ def _keep_anchors(
 
 def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:
     # Corner (row, column) of the raster is half a cell below and left of the cell's centre.
-    points: NDArray[np.float64] = frozen(grid.cell_centres_m(ring - 0.5))
+    points: NDArray[np.float64] = frozen_copy(grid.cell_centres_m(ring - 0.5))
     return points

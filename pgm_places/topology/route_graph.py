@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgm_places.errors import InputError
-from pgm_places.topology.planar_roads import make_planar
-from pgm_places.topology.roads import Roads, RouteSpace, roads_through
+from pgm_places.topology.driving_graph import Roads, RouteSpace, roads_through
+from pgm_places.topology.planar_graph import make_planar
 from pgm_places.topology.topological_map import TopologicalMap
 
 if TYPE_CHECKING:

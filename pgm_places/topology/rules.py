@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pgm_places.errors import ConfigError, shown
+from pgm_places.errors import ConfigError, quoted
 from pgm_places.options import AtLeastZero, Options, from_mapping
 
 DoorwaysFrom = Literal["gates", "labels"]
@@ -73,7 +73,7 @@ def stored_options(values: Any, *, path: str) -> TopologyOptions:
     for name in _RETIRED:
         if values.get(name):
             raise ConfigError(
-                f"{path}.{name} is {shown(values[name])}, but doorways are no longer corrected by "
+                f"{path}.{name} is {quoted(values[name])}, but doorways are no longer corrected by "
                 "width: gates separate places now; set it to 0 in the file"
             )
     kept = {key: value for key, value in values.items() if key not in (*_RETIRED, "min_part_m2")}

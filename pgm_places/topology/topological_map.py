@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import require_shape, sealed, set_fields
+from pgm_places._checks import freeze, require_shape, set_frozen
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
@@ -86,7 +86,7 @@ class TopologicalMap(Plotted):
     next_id: int = 1
 
     def __post_init__(self) -> None:
-        set_fields(self, region=self.region)
+        set_frozen(self, region=self.region)
         require_shape("region", self.region.shape, self.grid.shape, of="the map's")
 
     def __repr__(self) -> str:
@@ -105,7 +105,7 @@ class TopologicalMap(Plotted):
         found = np.empty(self.region.shape, np.int16)
         for rows in bands_of_rows(self.grid.shape):  # NumPy looks up by 64-bit copies
             found[rows] = table[self.region[rows]]
-        return sealed(found)
+        return freeze(found)
 
     @cached_property
     def area_m2(self) -> dict[str, float]:

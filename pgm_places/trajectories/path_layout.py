@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, require_shape, sealed, set_fields
+from pgm_places._checks import finite_array, freeze, require_shape, set_frozen
 from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -45,7 +45,7 @@ class PathLayout:
 
     def __post_init__(self) -> None:
         positions = finite_array("positions_m", self.positions_m, ("T", 2))
-        set_fields(self, positions_m=sealed(positions.copy()))
+        set_frozen(self, positions_m=freeze(positions.copy()))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -69,7 +69,7 @@ class PathLayout:
             rows, columns = at[inside].T
             np.maximum.at(raster, (rows, columns), steps[inside])  # the latest step wins
         raster[~self.grid.free] = -1
-        return sealed(raster)
+        return freeze(raster)
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Values (T, ...) of the steps on the raster (H, W, ...); ``fill`` off the path."""

@@ -14,7 +14,7 @@ from pgm_places._checks import (
     number_array,
     pose_array,
     require_at_least,
-    set_fields,
+    set_frozen,
 )
 from pgm_places.errors import InputError
 
@@ -66,7 +66,7 @@ class ScanGeometry:
                 "range limits must be finite metres with 0 <= range_min_m < range_max_m, got "
                 f"range_min_m {low:g} and range_max_m {high:g}"
             )
-        set_fields(self, angles_rad=angles, range_min_m=low, range_max_m=high)
+        set_frozen(self, angles_rad=angles, range_min_m=low, range_max_m=high)
 
     def __repr__(self) -> str:
         return (
@@ -219,8 +219,8 @@ class Scan:
     odometry: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        set_fields(self, time_s=float(self.time_s), pose=pose_array("pose", self.pose, (3,)))
+        set_frozen(self, time_s=float(self.time_s), pose=pose_array("pose", self.pose, (3,)))
         ranges = finite_array("ranges_m", self.ranges_m, (self.geometry.n_beams,), dtype=np.float32)
-        set_fields(self, ranges_m=ranges)
+        set_frozen(self, ranges_m=ranges)
         if self.odometry is not None:
-            set_fields(self, odometry=pose_array("odometry", self.odometry, (3,)))
+            set_frozen(self, odometry=pose_array("odometry", self.odometry, (3,)))

@@ -72,7 +72,7 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
     return np.asarray(pairs[order[first]])
 
 
-class DistanceGate:
+class DistanceTrigger:
     """Says step by step whether the robot is far enough from where the last segment began.
 
     Parameters
@@ -123,7 +123,7 @@ class Segments:
     def __init__(self, poses: ArrayLike, every_m: float) -> None:
         array = np.asarray(poses, np.float64)
         self._xy = finite_array("poses", array[:, :2], ("T", 2))
-        gate = DistanceGate(every_m)
+        gate = DistanceTrigger(every_m)
         opened = [gate.opens(x, y) is not None for x, y in self._xy.tolist()]
         self.first: NDArray[np.int64] = np.flatnonzero(np.array(opened, np.bool_))
         """(S,) number of the first step of each segment."""

@@ -16,7 +16,7 @@ from pgm_places._checks import (
     require_names,
     require_shape,
     require_type,
-    set_fields,
+    set_frozen,
 )
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
@@ -91,9 +91,9 @@ class Trajectory(Plotted):
     def __post_init__(self) -> None:
         times = finite_array("times_s", self.times_s, ("T",))
         n_steps = len(times)
-        set_fields(self, times_s=times, poses=pose_array("poses", self.poses, (n_steps, 3)))
+        set_frozen(self, times_s=times, poses=pose_array("poses", self.poses, (n_steps, 3)))
         if self.odometry is not None:
-            set_fields(self, odometry=pose_array("odometry", self.odometry, (n_steps, 3)))
+            set_frozen(self, odometry=pose_array("odometry", self.odometry, (n_steps, 3)))
         self._check_scans(n_steps)
         self._check_labels(n_steps)
 
@@ -111,7 +111,7 @@ class Trajectory(Plotted):
                 f"ranges_m must lie from 0 to range_max_m = {reach:g} m, got {ranges.min():g} to "
                 f"{ranges.max():g}; geometry.cleaned(readings) makes them so"
             )
-        set_fields(self, ranges_m=ranges)
+        set_frozen(self, ranges_m=ranges)
 
     def _check_labels(self, n_steps: int) -> None:
         if (self.labels is None) != (self.label_names is None):
@@ -120,7 +120,7 @@ class Trajectory(Plotted):
             return
         names = tuple(self.label_names)
         labels = integer_array("labels", self.labels, (n_steps,), low=-1, high=len(names))
-        set_fields(self, labels=labels, label_names=names)
+        set_frozen(self, labels=labels, label_names=names)
 
     def __len__(self) -> int:
         return len(self.times_s)

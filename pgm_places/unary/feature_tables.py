@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import row_blocks
-from pgm_places.features.own import feature_values, values_on_map
+from pgm_places.features.custom import feature_values, values_on_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.ray_casting import iter_cast
@@ -53,7 +53,7 @@ class FeatureTables(Protocol):
         """The table (N, F) of that key, None where there is none of this shape."""
         ...
 
-    def make_room(self, shapes: Sequence[tuple[int, int]]) -> None:
+    def check_space(self, shapes: Sequence[tuple[int, int]]) -> None:
         """Called before tables of these shapes are kept; an OutputError if there is no room."""
         ...
 

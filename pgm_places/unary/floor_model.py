@@ -16,13 +16,13 @@ from pgm_places.floor.architecture import LABELS
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.view import FloorScores, floor_scores, views_of
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.spaces.gates import Gates
-from pgm_places.trajectories.segments import DistanceGate
+from pgm_places.trajectories.segments import DistanceTrigger
 from pgm_places.unary.door_lines import door_lines
-from pgm_places.unary.surroundings import square_around
+from pgm_places.unary.local_space_features import square_around
 
 _LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
 
@@ -217,7 +217,7 @@ class LocalFloor:
         self._source, self._model = source, model
         alone = [replace(model, networks=(network,)) for network in model.networks]
         self._turns = cycle(alone)
-        self._gate = DistanceGate(_EVERY_M)
+        self._gate = DistanceTrigger(_EVERY_M)
         self._grid: OccupancyGrid | None = None
         self._seen: FloorScores | None = None
 
@@ -242,7 +242,7 @@ class LocalFloor:
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
             self._grid = square_around(self._source, where, _REACH_M)
-            with threads(1):
+            with thread_limit(1):
                 self._seen = None if self._grid is None else next(self._turns).scores(self._grid)
         if self._grid is None or self._seen is None:
             return np.full(self.n_labels, np.nan)

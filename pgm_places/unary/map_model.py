@@ -7,24 +7,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.features.context import iter_window_means
-from pgm_places.features.own import n_columns
+from pgm_places.features.custom import n_columns
 from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.kernels.pages import return_freed
+from pgm_places.kernels.lazy_memory import trim_heap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import staged
+from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.cell_features import NodeSegments
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
+from pgm_places.unary.cell_scorers import (
+    CellList,
+    ContextScorer,
+    LaserScorer,
+    SpaceScorer,
+    on_labels,
+)
+from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.feature_tables import iter_features
 from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
-from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
 
 MIXED = "laser+space"
@@ -158,7 +164,7 @@ class UnaryModel:
     context_classifier : BoostedList or None
         The second list, on the same columns followed by context features.
     features : tuple
-        Custom features: see :mod:`pgm_places.features.own`.
+        Custom features: see :mod:`pgm_places.features.custom`.
     space : SpaceModel or None
         The list that also sees segments, gates and places.
     floor : FloorModel or None
@@ -208,7 +214,7 @@ class UnaryModel:
         single: bool = False,
         with_spaces: bool = True,
         known: NDArray[np.int16] | None = None,
-        own: KeptTable | None = None,
+        own: CachedFeatures | None = None,
     ) -> CellScores:
         """The scores of a grid graph's nodes: scans, features and lists, streamed in tiles.
 
@@ -245,63 +251,63 @@ class UnaryModel:
         dtype = np.float32 if single and second is None else np.float64
         lists: list[CellList] = []
         if "laser" in unaries or second is not None:
-            lists.append(LaserList(self.classifier, n, self.n_labels, dtype))
+            lists.append(LaserScorer(self.classifier, n, self.n_labels, dtype))
         if second is not None:
-            lists.append(ContextPart(second, n_own, n, self.n_labels))
+            lists.append(ContextScorer(second, n_own, n, self.n_labels))
         spaces, doorways, around, seen = None, None, None, None
         if "floor" in unaries and self.floor is not None:
-            with staged("the whole floor"):
+            with report_stage("the whole floor"):
                 seen = self.seen(grid, own)
         halls = self.knows_halls and (with_halls or sees_spaces(unaries))
         if self.space is not None and (sees_spaces(unaries) or halls):
-            with staged("segments, gates and places"):
+            with report_stage("segments, gates and places"):
                 judge = None if seen is None else self.gate_judge(seen)
                 spaces = self.space.spaces(grid, known=known, judge=judge)
             if not with_spaces and self.space.gates is not None:
                 doorways = spaces.doorways
-            around = SpaceList(
+            around = SpaceScorer(
                 self.space, spaces, layout, n_own, self.n_labels, dtype, with_halls=halls
             )
             lists.append(around)
             if not with_spaces:
                 spaces = None
-        return_freed()  # what the spaces took: a huge map needs it for its scores
+        trim_heap()  # what the spaces took: a huge map needs it for its scores
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
-            item.expect(needed)
-        with staged("scans, features and list") as stage:
+            item.set_columns(needed)
+        with report_stage("scans, features and list") as stage:
             if own is not None:
                 for item in lists:
-                    item.take_kept(own, np.arange(n))
+                    item.score_cached(own, np.arange(n))
                 if features is not None:
                     features[:] = own.take(np.arange(n), handed)
             else:
                 mask, done = layout.mask(), 0
                 for nodes, values in iter_features(grid, self.sensor, self.features, mask, needed):
                     for item in lists:
-                        item.take(nodes, values)
+                        item.score_block(nodes, values)
                     if features is not None:
                         features[nodes] = values[:, np.searchsorted(needed, handed)]
                     done += len(nodes)
                     stage.update(done / n)
         by_unary = {item.unary: item.scores for item in lists}
         if second is not None:
-            with staged("spatial context"):
+            with report_stage("spatial context"):
                 self._add_context(second, grid, layout, by_unary["laser"], by_unary["context"])
         hall = None if around is None else around.hall
         if seen is not None and self.floor is not None and around is not None:
             by_unary["floor"] = with_floor(around.scores, seen, self.floor, layout, hall)
         laser, context, space, floor = (
-            sealed(by_unary[name]) if name in by_unary and name in unaries else None
+            freeze(by_unary[name]) if name in by_unary and name in unaries else None
             for name in ("laser", "context", "space", "floor")
         )
         return CellScores(
             laser,
             context,
             space,
-            None if features is None else sealed(features),
+            None if features is None else freeze(features),
             spaces,
-            None if hall is None else sealed(hall),
+            None if hall is None else freeze(hall),
             doorways,
             None if around is None else around.features.segments,
             floor,
@@ -313,7 +319,7 @@ class UnaryModel:
         assert self.floor is not None  # they have seen a map
         return FloorJudge(self.floor, seen)
 
-    def seen(self, grid: OccupancyGrid, own: KeptTable | None = None) -> FloorScores:
+    def seen(self, grid: OccupancyGrid, own: CachedFeatures | None = None) -> FloorScores:
         """What the networks make of a map, if a table of it does not know that yet."""
         assert self.floor is not None  # its scores are asked for
         return self.floor.scores(grid) if own is None else own.floor_of(grid, self.floor.scores)

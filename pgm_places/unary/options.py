@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.models.list_options import ListOptions, PriorWeight
-from pgm_places.options import Options, Positive, option_values, taken_from
+from pgm_places.options import Options, Positive, option_values, subset_of
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -70,7 +70,7 @@ class ClassifierOptions(ListOptions):
             rest = [name for name in label_names if name not in order]
             order = [list(label_names).index(name) for name in (*order, *rest)]
         weight = auto_prior if self.prior_weight == "auto" else self.prior_weight
-        shared = option_values(taken_from(ListOptions, replace(self, prior_weight=weight)))
+        shared = option_values(subset_of(ListOptions, replace(self, prior_weight=weight)))
         return DecisionListClassifier(order=order, **shared)
 
 
@@ -119,7 +119,7 @@ class SpaceOptions(ListOptions):
         from pgm_places.models.decision_list import DecisionListClassifier
 
         return DecisionListClassifier(
-            order="rarest-first", **option_values(taken_from(ListOptions, self))
+            order="rarest-first", **option_values(subset_of(ListOptions, self))
         )
 
     def doorway(self, label_names: Sequence[str]) -> int | None:

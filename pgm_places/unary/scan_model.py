@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, set_fields
+from pgm_places._checks import finite_array, set_frozen
 from pgm_places.errors import ConfigError, InputError
+from pgm_places.features.custom import MapFeature, feature_values, n_columns
 from pgm_places.features.extraction import ScanExtractor
-from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, check_options
@@ -20,9 +20,9 @@ from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion, che
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.cell_scorers import aligned_log_proba
 from pgm_places.unary.floor_model import FloorModel, LocalFloor
-from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
+from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES, LocalSpaceFeatures
 
 __all__ = [
     "BeamOptions",
@@ -70,12 +70,12 @@ class ScanObserver:
         self, completion: ScanCompletion, spaces_m: float = 0.0, floor: FloorModel | None = None
     ) -> None:
         self._completion = completion
-        self._surroundings: Surroundings | None = None
+        self._surroundings: LocalSpaceFeatures | None = None
         self._floor: LocalFloor | None = None
         source = completion.local_map or completion.known_map
         if spaces_m > 0:
             assert source is not None  # BeamOptions has checked
-            self._surroundings = Surroundings(source, spaces_m)
+            self._surroundings = LocalSpaceFeatures(source, spaces_m)
         if floor is not None:
             assert source is not None  # BeamOptions has checked
             self._floor = LocalFloor(source, floor)
@@ -106,19 +106,19 @@ class ScanObserver:
         floor = [item.floor for item in seen if item.floor is not None]
         return Observations(
             circles.reshape(len(seen), self._completion.n_beams),
-            spaces.reshape(len(seen), N_SURROUNDINGS if self._surroundings else 0),
+            spaces.reshape(len(seen), N_LOCAL_SPACE_FEATURES if self._surroundings else 0),
             None if self._floor is None else self._floor.rows(floor),
         )
 
 
 def surroundings_along(
-    source: Surroundings | None, poses: NDArray[np.float64]
+    source: LocalSpaceFeatures | None, poses: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     """(T, F) features at the poses (T, 3) of a way; without surroundings, no columns."""
     if source is None:
         return np.empty((len(poses), 0), np.float32)
     found = np.array([source.at(pose[:2]) for pose in poses], np.float32)
-    return found.reshape(len(poses), N_SURROUNDINGS)
+    return found.reshape(len(poses), N_LOCAL_SPACE_FEATURES)
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ class BeamOptions:
         See :class:`pgm_places.sensing.local_map.LocalMap`.
     spaces_m : float
         Half the side in metres of the square around the robot, in the local map or the known one,
-        whose segments are features of the scan too (:mod:`pgm_places.unary.surroundings`); 0 for
-        none. What the list looks at is settled when it is trained.
+        whose segments are features of the scan, too; 0 for none. The list's columns are fixed when
+        it is trained. See :mod:`pgm_places.unary.local_space_features`.
     """
 
     missing: MissingBeams = "local-map"
@@ -229,7 +229,7 @@ class ScanModel:
     extra_names : tuple of D str
         Columns after all others, such as counts of objects seen by a camera.
     features : tuple
-        Custom features of scans: see :mod:`pgm_places.features.own`.
+        Custom features of scans: see :mod:`pgm_places.features.custom`.
     sees_spaces : bool
         Whether the features of the spaces around the robot follow those of its scan.
     """
@@ -255,12 +255,12 @@ class ScanModel:
                 "columns"
             )
         needed = self.classifier.used_features
-        set_fields(self, needed=needed, short_list=self.classifier.restricted(needed))
+        set_frozen(self, needed=needed, short_list=self.classifier.restricted(needed))
 
     @property
     def n_spaces(self) -> int:
         """Columns of spaces."""
-        return N_SURROUNDINGS if self.sees_spaces else 0
+        return N_LOCAL_SPACE_FEATURES if self.sees_spaces else 0
 
     def log_proba(
         self,
@@ -355,7 +355,7 @@ def observed_along(
         circles = cast_poses(
             known_map, trajectory.poses, sensor.angles_rad, max_range_m=sensor.max_range_m
         )
-        around = Surroundings(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
+        around = LocalSpaceFeatures(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
         return Observations(
             circles,
             surroundings_along(around, trajectory.poses),

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pgm_places._checks import row_blocks
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.folds import building_folds
-from pgm_places.features.own import n_columns
+from pgm_places.features.custom import n_columns
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.progress import staged
+from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import Block, FeatureTables, iter_features
 
@@ -34,7 +34,7 @@ class TrainingCells:
     sensor : Sensor
         What the laser features are simulated with.
     own : tuple
-        Custom features: see :mod:`pgm_places.features.own`.
+        Custom features: see :mod:`pgm_places.features.custom`.
     truth, groups : (N,) int64
         Label index of each cell, and the number of the fold that it is held out with.
     chosen : (N,) bool
@@ -149,7 +149,7 @@ def training_features(
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     if feature_cache is not None:
         held = zip(maps, masks if kept is None else kept, strict=True)
-        feature_cache.make_room(
+        feature_cache.check_space(
             [
                 _shape(mask)
                 for item, mask in held
@@ -159,7 +159,7 @@ def training_features(
     total = sum(int(mask.sum()) for mask in masks)
     features = np.empty((total, n_columns(own)), np.float32)
     start = 0
-    with staged("scans and features") as stage:
+    with report_stage("scans and features") as stage:
         for item, mask, hold in zip(maps, masks, kept or masks, strict=True):
             if feature_cache is not None:
                 _keep(item, hold, sensor, feature_cache)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import set_fields
+from pgm_places._checks import set_frozen
 from pgm_places._extras import install_command, needed
 from pgm_places._option_marks import Ge, Gt
 from pgm_places.errors import InputError
@@ -64,7 +64,7 @@ class CascadeDetector:
             raise InputError("a cascade detector needs at least one cascade file, got none")
         check_options(self)
         loaded = tuple(_load(name, Path(path)) for name, path in self.files.items())
-        set_fields(self, _cascades=loaded)
+        set_frozen(self, _cascades=loaded)
 
     @classmethod
     def of_people(cls, further: Mapping[str, Path | str] | None = None, **options: Any) -> Self:

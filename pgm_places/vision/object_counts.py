@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_at_least, set_fields
+from pgm_places._checks import finite_array, integer_array, require_at_least, set_frozen
 from pgm_places.errors import InputError
 
 N_IMAGES = 8
@@ -123,7 +123,7 @@ class ObjectCounts:
             raise InputError("counts need object_names, one per column")
         counts = integer_array("counts", self.counts, (len(times), len(names)), low=0, high=MOST)
         order = np.argsort(times, kind="stable")
-        set_fields(self, times_s=times[order], counts=counts[order], object_names=names)
+        set_frozen(self, times_s=times[order], counts=counts[order], object_names=names)
 
     def __len__(self) -> int:
         return len(self.times_s)

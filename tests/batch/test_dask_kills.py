@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import pytest
 
-from pgm_places.batch.growing_table import GrowingTable
+from pgm_places.batch.append_only_csv import AppendOnlyCsv
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 
@@ -137,6 +137,6 @@ def test_kills_lose_nothing_and_nothing_is_done_twice(
             assert "is gone; what is done is kept" in error
         elif victim not in ("client", "scheduler"):
             assert client.returncode == 0, error
-    rows = GrowingTable(out / "summary.csv", ("name",)).rows()
+    rows = AppendOnlyCsv(out / "summary.csv", ("name",)).rows()
     assert [row["name"] for row in rows] == [f"f{seed}" for seed in range(1, N_MAPS + 1)]
     assert not list(out.rglob(".*.tmp"))

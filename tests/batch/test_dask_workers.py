@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers, _UnderWay
-from pgm_places.batch.local_workers import OVERDUE, Fault
+from pgm_places.batch.local_workers import TIMED_OUT, Fault
 from pgm_places.errors import InputError
 from tests.batch.tasks import die_always, die_once, double, hang, refuse, rest
 
@@ -87,7 +87,7 @@ def test_a_task_that_hangs_is_killed_and_no_worker_with_it(address: str) -> None
     workers = patient(address)
     before = set(distributed.Client(address, set_as_default=False).run(os.getpid).values())
     found = dict(workers.run(worker_and_own_process, range(3), limit_s=1.0))
-    assert found[1] is OVERDUE
+    assert found[1] is TIMED_OUT
     parents = {found[number][0] for number in (0, 2)}
     assert parents <= before  # labelled beside a worker, which is as it was
     assert set(distributed.Client(address, set_as_default=False).run(os.getpid).values()) == before

@@ -402,7 +402,7 @@ def test_an_interrupted_batch_leaves_no_claim_and_no_stage(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
-        changed.setattr("pgm_places.batch.lists.Lists.add", interrupt)
+        changed.setattr("pgm_places.batch.batch_index.BatchIndex.add", interrupt)
         batch(Hanging(2))
     out = maps.parent / "out"
     assert not claim_of(out, "floor1/map").parent.exists()

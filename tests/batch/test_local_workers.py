@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.batch import local_workers
-from pgm_places.batch.local_workers import OVERDUE, LocalWorkers, done_beside
+from pgm_places.batch.local_workers import TIMED_OUT, LocalWorkers, run_in_subprocess
 from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
 
 
@@ -68,7 +68,7 @@ def test_a_task_that_hangs_outside_python_is_killed_at_its_limit(
     monkeypatch.setattr(local_workers, "GRACE_S", 0.5)
     started = time.monotonic()
     found = dict(LocalWorkers(2).run(hang, range(4), limit_s=1.0))
-    assert found == {0: 0, 1: OVERDUE, 2: 2, 3: OVERDUE}
+    assert found == {0: 0, 1: TIMED_OUT, 2: 2, 3: TIMED_OUT}
     assert time.monotonic() - started < 60
 
 
@@ -98,7 +98,7 @@ def data_limit(_: int) -> int:
 def test_a_limit_of_memory_does_not_stick_to_a_worker_of_others() -> None:
     none = data_limit(0)
     for limit in (3_000_000_000, None, 1_000_000_000):
-        found = done_beside(data_limit, 0, limit_s=60.0, memory_bytes=limit)
+        found = run_in_subprocess(data_limit, 0, limit_s=60.0, memory_bytes=limit)
         assert found == (none if limit is None else limit)
 
 

@@ -8,7 +8,7 @@ from scipy import ndimage
 from benchmarks.tiling import building_tiled
 from pgm_places.datasets import LABEL_NAMES, LabelledBuilding, generate_building
 from pgm_places.datasets.building import fair_split
-from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.portable_random import Dice
 from pgm_places.datasets.style import draw_style
 from pgm_places.errors import InputError
 

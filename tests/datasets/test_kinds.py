@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pgm_places.datasets import STYLES, LabelledBuilding, generate_building
-from pgm_places.datasets.dice import Dice, Scale
-from pgm_places.datasets.filling import Site, draw_floor
 from pgm_places.datasets.floor_plan import Frontage, Rect
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.layout import LAYOUTS, draw_layout
+from pgm_places.datasets.portable_random import Dice, MetreScale
+from pgm_places.datasets.room_placement import Site, draw_floor
 from pgm_places.datasets.style import StyleName
 from pgm_places.unary.options import HallsAs
 from tests.datasets.test_building import digest
@@ -84,7 +84,7 @@ def test_the_leaf_of_a_door_closes_no_washroom(kind: StyleName, seed: int, wings
 
 
 def test_a_fire_door_stands_between_two_walls() -> None:
-    site = Site(Scale(100), (40, 60))
+    site = Site(MetreScale(100), (40, 60))
     site.take(Rect(5, 10, 50, 20))
     site.take(Rect(30, 20, 40, 35))
     assert site.is_flanked(Rect(20, 10, 21, 20))
@@ -165,7 +165,7 @@ def test_an_apartment_is_a_home_with_a_narrow_hallway() -> None:
     for seed in range(60):
         style = style_of_kind(Dice(seed, 1), "apartment")
         layout = draw_layout(Dice(seed, 2), style, 600)
-        plan = draw_floor(Dice(seed, 3, Scale(100)), style, layout, (260, 260))
+        plan = draw_floor(Dice(seed, 3, MetreScale(100)), style, layout, (260, 260))
         parts = plan.rooms + plan.corridors + plan.halls
         areas.append(sum(part.size[0] * part.size[1] for part in parts) * 0.01)
         widths += [min(part.size) * 0.1 for part in plan.corridors]
@@ -179,7 +179,7 @@ def test_cased_openings_lead_into_rooms_and_have_no_leaf() -> None:
     style = replace(KINDS["apartment"][0], openings=(1, 1), side_doors=(0, 1), large_room_cm=None)
     for seed in range(5):
         layout = draw_layout(Dice(seed, 0), style, 900)
-        plan = draw_floor(Dice(seed, 1, Scale(50)), style, layout, (500, 500))
+        plan = draw_floor(Dice(seed, 1, MetreScale(50)), style, layout, (500, 500))
         across = [door for door in plan.doors if any(map(door.gap.overlaps, plan.corridors))]
         front = [door for door in plan.doors if door not in across]
         assert len(front) >= 3
@@ -196,7 +196,7 @@ def test_pilasters_leave_a_corridor_wide_and_its_doors_free() -> None:
         style = replace(KINDS["lab"][0], pilasters=(1, 1), layouts=("bar",), halls=(0, 0))
         style = replace(style, corridor_cm=(200, 300), large_room_cm=None)
         layout = draw_layout(Dice(seed, 0), style, 3000)
-        plan = draw_floor(Dice(seed, 1, Scale(100)), style, layout, (330, 580))
+        plan = draw_floor(Dice(seed, 1, MetreScale(100)), style, layout, (330, 580))
         (corridor,) = plan.corridors
         blocks = [wall for wall in plan.walls if wall.overlaps(corridor)]
         assert len(blocks) > 3

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.plan_reading import read_plan
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.routes import draw_routes
-from pgm_places.datasets.survey import N_RAYS, Tour, mapped
+from pgm_places.datasets.simulated_mapping import N_RAYS, Tour, mapped
 from tests.layouts import CHANGES, Array, check_any_layout
 
 SOLID = np.ones((22, 42), np.bool_)
@@ -20,7 +20,7 @@ LABELS = np.where(SOLID, -1, 2).astype(np.int16)
 LABELS[1:-1, 1:20] = 0
 STATIONS = np.array([[3, 4], [30, 12]])
 RAYS = np.zeros(len(STATIONS) * N_RAYS, np.int64)
-SCALE = Scale(100)
+SCALE = MetreScale(100)
 ROOMS, PASSAGES = [[Rect(20, 1, 41, 21)]], [[Rect(1, 1, 20, 21)]]
 
 

@@ -8,12 +8,12 @@ from scipy import ndimage
 
 from pgm_places import LabelledMap
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
-from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect
+from pgm_places.datasets.glass import fronts, open_ground, windows_out
+from pgm_places.datasets.incomplete_mapping import close_doors, forget_glimpses
 from pgm_places.datasets.large_furniture import furnish_largely
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.routes import draw_routes
-from pgm_places.datasets.see_through import fronts, open_ground, windows_out
-from pgm_places.datasets.unfinished import close_doors, forget_glimpses
 from tests.datasets.test_building import digest
 from tests.datasets.test_simulated_map import (
     CORRIDOR,
@@ -131,7 +131,7 @@ def test_large_pieces_keep_the_way_through_doors_free() -> None:
     for seed in range(10):
         solid = np.ones((80, 100), np.bool_)
         solid[room.slices] = solid[door.gap.slices] = False
-        furnish_largely(Dice(seed, 0, Scale(100)), plan, solid, [3000])
+        furnish_largely(Dice(seed, 0, MetreScale(100)), plan, solid, [3000])
         assert solid[room.slices].any()
         assert not solid[door.region(9).cut(room).slices].any()
 
@@ -145,7 +145,7 @@ def house() -> tuple[np.ndarray, Rect]:
 
 def test_open_ground_begins_beyond_the_outer_wall() -> None:
     solid, room = house()
-    ground = open_ground(Dice(0, 0, Scale(100)), solid)
+    ground = open_ground(Dice(0, 0, MetreScale(100)), solid)
     assert ground[0, 0] and ground[-1, -1]
     assert not ground[room.grown(1, 1).slices].any()
     assert ground.mean() > 0.7
@@ -155,29 +155,29 @@ def test_a_shaft_is_no_open_ground_and_a_courtyard_is() -> None:
     solid = np.zeros((200, 200), np.bool_)
     solid[20:40, 20:40] = True  # 2 x 2 m
     solid[80:160, 80:160] = True  # 8 x 8 m
-    ground = open_ground(Dice(1, 0, Scale(100)), solid)
+    ground = open_ground(Dice(1, 0, MetreScale(100)), solid)
     assert not ground[20:40, 20:40].any()
     assert ground[90:150, 90:150].mean() > 0.7
 
 
 def test_windows_open_outer_walls_only() -> None:
     solid, room = house()
-    ground = open_ground(Dice(0, 0, Scale(100)), solid)
+    ground = open_ground(Dice(0, 0, MetreScale(100)), solid)
     found = np.zeros_like(solid)
     for seed in range(20):
-        gaps = windows_out(Dice(seed, 0, Scale(100)), [[room]], ground, 1000)
+        gaps = windows_out(Dice(seed, 0, MetreScale(100)), [[room]], ground, 1000)
         assert not gaps[room.slices].any() and not (gaps & ground).any()
         found |= gaps
     assert found.any()
-    assert not windows_out(Dice(0, 0, Scale(100)), [[room]], np.zeros_like(ground), 1000).any()
-    assert not windows_out(Dice(0, 0, Scale(100)), [[room]], ground, 0).any()
+    assert not windows_out(Dice(0, 0, MetreScale(100)), [[room]], np.zeros_like(ground), 1000).any()
+    assert not windows_out(Dice(0, 0, MetreScale(100)), [[room]], ground, 0).any()
 
 
 def test_a_glass_front_faces_a_passage() -> None:
     solid, room = house()
     passage = np.zeros_like(solid)
     passage[82:100, 40:120] = True
-    gaps = fronts(Dice(2, 0, Scale(100)), [[room]], passage, 1000)
+    gaps = fronts(Dice(2, 0, MetreScale(100)), [[room]], passage, 1000)
     rows, columns = np.nonzero(gaps)
     assert set(rows) == {80, 81}
     assert 10 < len(set(columns)) <= 40 and columns.min() >= 50 and columns.max() < 90
@@ -196,7 +196,7 @@ def test_a_closed_door_gives_its_doorway_back(turned: bool) -> None:
         gap, inward = Rect(14, 10, 16, 19), (1, 0)
     doors = [Door(gap, inward)]
     is_doorway = labels == DOORWAY
-    left = close_doors(Dice(0, 0, Scale(100)), doors, solid, labels, is_doorway, 1000)
+    left = close_doors(Dice(0, 0, MetreScale(100)), doors, solid, labels, is_doorway, 1000)
     assert left == []
     if turned:
         labels, solid = labels.T, solid.T
@@ -234,7 +234,9 @@ def test_routes_lead_where_there_are_places_to_visit() -> None:
     small, large = Rect(5, 5, 35, 55), Rect(40, 5, 115, 55)
     for rect in (small, large):
         solid[rect.slices] = False
-    routes = draw_routes(Dice(0, 0, Scale(100)), solid, [], [[small]], n_routes=1, coverage=1.0)
+    routes = draw_routes(
+        Dice(0, 0, MetreScale(100)), solid, [], [[small]], n_routes=1, coverage=1.0
+    )
     assert len(routes.stations) > 0
     assert (routes.stations[:, 0] < 35).all()
 

@@ -9,9 +9,9 @@ from scipy import ndimage
 
 from pgm_places import LabelledMap, OccupancyGrid
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
-from pgm_places.datasets.dice import Dice, Scale
 from pgm_places.datasets.floor_plan import Rect
 from pgm_places.datasets.plan_reading import read_plan
+from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.errors import ConfigError, InputError, LabelError
 from tests.datasets.test_building import digest
 
@@ -187,7 +187,7 @@ def test_a_plan_is_read_as_rectangles_and_gaps() -> None:
     for x in (20, 80):
         solid[20:24, x : x + 10] = False
         labels[17:27, x : x + 10] = DOORWAY
-    read = read_plan(Scale(100), labels, solid, passages=[CORRIDOR], doorways=[DOORWAY])
+    read = read_plan(MetreScale(100), labels, solid, passages=[CORRIDOR], doorways=[DOORWAY])
     doors = sorted(read.doors, key=lambda door: door.gap.x0)
     assert [door.gap for door in doors] == [Rect(20, 20, 30, 24), Rect(80, 20, 90, 24)]
     assert [door.inward for door in doors] == [(0, 1), (0, 1)]
@@ -208,7 +208,7 @@ def test_a_wide_or_a_slanted_doorway_gets_no_leaf() -> None:
     rows, columns = np.indices(labels.shape)
     slanted = (np.abs(rows - columns + 30) < 3) & (rows > 12) & (rows < 28)
     labels[slanted] = DOORWAY
-    read = read_plan(Scale(100), labels, solid, passages=[CORRIDOR], doorways=[DOORWAY])
+    read = read_plan(MetreScale(100), labels, solid, passages=[CORRIDOR], doorways=[DOORWAY])
     assert len(read.doors) == 2
     assert not any(door.has_leaf for door in read.doors)
 

@@ -7,7 +7,7 @@ import pytest
 
 from pgm_places.evaluation.bootstrap import block_bootstrap
 from pgm_places.experiment.comparison import history_of, learning_of, score_intervals
-from pgm_places.experiment.labelled_items import BLOCK_M
+from pgm_places.experiment.evaluated_items import BLOCK_M
 from pgm_places.inference.backends import build
 from pgm_places.inference.labeling import Labeling, Status
 from tests.report.comparisons import labeling_of, small_map

@@ -14,7 +14,7 @@ from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import train
-from pgm_places.experiment.selection import Candidate, Selection, held_out_splits, select
+from pgm_places.experiment.selection import Selection, SelectionCandidate, held_out_splits, select
 from pgm_places.experiment.sources import Sources
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.simulated_robot import SimulatedRobot
@@ -171,7 +171,7 @@ def test_every_combination_is_tried_and_the_best_is_chosen() -> None:
 
 def test_of_equal_scores_the_first_is_chosen() -> None:
     scores = (0.5, 0.75, 0.75)
-    tried = tuple(Candidate({"n": n}, score, (score,)) for n, score in enumerate(scores))
+    tried = tuple(SelectionCandidate({"n": n}, score, (score,)) for n, score in enumerate(scores))
     assert Selection("potts", "accuracy", tried).chosen.options == {"n": 1}
 
 

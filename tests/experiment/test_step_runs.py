@@ -14,8 +14,8 @@ from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.doors import passage_scores
 from pgm_places.experiment.drives import counted_objects, load_drives
+from pgm_places.experiment.evaluated_items import EvalDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.labelled_items import TestDrive
 from pgm_places.experiment.runs import compare, train
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
@@ -77,7 +77,7 @@ def compared(nodes: str) -> Comparison:
 def test_every_method_labels_the_steps_of_drives() -> None:
     found = compared("steps")
     [item] = found.maps
-    assert isinstance(item, TestDrive)
+    assert isinstance(item, EvalDrive)
     for method in found.methods:
         [labeling] = method.labelings
         known = item.node_truth >= 0
@@ -183,13 +183,13 @@ def test_methods_for_chains_are_refused_where_cells_take_part_before_anything_is
             train(Experiment(config(nodes=nodes, methods=methods), Path()))
 
 
-def labelled_drive(truth: list[int]) -> TestDrive:
+def labelled_drive(truth: list[int]) -> EvalDrive:
     """A straight drive of 0.1 m a step."""
     poses = np.column_stack([0.1 * np.arange(len(truth)), np.zeros((len(truth), 2))])
     path = Trajectory(
         np.arange(len(truth), dtype=float), poses, labels=np.array(truth), label_names=NAMES
     )
-    return TestDrive("drive", path, OccupancyGrid(np.zeros((1, 1), np.int8), 0.1))
+    return EvalDrive("drive", path, OccupancyGrid(np.zeros((1, 1), np.int8), 0.1))
 
 
 def test_doorways_passed_through_are_counted_once_each() -> None:
@@ -337,7 +337,7 @@ def test_drives_with_and_without_counts_are_not_mixed(folder: Path) -> None:
         return Experiment(chosen, folder)
 
     [found] = compare(experiment([counted], [counted])).maps
-    assert isinstance(found, TestDrive)
+    assert isinstance(found, EvalDrive)
     with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):
         compare(experiment([counted, plain], [counted]))
     with pytest.raises(ConfigError, match="has no counts of objects, and other drives have"):

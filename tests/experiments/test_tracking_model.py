@@ -13,7 +13,7 @@ from experiments.tracking_model.real_drives import in_lobby
 from experiments.tracking_model.unseen import ALONE, WAYS, Answer, floors_table, lasers_table
 from pgm_places.datasets import generate_building
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.unary.surroundings import N_SURROUNDINGS
+from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
 
 LASER = Laser(180.0, 60, 10.0)
 
@@ -29,7 +29,7 @@ def drive(building: str, labels: list[int], *, laser: Laser = LASER, group: str 
         np.column_stack([0.3 * np.arange(n), np.zeros((n, 2))]),
         np.array(labels),
         np.zeros((n, 360), np.float32),
-        np.zeros((n, N_SURROUNDINGS), np.float32),
+        np.zeros((n, N_LOCAL_SPACE_FEATURES), np.float32),
     )
 
 

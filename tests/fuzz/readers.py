@@ -34,9 +34,9 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import read
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
+from pgm_places.studio.session import MapSession
 from pgm_places.teaching.paint import Paint
 from tests.fuzz import uses
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
@@ -155,7 +155,7 @@ def edited(folder: Path) -> object:
     """A studio that is asked for all of the edits in turn; it may refuse any of them."""
     shutil.rmtree(folder / "studio", ignore_errors=True)
     requests = json.loads((folder / "edits.json").read_bytes())
-    desk = Desk(load_map(folder / "map.yaml"), folder / "studio", None)
+    desk = MapSession(load_map(folder / "map.yaml"), folder / "studio", None)
     try:
         client = Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST, "content-type": JSON_TYPE})
         answers = [client.post("edit", content=json_bytes(item)) for item in requests]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import Crew, _Helper, resolve_threads, run_tasks, threads
+from pgm_places.kernels.threads import ThreadTeam, _Worker, resolve_threads, run_tasks, thread_limit
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])
@@ -40,7 +40,7 @@ def test_tasks_run_in_the_context_of_the_caller(n_threads: int) -> None:
         found.append((told.get(), resolve_threads()))
 
     run_tasks(work, n_threads, n_threads=n_threads)
-    with threads(7):
+    with thread_limit(7):
         run_tasks(work, n_threads, n_threads=n_threads)
     inside = [resolve_threads(), 7] if n_threads == 1 else [1, 1]
     assert found == [("the caller", n) for n in inside for _ in range(n_threads)]
@@ -72,7 +72,7 @@ def test_an_error_in_a_helper_stops_the_caller() -> None:
         time.sleep(0.001)
         seen += 1
 
-    with pytest.raises(RuntimeError, match="in a helper"), Crew(2) as crew:
+    with pytest.raises(RuntimeError, match="in a helper"), ThreadTeam(2) as crew:
         crew.run(work, 5000)
     assert seen < 4999
 
@@ -87,7 +87,7 @@ def test_a_crew_stays_for_many_rounds() -> None:
         done[task] += 1
         meeting.wait()
 
-    with Crew(3) as crew:
+    with ThreadTeam(3) as crew:
         for _ in range(5):
             crew.run(work, 6)
     assert (done == 5).all()
@@ -105,7 +105,7 @@ def test_an_error_in_a_helper_is_raised_and_the_crew_goes_on() -> None:
             raise RuntimeError("a helper")
 
     done: list[int] = []
-    with Crew(2) as crew:
+    with ThreadTeam(2) as crew:
         for _ in range(3):
             with pytest.raises(RuntimeError, match="a helper"):
                 crew.run(fail, 2)
@@ -136,15 +136,15 @@ def test_no_more_threads_than_the_process_may_use(monkeypatch: pytest.MonkeyPatc
 
 def test_an_interrupt_as_a_round_begins_leaves_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     """The helper may not even have seen that a round has begun."""
-    begin = _Helper.begin
+    begin = _Worker.begin
 
-    def interrupted(helper: _Helper, work: Callable[[], None]) -> None:
+    def interrupted(helper: _Worker, work: Callable[[], None]) -> None:
         begin(helper, work)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_Helper, "begin", interrupted)
+    monkeypatch.setattr(_Worker, "begin", interrupted)
     before = set(threading.enumerate())
     for _ in range(200):
-        with pytest.raises(KeyboardInterrupt), Crew(2) as crew:
+        with pytest.raises(KeyboardInterrupt), ThreadTeam(2) as crew:
             crew.run(lambda _: None, 2)
     assert set(threading.enumerate()) <= before

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.features.own import n_columns
+from pgm_places.features.custom import n_columns
 from pgm_places.labelers import trajectory_learning
 from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
@@ -17,7 +17,6 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.list_average import list_average
 from pgm_places.trajectories.segments import Segments
-from pgm_places.unary.list_learning import Rows
 
 NAMES = ("room", "corridor", "doorway")
 TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
@@ -29,22 +28,21 @@ def examples() -> Examples:
     features = rng.normal(size=(90, n_columns(()))).astype(np.float32)
     features[:, 0] += truth
     domain = np.repeat([0, 1, -1], 30)
-    return Examples(Rows(features, truth, np.arange(90) % 2, domain), (), (np.arange(90),))
+    return Examples(features, truth, np.arange(90) % 2, (), (np.arange(90),), domain)
 
 
 def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
     given = examples()
     model, scores = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), given)
-    rows = given.rows
-    assert rows.domain is not None and rows.groups is not None
+    assert given.domain is not None
     expected = np.empty_like(scores)
     for fold in (0, 1):
-        held_out = rows.groups == fold
+        held_out = given.groups == fold
         parts = [
-            TREES.fit(rows.features[some], rows.truth[some]).boosted_list_
-            for some in (~held_out & (rows.domain != number) for number in (0, 1))
+            TREES.fit(given.features[some], given.truth[some]).boosted_list_
+            for some in (~held_out & (given.domain != number) for number in (0, 1))
         ]
-        expected[held_out] = list_average(parts).log_histogram(rows.features[held_out])
+        expected[held_out] = list_average(parts).log_histogram(given.features[held_out])
     np.testing.assert_array_equal(scores, expected)
     assert [item.n_rounds for item in model.classifier.classifiers] == [6, 6]
 
@@ -67,10 +65,8 @@ def test_simulated_runs_are_as_many_and_drawn_as_asked(monkeypatch: pytest.Monke
 
 
 def test_without_domains_there_is_one_list() -> None:
-    given = examples()
-    plain = replace(given.rows, domain=None)
-    alone_learned = replace(given, rows=plain)
-    model, _ = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), alone_learned)
+    plain = replace(examples(), domain=None)
+    model, _ = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), plain)
     alone = TREES.fit(plain.features, plain.truth).boosted_list_
     np.testing.assert_array_equal(
         model.classifier.log_histogram(plain.features), alone.log_histogram(plain.features)

@@ -12,10 +12,10 @@ from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.known_window import MARGIN_M
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN
-from pgm_places.studio.lesson import glance
+from pgm_places.studio.relabelling import quick_labels
 from pgm_places.teaching.explanation import explain_cell, explain_region
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
-from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import trained_labeler
@@ -133,7 +133,7 @@ def test_a_teacher_answers_and_explains_as_on_the_map_cropped_by_hand() -> None:
     known, large = known_of(small), on_canvas(small)
     answers = []
     for grid, labels in ((small, known), (large, np.pad(known, AROUND, constant_values=-1))):
-        teacher = Teacher(grid, trained_labeler("generated"))
+        teacher = InteractiveLabeler(grid, trained_labeler("generated"))
         paint = Paint(labels.astype(np.int16), teacher.classes)
         answers.append((teacher.label(paint), teacher.teach(paint)))
     for one, other in zip(*answers, strict=True):
@@ -154,7 +154,7 @@ def test_a_teacher_answers_and_explains_as_on_the_map_cropped_by_hand() -> None:
 def test_a_glance_is_that_of_the_map_cropped_by_hand() -> None:
     small = by_hand(0.1)
     labeler = trained_labeler("default")
-    found, whole = glance(labeler, small), glance(labeler, on_canvas(small))
+    found, whole = quick_labels(labeler, small), quick_labels(labeler, on_canvas(small))
     assert found is not None and whole is not None
     assert (within(whole, small.shape) == found).all()
     assert np.count_nonzero(whole >= 0) == np.count_nonzero(found >= 0) > 0

@@ -19,8 +19,8 @@ from pgm_places.labelling.options import LabelOptions, ModelOptions
 from pgm_places.labelling.places import places_of
 from pgm_places.persistence.stored import save
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
+from pgm_places.studio.session import MapSession
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.cli.conftest import Run, run
@@ -121,8 +121,8 @@ class Commands:
         self.command("live", "--replay", log, "-m", self.model, "-o", out, "--force")
         return self.answer(out)
 
-    def studio(self, desk: Desk, name: str) -> Answer:
-        while desk.lesson is None or desk.lesson.revision < desk.painting.revision:
+    def studio(self, desk: MapSession, name: str) -> Answer:
+        while desk.relabelling is None or desk.relabelling.revision < desk.painting.revision:
             assert not desk.learner.state.problem and desk.learner.is_alive  # however slow it is
             time.sleep(0.02)
         for what in ("labels", "places"):
@@ -147,7 +147,9 @@ def check_all(commands: Commands) -> None:
     ):
         answer.check_same(other)
 
-    desk = Desk(commands.map, commands.folder / "studio", commands.loaded, model=commands.model)
+    desk = MapSession(
+        commands.map, commands.folder / "studio", commands.loaded, model=commands.model
+    )
     try:
         desk.start()
         answer.check_same(commands.studio(desk, "unpainted"))

@@ -12,7 +12,7 @@ from pgm_places.io.output_set import output_set
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelers.labelled_places import LabelledCells
 from pgm_places.labelling.files import write_labels, write_places
-from pgm_places.progress import Silent, reported
+from pgm_places.progress import Silent, reporting_to
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels
@@ -60,7 +60,7 @@ def test_damaged_places_of_an_earlier_run_are_warned_of_and_numbered_anew(
     labels, heard = floor_labels(), Heard()
     found = written(tmp_path / "out", labels, TopologyOptions())
     (tmp_path / "out" / "places.json").write_text(text)
-    with reported(heard):
+    with reporting_to(heard):
         again = written(tmp_path / "out", labels, TopologyOptions())
     assert [place.name for place in again.regions] == [place.name for place in found.regions]
     [warning] = heard.warnings
@@ -92,7 +92,7 @@ def test_an_edited_origin_and_another_map_are_said_in_a_line(tmp_path: Path) -> 
     def places(origin_xy_m: tuple[float, float], labels: np.ndarray) -> tuple[list[int], list[str]]:
         heard = Heard()
         grid = floor_grid(labels, origin_xy_m=origin_xy_m)
-        with reported(heard), output_set(tmp_path / "out", "test", force=True) as files:
+        with reporting_to(heard), output_set(tmp_path / "out", "test", force=True) as files:
             found = write_places(
                 files, "a floor", LabelledCells(grid, labels, NAMES), TopologyOptions()
             )

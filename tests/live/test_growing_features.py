@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
-from pgm_places.features.own import feature_values
+from pgm_places.features.custom import feature_values
 from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_cells

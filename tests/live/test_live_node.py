@@ -28,12 +28,12 @@ class Robot:
     def __init__(self, options: NodeOptions | None = None, **live: float) -> None:
         self.sent: list[tuple[str, bytes]] = []
         self.said: list[str] = []
-        self.desk = Desk()
+        self.service = Desk()
         chosen = LiveOptions(**live)
         self.finder = PlaceFinder(TrajectoryLabeler.from_places(places()), chosen)
         self.node = LiveNode(
             self.finder,
-            self.desk,
+            self.service,
             lambda what, raw: self.sent.append((what, raw)),
             self.said.append,
             options or NodeOptions(base_frame="laser"),
@@ -253,7 +253,7 @@ def test_maps_of_another_frame_are_refused() -> None:
     [line] = robot.said
     assert line.startswith("the map is in the frame 'map', but positions are looked up in '/world'")
     robot.node.turn(0.0)
-    assert robot.desk.n_submitted == 0
+    assert robot.service.n_submitted == 0
 
 
 def test_scans_from_the_future_are_said() -> None:
@@ -325,17 +325,17 @@ def test_of_maps_that_come_too_fast_the_latest_is_labelled() -> None:
     grid, robot = building()[0].grid, Robot(relabel_min_period_s=2.0)
     cells = [np.where(np.arange(grid.shape[1]) < n, grid.cells, -1) for n in (40, 60, 80, 100)]
     maps = [raw_map(grid.with_cells(item)) for item in cells]
-    robot.desk.busy = True
+    robot.service.busy = True
     robot.node.take("map", maps[0])
     robot.node.turn(0.0)
     for number, raw in enumerate(maps[1:], 1):
         robot.node.take("map", raw)
         robot.node.turn(float(number))
-    assert robot.desk.n_submitted == 1
-    robot.desk.busy = False
+    assert robot.service.n_submitted == 1
+    robot.service.busy = False
     robot.node.turn(30.0)
-    assert robot.desk.n_submitted == 2
-    assert robot.desk.waiting == [maps[-1]]
+    assert robot.service.n_submitted == 2
+    assert robot.service.waiting == [maps[-1]]
     assert robot.said == [
         "labelling a map took 30.0 s, and 2 that came meanwhile were skipped; the latest is "
         "labelled now"
@@ -343,9 +343,9 @@ def test_of_maps_that_come_too_fast_the_latest_is_labelled() -> None:
     robot.node.turn(31.0)
     robot.node.take("map", maps[0])
     robot.node.turn(31.5)  # too soon after the last
-    assert robot.desk.n_submitted == 2
+    assert robot.service.n_submitted == 2
     robot.node.turn(32.0)
-    assert robot.desk.n_submitted == 3
+    assert robot.service.n_submitted == 3
     assert json.loads(json.dumps([what for what, _ in robot.sent])).count("topology") == 2
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models import tree_search
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost
@@ -104,12 +104,12 @@ def test_any_number_of_threads_gives_the_same_bits(monkeypatch: pytest.MonkeyPat
     X, y = large_set(20_000)
     models = []
     for count in (1, 2, 5):
-        with threads(count):
+        with thread_limit(count):
             models.append(learned(X, y, n_rounds=6, max_depth=3))
     for model in models[1:]:
         for name in ("feature", "cut", "value"):
             np.testing.assert_array_equal(getattr(model, name), getattr(models[0], name))
-        with threads(5):
+        with thread_limit(5):
             np.testing.assert_array_equal(model.scores(X), models[0].scores(X))
 
 

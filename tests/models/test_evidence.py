@@ -17,7 +17,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.models.relaxation import Relaxation
-from pgm_places.progress import Silent, reported
+from pgm_places.progress import Silent, reporting_to
 
 NAMES = ["ground", "object", "other"]
 SIDE = 48
@@ -101,7 +101,7 @@ def test_dividing_changes_no_label_of_methods_that_learn_a_bias(
 
 def test_the_earlier_name_is_read_with_a_warning() -> None:
     heard = Listening()
-    with reported(heard):
+    with reporting_to(heard):
         method = build("relaxation", prior_share=0.25)
     assert method.evidence == 0.25
     assert heard.warnings == [

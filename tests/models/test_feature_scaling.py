@@ -108,8 +108,8 @@ def test_the_unit_of_clique_features_does_not_matter(method: str) -> None:
         examples = []
         for seed in range(2):
             problem, truth = spot(seed)
-            told = unit * np.array([[1.0], [2.0]])
-            examples.append((replace(problem, cliques=halves, clique_features=told), truth))
+            observed = unit * np.array([[1.0], [2.0]])
+            examples.append((replace(problem, cliques=halves, clique_features=observed), truth))
         model = fitted(method, examples, learning_tolerance=0.01)
         rewards.append(model.clique_rewards(examples[0][0]))
     np.testing.assert_allclose(rewards[1], rewards[0], rtol=1e-6, atol=1e-12)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.decision_list import DecisionListClassifier
@@ -146,7 +146,7 @@ def test_examples_are_checked() -> None:
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     lists = []
     for n in (1, 2):
-        with threads(n):
+        with thread_limit(n):
             lists.append(boosted_further(fitted(3), examples((Y + 1) % 3)))
     one, two = lists
     np.testing.assert_array_equal(one.log_histogram(X), two.log_histogram(X))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places._checks import sealed
+from pgm_places._checks import freeze
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
@@ -92,7 +92,7 @@ def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
 def test_unaries_in_single_precision_are_not_copied_and_give_the_same_labels() -> None:
     problem, truth = a_problem(0.3)
     assert problem.unary is not None
-    single = LabelingProblem(problem.graph, NAMES, sealed(problem.unary.astype(np.float32)))
+    single = LabelingProblem(problem.graph, NAMES, freeze(problem.unary.astype(np.float32)))
     assert single.unary is not None and single.unary.dtype == np.float32
     method = Relaxation(max_iterations=50).fit([problem], [truth])
     found, wanted = method.infer(single), method.infer(problem)

@@ -13,8 +13,8 @@ from pgm_places.errors import InputError
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
+from pgm_places.pictures.figure_grid import round_length
 from pgm_places.pictures.map_pictures import label_map, overview
-from pgm_places.pictures.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
 

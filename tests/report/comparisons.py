@@ -7,7 +7,7 @@ import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison, MethodResult, history_of
-from pgm_places.experiment.labelled_items import TestMap
+from pgm_places.experiment.evaluated_items import EvalMap
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -16,7 +16,7 @@ from pgm_places.spaces.door_truth import DoorScores
 NAMES = ("corridor", "room", "doorway")
 
 
-def small_map(name: str = "floor", *, n_labels: int = 3) -> TestMap:
+def small_map(name: str = "floor", *, n_labels: int = 3) -> EvalMap:
     """A walled map of 6 x 9 cells whose columns belong to the labels in turn."""
     cells = np.full((6, 9), 100)
     cells[1:-1, 1:-1] = 0
@@ -26,11 +26,11 @@ def small_map(name: str = "floor", *, n_labels: int = 3) -> TestMap:
     truth[1:-1, 1:-1] = np.arange(7) % n_labels
     truth[1, 1] = -1
     layout = GridLayout.of_map(grid)
-    return TestMap(name, grid, truth, layout, np.ones(grid.shape, np.bool_))
+    return EvalMap(name, grid, truth, layout, np.ones(grid.shape, np.bool_))
 
 
 def labeling_of(
-    item: TestMap, *, beliefs: bool, info: Mapping[str, Any] | None = None, n_labels: int = 3
+    item: EvalMap, *, beliefs: bool, info: Mapping[str, Any] | None = None, n_labels: int = 3
 ) -> Labeling:
     """The truth with one wrong cell, and beliefs that are 80 % sure of it."""
     labels = np.maximum(item.layout.from_raster(item.truth), 0).astype(np.int64)

@@ -18,14 +18,14 @@ from pgm_places.errors import OutputError
 from pgm_places.evaluation.bootstrap import Interval, SignTest
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison, MethodResult
-from pgm_places.experiment.judgement import Difference
-from pgm_places.experiment.labelled_items import TestMap
+from pgm_places.experiment.evaluated_items import EvalMap
+from pgm_places.experiment.significance import Difference
 from pgm_places.inference.labeling import Status
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page, write_report
 from pgm_places.report.comparison_tables import comparison_tables
-from pgm_places.report.glance import glance_of
+from pgm_places.report.summary import summary_of
 from pgm_places.spaces.door_truth import DoorScores
 from tests.report.comparisons import small_comparison
 
@@ -353,9 +353,9 @@ def test_of_the_papers_methods_the_first_page_compares_these() -> None:
     found = replace(comparison, methods=(plain, replace(other, name="Relaxation"), third))
     first = replace(found, methods=tuple(reversed(found.methods)))
     for one in (found, first):
-        standings = glance_of(one)
+        standings = summary_of(one)
         assert standings is not None and len(standings.standings) == 3
-    glance = glance_of(replace(found, methods=(found.methods[1], plain, third)))
+    glance = summary_of(replace(found, methods=(found.methods[1], plain, third)))
     assert glance is not None
     assert re.match(r"relaxation labels \S+ points more cells .* than amn", glance.headline)
 
@@ -425,14 +425,14 @@ def test_the_first_sentence_weighs_accuracy_and_rare_labels() -> None:
     plain, other = comparison.methods
     rare, maps = 2, []
     for item in comparison.maps:
-        assert isinstance(item, TestMap)
+        assert isinstance(item, EvalMap)
         truth = np.where(np.arange(len(item.node_truth)) % 9 == 0, rare, 0)
         maps.append(replace(item, truth=item.layout.to_raster(truth.astype(np.int16), fill=-1)))
     found = replace(comparison, maps=tuple(maps))
     common = [np.zeros(len(item.node_truth), np.int64) for item in maps]
     doubtful = [np.where(np.arange(len(item.node_truth)) % 3 == 0, rare, 0) for item in maps]
     methods = relabelled(found, plain, common), relabelled(found, other, doubtful)
-    glance = glance_of(replace(found, methods=methods))
+    glance = summary_of(replace(found, methods=methods))
     assert glance is not None
     assert glance.headline.startswith("plain labels ")
     assert "; relaxation finds 100 % of the doorway cells, plain 0 % (balanced" in glance.headline

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing import _sweep
 from pgm_places.sensing._cell_caster import CellCaster
@@ -100,7 +100,7 @@ def test_same_bits_on_real_maps(forced: Forced, name: str) -> None:
     swept, followed = both_ways(forced, grid, Sensor(), mask)
     np.testing.assert_array_equal(swept, followed)
     some = np.flatnonzero(mask[grid.free])
-    with threads(2):
+    with thread_limit(2):
         np.testing.assert_array_equal(cast_cells(grid, Sensor(60))[some], swept[:, ::6])
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from pgm_places.sensing.sensor import Sensor, SensorNoise
@@ -54,7 +54,7 @@ def test_blocks_are_the_graph_s_nodes_and_the_bits_of_the_whole(n_threads: int) 
     whole = cast_cells(grid, sensor, mask=mask)
     seen = np.zeros(LabelGraph.from_grid(grid, mask=mask).n_nodes, np.int64)
     n_blocks = 0
-    with threads(n_threads):
+    with thread_limit(n_threads):
         blocks = iter_cast(grid, sensor, mask=mask, memory_bytes=8 * MIB)
     for block in blocks:
         n_blocks += 1
@@ -79,7 +79,7 @@ def test_memory_stays_within_what_was_stated(memory_mib: int, occupied: float) -
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
-        with threads(2):
+        with thread_limit(2):
             blocks = iter_cast(grid, sensor, mask=mask, memory_bytes=memory_mib * MIB)
         for _ in blocks:
             pass

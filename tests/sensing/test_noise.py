@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places._core import add_noise, uniform_draw
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing.ray_casting import cast_cells
@@ -121,9 +121,9 @@ def test_noise_depends_on_the_seed_the_cell_and_the_beam_only() -> None:
     grid = random_grid(2, (40, 50), occupied=0.05)
     noise = SensorNoise(0.3, 0.1, 0.05, seed=2**63 + 12345)
     sensor = Sensor(32, 12.0, noise=noise)
-    with threads(1):
+    with thread_limit(1):
         everywhere = cast_cells(grid, sensor)
-    with threads(3):
+    with thread_limit(3):
         np.testing.assert_array_equal(cast_cells(grid, sensor), everywhere)
     mask = np.zeros(grid.shape, np.bool_)
     mask[5:20, 30:] = True

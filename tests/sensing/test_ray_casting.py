@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_cells, cast_poses
 from pgm_places.sensing.sensor import Sensor
@@ -128,9 +128,9 @@ def test_rows_are_in_the_graph_s_order_and_the_mask_chooses_among_them() -> None
 def test_any_number_of_threads_gives_the_same_bits(n_threads: int, occupied: float) -> None:
     grid = random_grid(9, (60, 70), occupied=occupied)
     sensor = Sensor(n_beams=90)
-    with threads(1):
+    with thread_limit(1):
         one = cast_cells(grid, sensor)
-    with threads(n_threads):
+    with thread_limit(n_threads):
         np.testing.assert_array_equal(cast_cells(grid, sensor), one)
 
 
@@ -239,9 +239,9 @@ def test_a_pose_in_a_wall_or_off_the_map_reads_nothing() -> None:
 def test_poses_do_not_depend_on_threads(n_threads: int) -> None:
     grid = random_grid(5, (20, 20))
     poses = np.random.default_rng(5).uniform(0, 20, (700, 3))
-    with threads(1):
+    with thread_limit(1):
         one = cast_poses(grid, poses, np.linspace(-1, 1, 9), max_range_m=9.0)
-    with threads(n_threads):
+    with thread_limit(n_threads):
         many = cast_poses(grid, poses, np.linspace(-1, 1, 9), max_range_m=9.0)
     np.testing.assert_array_equal(many, one)
 

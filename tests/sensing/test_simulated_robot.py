@@ -6,7 +6,7 @@ import pytest
 from pgm_places import LabelledMap, OccupancyGrid, ScanGeometry, SensorNoise, Trajectory
 from pgm_places.datasets.building import LabelledBuilding, generate_building
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import threads
+from pgm_places.kernels.threads import thread_limit
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
@@ -81,7 +81,7 @@ def test_any_number_of_threads_sees_the_same(building: LabelledBuilding) -> None
     robot = SimulatedRobot(sensor_noise=SensorNoise(sigma_m=0.02, seed=3))
     seen = []
     for n in (1, 2):
-        with threads(n):
+        with thread_limit(n):
             seen.append(robot.explore(building.grid, max_length_m=10.0).ranges_m)
     one, two = seen
     assert (one == two).all()  # type: ignore[union-attr]

@@ -417,7 +417,7 @@ def test_a_filter_takes_only_actions_that_have_a_table(action: int) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"led": np.array([0, 5, 9**9])}, {"led": np.zeros(2, np.int64)}, {"start": np.ones(9)}],
+    [{"action": np.array([0, 5, 9**9])}, {"action": np.zeros(2, np.int64)}, {"start": np.ones(9)}],
 )
 @pytest.mark.parametrize("take", [filtered_beliefs, smoothed_beliefs, viterbi])
 def test_a_chain_made_by_hand_has_parts_that_fit(take: Any, change: dict[str, Any]) -> None:

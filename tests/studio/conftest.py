@@ -1,4 +1,4 @@
-"""A small map on a desk without a model, and a client that speaks to it as a browser would."""
+"""A small map on a session without a model, and a client that speaks to it as a browser would."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -12,8 +12,8 @@ import pytest
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.studio.app import application
-from pgm_places.studio.desk import Desk
-from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.session import MapSession
+from pgm_places.studio.session_pool import SessionPool
 
 TOKEN, PORT, HOST = "t" * 32, 8123, "http://127.0.0.1:8123"
 
@@ -35,31 +35,33 @@ def map_yaml(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def open_desk(map_yaml: Path) -> Iterator[Callable[[], Desk]]:
-    """Makes desks for the map, without a model; all use the same folder."""
-    made: list[Desk] = []
+def open_session(map_yaml: Path) -> Iterator[Callable[[], MapSession]]:
+    """Makes sessions for the map, without a model; all use the same folder."""
+    made: list[MapSession] = []
 
-    def make() -> Desk:
-        made.append(Desk(load_map(map_yaml), map_yaml.parent / "kept", None))
+    def make() -> MapSession:
+        made.append(MapSession(load_map(map_yaml), map_yaml.parent / "kept", None))
         return made[-1]
 
     yield make
-    for desk in made:
-        desk.close()
+    for session in made:
+        session.close()
 
 
 @pytest.fixture
-def desk(open_desk: Callable[[], Desk]) -> Desk:
-    """A desk of which nothing has been asked."""
-    return open_desk()
+def session(open_session: Callable[[], MapSession]) -> MapSession:
+    """A session of which nothing has been asked."""
+    return open_session()
 
 
 class Client:
-    """Requests to the application of a desk or a shelf, without a network."""
+    """Requests to the application of a session or a pool, without a network."""
 
-    def __init__(self, desk: Desk | Shelf, base_url: str, headers: dict[str, str]) -> None:
-        shelf = Shelf.of(desk) if isinstance(desk, Desk) else desk
-        self.app: Any = application(shelf, token=TOKEN, port=PORT)
+    def __init__(
+        self, session: MapSession | SessionPool, base_url: str, headers: dict[str, str]
+    ) -> None:
+        pool = SessionPool.of(session) if isinstance(session, MapSession) else session
+        self.app: Any = application(pool, token=TOKEN, port=PORT)
         self.base_url, self.headers = base_url, headers
 
     def request(self, method: str, path: str, **values: Any) -> httpx.Response:
@@ -80,12 +82,12 @@ class Client:
 
 
 @pytest.fixture
-def client(desk: Desk) -> Client:
+def client(session: MapSession) -> Client:
     """Requests as the studio's own page makes them."""
-    return Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST})
+    return Client(session, f"{HOST}/{TOKEN}/", {"origin": HOST})
 
 
 @pytest.fixture
-def stranger(desk: Desk) -> Client:
+def stranger(session: MapSession) -> Client:
     """Requests without anything that the studio's page would add."""
-    return Client(desk, HOST, {})
+    return Client(session, HOST, {})

@@ -67,8 +67,8 @@ class Recording:
 
 def settled(page: Any) -> None:
     """Wait until all is learned and drawn."""
-    until(page, "studio.state?.lesson && !studio.state.learner.working")
-    until(page, "studio.state.lesson.revision >= studio.state.revision - 1")
+    until(page, "studio.state?.relabelling && !studio.state.learner.working")
+    until(page, "studio.state.relabelling.revision >= studio.state.revision - 1")
     page.wait_for_timeout(900)
 
 

@@ -1,4 +1,4 @@
-"""What the application answers about a desk that has learned."""
+"""What the application answers about a session that has learned."""
 
 import json
 import time
@@ -11,8 +11,8 @@ import pytest
 from pgm_places.experiment.config import load_config
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.persistence.stored import load
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.layers import GivenLabels
+from pgm_places.studio.session import MapSession
 from tests.studio.conftest import HOST, TOKEN, Client
 
 
@@ -22,25 +22,25 @@ def rectangle(label: int, *corners: list[float]) -> dict[str, object]:
 
 
 @pytest.fixture
-def taught(desk: Desk, client: Client) -> Client:
+def taught(session: MapSession, client: Client) -> Client:
     """Two rooms, one of them painted corridor, and the door between them; all learned."""
-    desk.start()
+    session.start()
     for label, left, right in ((0, 6, 24), (1, 27, 45)):
         client.post("edit", json=rectangle(label, [left, 6], [right, 24])).raise_for_status()
     client.post("edit", json=rectangle(2, [25, 13], [26, 17])).raise_for_status()
     deadline = time.monotonic() + 300
-    while desk.lesson is None or desk.lesson.revision < 3:
-        assert not desk.learner.state.problem and time.monotonic() < deadline
+    while session.relabelling is None or session.relabelling.revision < 3:
+        assert not session.learner.state.problem and time.monotonic() < deadline
         time.sleep(0.02)
     return client
 
 
 def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
-    taught: Client, desk: Desk, map_yaml: Path
+    taught: Client, session: MapSession, map_yaml: Path
 ) -> None:
     state = taught.get("state").json()
     assert list(state["sources"]) == ["taught", "before", "unary"]
-    assert state["lesson"]["revision"] == 3
+    assert state["relabelling"]["revision"] == 3
     cell = taught.get("cell", params={"x": 10.5, "y": 10.5}).json()
     assert (cell["ground"], cell["paint"], cell["label"]) == ("free", "corridor", "corridor")
     assert cell["probabilities"]["corridor"] == pytest.approx(1.0)
@@ -71,36 +71,36 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
             assert "another place is called 'kitchen'" in found.json()["problem"]
 
     exports = taught.get("exports").json()
-    assert exports["folder"] == str(desk.folder.resolve())
+    assert exports["folder"] == str(session.folder.resolve())
     assert not any(item["written"] for item in exports["items"])
     seen: list[str] = []
     for what in (item["name"] for item in exports["items"]):
         written = taught.post("export", json={"what": what, "replaced": seen}).json()["files"]
         seen += [Path(path).name for path in written]
         assert written and all(Path(path).exists() for path in written)
-        assert all(Path(path).is_relative_to(desk.folder) for path in written)
+        assert all(Path(path).is_relative_to(session.folder) for path in written)
     for item in taught.get("exports").json()["items"]:
         assert item["written"] and not item["older"]
-        assert all((desk.folder / file).exists() for file in item["files"])
+        assert all((session.folder / file).exists() for file in item["files"])
     names = ("corridor", "room", "doorway")
-    kept = load_labels(desk.folder / "corrections.png", names, grid=desk.grid)
-    assert (kept == desk.painting.labels).all()
-    topology = json.loads((desk.folder / "places.json").read_text())
+    kept = load_labels(session.folder / "corrections.png", names, grid=session.grid)
+    assert (kept == session.painting.labels).all()
+    topology = json.loads((session.folder / "places.json").read_text())
     assert "kitchen" in [item["name"] for item in topology["regions"]]
-    assert load_config(desk.folder / "train.toml").labels.names == names
-    assert set(load(desk.folder / "model").label_names_) == set(names)
+    assert load_config(session.folder / "train.toml").labels.names == names
+    assert set(load(session.folder / "model").label_names_) == set(names)
 
     taught.post("edit", json={"kind": "version", "name": "v"}).raise_for_status()
     assert not any(item["older"] for item in taught.get("exports").json()["items"])
     one, other = (item["id"] for item in rooms)
     taught.post("edit", json={"kind": "merge", "first": one, "second": other}).raise_for_status()
-    painted = desk.painting.labels[desk.painting.labels >= 0]
+    painted = session.painting.labels[session.painting.labels >= 0]
     assert np.unique(painted).size == 1  # the door between them, too
-    assert desk.painting.labels[15, 25] == painted[0]
+    assert session.painting.labels[15, 25] == painted[0]
 
 
 def test_a_question_for_news_is_answered_when_there_are_some(
-    client: Client, desk: Desk, monkeypatch: pytest.MonkeyPatch
+    client: Client, session: MapSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pgm_places.studio.app.WAIT_S", 0.1)
     tick = client.get("state").json()["tick"]
@@ -151,19 +151,19 @@ def test_requests_that_are_no_objects_are_refused(client: Client, body: str) -> 
 
 
 def test_the_classes_of_a_file_to_compare_with_are_offered(
-    map_yaml: Path, open_desk: Callable[[], Desk]
+    map_yaml: Path, open_session: Callable[[], MapSession]
 ) -> None:
     from pgm_places.io.maps.map_server import load_map
 
     loaded = load_map(map_yaml)
     truth = np.where(loaded.grid.free, 1, -1).astype(np.int16)
     given = [GivenLabels("truth.png", truth, ("hall", "lab"))]
-    desk = Desk(loaded, map_yaml.parent / "k", None, given=given)
+    session = MapSession(loaded, map_yaml.parent / "k", None, given=given)
     try:
-        assert desk.painting.classes.names == ("hall", "lab")
-        assert desk.layers.sources == {"file:0": "truth.png"}
+        assert session.painting.classes.names == ("hall", "lab")
+        assert session.layers.sources == {"file:0": "truth.png"}
     finally:
-        desk.close()
+        session.close()
 
 
 @pytest.mark.parametrize(
@@ -176,8 +176,10 @@ def test_the_classes_of_a_file_to_compare_with_are_offered(
         b'{"kind": "undo", "a": ' + b"9" * 5000 + b"}",
     ],
 )
-def test_an_edit_that_is_not_json_is_refused_in_a_line(desk: Desk, body: bytes) -> None:
-    client = Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST, "content-type": "application/json"})
+def test_an_edit_that_is_not_json_is_refused_in_a_line(session: MapSession, body: bytes) -> None:
+    client = Client(
+        session, f"{HOST}/{TOKEN}/", {"origin": HOST, "content-type": "application/json"}
+    )
     answer = client.post("edit", content=body)
     assert answer.status_code == 400
     assert answer.json() == {"problem": "a request must be a JSON object"}

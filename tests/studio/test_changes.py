@@ -1,4 +1,4 @@
-"""What a relabelling has changed, and what a desk says and does about it."""
+"""What a relabelling has changed, and what a session says and does about it."""
 
 import json
 import time
@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
 from pgm_places.studio.layers import GivenLabels
-from pgm_places.studio.lesson import Changes, share_that_agrees
 from pgm_places.studio.records import _second_label, places_record, state_record
+from pgm_places.studio.relabelling import LabelChanges, share_that_agrees
+from pgm_places.studio.session import MapSession
 from pgm_places.topology.checks import PlaceCheck
 from pgm_places.topology.from_labels import topological_map
 from tests.quick_labeler import places
@@ -29,7 +29,7 @@ from tests.quick_labeler import places
 def test_what_changed_is_counted_outside_the_paint_alone(seed: int) -> None:
     rng = np.random.default_rng(seed)
     before, after, paint = rng.integers(-1, 3, (3, 7, 9)).astype(np.int16)
-    found = Changes.between(before, after, paint, 0.5)
+    found = LabelChanges.between(before, after, paint, 0.5)
     expected: dict[int, float] = {}
     for r, c in np.ndindex(before.shape):
         changes = before[r, c] != after[r, c] and min(before[r, c], after[r, c]) >= 0
@@ -46,42 +46,46 @@ def test_the_share_that_agrees_is_of_cells_with_a_truth() -> None:
 
 
 @pytest.fixture
-def labelled(map_yaml: Path) -> Iterator[Desk]:
-    """A desk with a model, and a truth that says room everywhere."""
+def labelled(map_yaml: Path) -> Iterator[MapSession]:
+    """A session with a model, and a truth that says room everywhere."""
     loaded, names = load_map(map_yaml), tuple(places().label_names_)
     truth = np.where(loaded.grid.free, names.index("room"), -1).astype(np.int16)
     given = [GivenLabels("truth.png", truth, names)]
-    desk = Desk(loaded, map_yaml.parent / "kept", places(), model="quick", given=given)
-    desk.start()
-    wait(desk)
-    yield desk
-    desk.close()
+    session = MapSession(loaded, map_yaml.parent / "kept", places(), model="quick", given=given)
+    session.start()
+    wait(session)
+    yield session
+    session.close()
 
 
-def wait(desk: Desk, revision: int = 0) -> None:
+def wait(session: MapSession, revision: int = 0) -> None:
     deadline = time.monotonic() + 300
-    while desk.lesson is None or desk.lesson.revision < revision or desk.learner.state.working:
-        assert not desk.learner.state.problem and time.monotonic() < deadline
+    while (
+        session.relabelling is None
+        or session.relabelling.revision < revision
+        or session.learner.state.working
+    ):
+        assert not session.learner.state.problem and time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def rectangle(desk: Desk, label: str, *corners: tuple[float, float]) -> dict[str, Any]:
+def rectangle(session: MapSession, label: str, *corners: tuple[float, float]) -> dict[str, Any]:
     stroke = {"tool": "rectangle", "points": [list(corner) for corner in corners], "radius": 1}
-    number = desk.painting.classes.names.index(label)
+    number = session.painting.classes.names.index(label)
     return {"kind": "stroke", "label": number, "stroke": stroke}
 
 
-def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: Desk) -> None:
-    lesson = labelled.lesson
-    assert lesson is not None
-    topology, names = lesson.taught.topology, labelled.painting.classes.names
+def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: MapSession) -> None:
+    relabelling = labelled.relabelling
+    assert relabelling is not None
+    topology, names = relabelling.taught.topology, labelled.painting.classes.names
     place = max(topology.regions, key=lambda region: region.area_m2)
     inside = topology.region == place.id
     at_the_edge = np.zeros_like(inside)
     at_the_edge[tuple(topology.cells(place.id)[:7].T)] = True
     doorway = names.index("doorway")
-    labels = np.where(at_the_edge, np.int16(doorway), lesson.labels)
-    labelled.lesson = replace(lesson, labels=labels)
+    labels = np.where(at_the_edge, np.int16(doorway), relabelling.labels)
+    labelled.relabelling = replace(relabelling, labels=labels)
     column, row = (float(value) + 0.5 for value in topology.cells(place.id)[-1][::-1])
     request = {"kind": "fill", "point": [column, row]}
     labelled.edit({**request, "label": names.index(place.label)})
@@ -92,7 +96,7 @@ def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: Desk) -> Non
     assert labelled.taught is not None
     at = labelled.taught.topology.region_at(*place.anchor_m)
     assert at is not None
-    listed = [check.place.id for check in labelled.taught.unanswered]
+    listed = [check.place.id for check in labelled.taught.open_checks]
     assert at.id not in listed
     assert at.id not in [check["id"] for check in places_record(labelled.taught)["checks"]]
     assert set(listed) < {region.id for region in labelled.taught.topology.regions}
@@ -100,7 +104,7 @@ def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: Desk) -> Non
     np.testing.assert_array_equal(labelled.painting.labels == doorway, inside)
 
 
-def test_teaching_is_off_until_it_is_asked_for(labelled: Desk) -> None:
+def test_teaching_is_off_until_it_is_asked_for(labelled: MapSession) -> None:
     assert labelled.taught is not None and not labelled.learns
     labelled.edit(rectangle(labelled, "corridor", (6, 6), (24, 12)))
     labelled.edit(rectangle(labelled, "room", (27, 6), (45, 12)))
@@ -116,7 +120,7 @@ def test_teaching_is_off_until_it_is_asked_for(labelled: Desk) -> None:
     assert write_export(labelled, "model")
 
 
-def test_a_class_that_the_model_does_not_know_is_learned_all_the_same(labelled: Desk) -> None:
+def test_a_class_that_the_model_does_not_know_is_learned_all_the_same(labelled: MapSession) -> None:
     labelled.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
     labelled.edit(rectangle(labelled, "lab", (6, 6), (24, 24)))
     labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
@@ -125,19 +129,20 @@ def test_a_class_that_the_model_does_not_know_is_learned_all_the_same(labelled: 
     assert "lab" in labelled.taught.label_names
 
 
-def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: Desk) -> None:
+def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: MapSession) -> None:
     assert labelled.changes is None
-    record = state_record(labelled)["lesson"]
+    record = state_record(labelled)["relabelling"]
     first = record["agrees"]
     assert record["changed"] == "" and 0 <= first <= 1
     whole = rectangle(labelled, "corridor", (5, 5), (25, 25))
     labelled.edit({**whole, "stroke": {**whole["stroke"], "points": [[5, 5], [25, 24]]}})
     wait(labelled, 1)
     assert labelled.changes is not None
-    changed, record = labelled.changes.cells, state_record(labelled)["lesson"]
+    changed, record = labelled.changes.cells, state_record(labelled)["relabelling"]
     assert not changed[labelled.painting.labels >= 0].any()
     assert bool(record["changed"]) == (changed.sum() * 0.04 >= 0.5)
-    right = labelled.lesson is not None and labelled.lesson.labels[labelled.grid.free] == 1
+    assert labelled.relabelling is not None
+    right = labelled.relabelling.labels[labelled.grid.free] == 1
     assert record["agrees"] == pytest.approx(np.mean(right))
     tile = labelled.layers.tile(
         "changes", 0, 0, 0, classes=labelled.painting.classes, theme="light"
@@ -145,7 +150,7 @@ def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: Desk) 
     assert tile.startswith(b"\x89PNG")
 
 
-def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: Desk) -> None:
+def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: MapSession) -> None:
     """Both rooms and the door between them as one room; a corner keeps the other class alive."""
     labelled.edit(rectangle(labelled, "room", (5, 5), (46, 25)))
     wait(labelled, 1)
@@ -164,7 +169,7 @@ def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: Desk) -> No
         labelled.edit({"kind": "split", "region": rooms[0]})
 
 
-def test_doorways_without_area_are_not_to_be_checked(labelled: Desk) -> None:
+def test_doorways_without_area_are_not_to_be_checked(labelled: MapSession) -> None:
     assert labelled.taught is not None
     record = places_record(labelled.taught)
     areas = {region.id: region.area_m2 for region in labelled.taught.topology.regions}
@@ -174,7 +179,9 @@ def test_doorways_without_area_are_not_to_be_checked(labelled: Desk) -> None:
     assert rooms and all(check["second_label"] != "doorway" for check in rooms)
 
 
-def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(labelled: Desk) -> None:
+def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(
+    labelled: MapSession,
+) -> None:
     with pytest.raises(InputError, match="'corridor' belongs to the model or to the labels"):
         labelled.edit({"kind": "drop", "index": 0})
     for number, name in enumerate(("lab", "shop"), start=3):
@@ -182,15 +189,15 @@ def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(labell
     labelled.edit(rectangle(labelled, "shop", (6, 6), (24, 24)))
     labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
     wait(labelled, 4)
-    assert labelled.lesson is not None and labelled.lesson.labels[10, 10] == 4
+    assert labelled.relabelling is not None and labelled.relabelling.labels[10, 10] == 4
     labelled.learner.end()
     labelled.edit({"kind": "drop", "index": 3})
-    assert labelled.lesson.labels[10, 10] == 3 and labelled.lesson.labels[10, 30] == 1
-    assert labelled.lesson.class_of.tolist()[-1] == 3
+    assert labelled.relabelling.labels[10, 10] == 3 and labelled.relabelling.labels[10, 30] == 1
+    assert labelled.relabelling.class_of.tolist()[-1] == 3
     colours = [item.colour for item in labelled.painting.classes.items]
     assert len(colours) == 4
     labelled.edit({"kind": "undo"})
-    assert labelled.lesson.labels[10, 10] == 4
+    assert labelled.relabelling.labels[10, 10] == 4
 
 
 def test_what_is_no_doorway_may_be_the_likeliest_of_the_other_classes() -> None:
@@ -204,7 +211,9 @@ def test_what_is_no_doorway_may_be_the_likeliest_of_the_other_classes() -> None:
     assert _second_label(replace(check, place=certain), topology) is None
 
 
-def test_a_place_is_cut_without_a_doorway_and_merging_takes_the_cut_back(labelled: Desk) -> None:
+def test_a_place_is_cut_without_a_doorway_and_merging_takes_the_cut_back(
+    labelled: MapSession,
+) -> None:
     def rooms() -> list[int]:
         assert labelled.taught is not None
         regions = labelled.taught.topology.regions

@@ -8,18 +8,18 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.server import MOST_CONNECTIONS, _Server, serve
-from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.session import MapSession
+from pgm_places.studio.session_pool import SessionPool
 
 PATIENCE_S = 60.0
 
 
 @pytest.fixture
-def address(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def address(session: MapSession, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The address of a studio that waits a fifth of a second for a request."""
     monkeypatch.setattr("pgm_places.studio.server.REQUEST_S", 0.2)
-    monkeypatch.setattr("pgm_places.studio.guard.BODY_S", 0.2)
+    monkeypatch.setattr("pgm_places.studio.request_guard.BODY_S", 0.2)
     monkeypatch.setattr("uvicorn.Server.install_signal_handlers", lambda _: None, raising=False)
     servers: list[_Server] = []
     made = _Server.__init__
@@ -31,7 +31,7 @@ def address(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.setattr(_Server, "__init__", noted)
     told: list[str] = []
     thread = threading.Thread(
-        target=serve, args=(Shelf.of(desk),), kwargs={"on_address": told.append}
+        target=serve, args=(SessionPool.of(session),), kwargs={"on_address": told.append}
     )
     thread.start()
     deadline = time.monotonic() + PATIENCE_S
@@ -97,6 +97,6 @@ def test_connections_beyond_the_bound_are_turned_away(
         each.close()
 
 
-def test_the_port_of_the_last_time_is_used_again(address: str, desk: Desk) -> None:
-    kept = (desk.folder / "port").read_text()
+def test_the_port_of_the_last_time_is_used_again(address: str, session: MapSession) -> None:
+    kept = (session.folder / "port").read_text()
     assert int(kept) == urlsplit(address).port

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.exports import exports_record, write_export
-from pgm_places.studio.shelf import Shelf
+from pgm_places.studio.session import MapSession
+from pgm_places.studio.session_pool import SessionPool
 from tests.studio.conftest import HOST, TOKEN, Client
 from tests.studio.test_exports import paint
 
@@ -71,22 +71,24 @@ def test_the_whole_disk_is_no_working_folder(
 
 
 def test_what_the_studio_was_given_is_never_written_over(
-    desk: Desk, folders: ExportFolders, tmp_path: Path
+    session: MapSession, folders: ExportFolders, tmp_path: Path
 ) -> None:
     truth = tmp_path / "work" / "corrections.png"
     truth.write_bytes(b"drawn in a week")
-    paint(desk, 0, (6, 6), (24, 24))
+    paint(session, 0, (6, 6), (24, 24))
     careful = ExportFolders.started_here([], [truth])
     with pytest.raises(InputError, match=r"corrections\.png is what the studio was started with"):
-        write_export(desk, "corrections", careful, chosen=".", replaced=["corrections.png"])
+        write_export(session, "corrections", careful, chosen=".", replaced=["corrections.png"])
     assert truth.read_bytes() == b"drawn in a week"
     assert not (tmp_path / "work" / "corrections.yaml").exists()
 
 
-def test_only_what_was_seen_is_replaced(desk: Desk, tmp_path: Path, folders: ExportFolders) -> None:
-    paint(desk, 0, (6, 6), (24, 24))
-    shelf = Shelf.of(desk, folders)
-    client = Client(shelf, f"{HOST}/{TOKEN}/", {"origin": HOST})
+def test_only_what_was_seen_is_replaced(
+    session: MapSession, tmp_path: Path, folders: ExportFolders
+) -> None:
+    paint(session, 0, (6, 6), (24, 24))
+    pool = SessionPool.of(session, folders)
+    client = Client(pool, f"{HOST}/{TOKEN}/", {"origin": HOST})
     request = {"what": "corrections", "folder": "../told"}
     theirs = tmp_path / "told" / "corrections.geojson"
     before = '{"type": "FeatureCollection", "features": []}'
@@ -96,22 +98,22 @@ def test_only_what_was_seen_is_replaced(desk: Desk, tmp_path: Path, folders: Exp
     assert "corrections.geojson was written there in the meantime" in refused.json()["problem"]
     assert theirs.read_text() == before
     assert not (tmp_path / "told" / "corrections.png").exists()
-    items = {item["name"]: item for item in exports_record(desk, folders, "../told")["items"]}
+    items = {item["name"]: item for item in exports_record(session, folders, "../told")["items"]}
     assert items["corrections"]["there"] == ["corrections.geojson"]
     answer = client.post("export", json={**request, "replaced": ["corrections.geojson"]})
     assert answer.status_code == 200, answer.text
     assert theirs.read_text() != before
-    assert not (desk.folder / "corrections.png").exists()
+    assert not (session.folder / "corrections.png").exists()
     for folder in ("../secret", "/etc", ".git"):
         assert client.post("export", json={**request, "folder": folder}).status_code == 400
         assert client.get("exports", params={"folder": folder}).status_code == 400
 
 
 def test_a_page_from_elsewhere_cannot_choose_a_folder(
-    desk: Desk, folders: ExportFolders, tmp_path: Path
+    session: MapSession, folders: ExportFolders, tmp_path: Path
 ) -> None:
-    paint(desk, 0, (6, 6), (24, 24))
-    stranger = Client(Shelf.of(desk, folders), HOST, {"origin": "http://evil.example"})
+    paint(session, 0, (6, 6), (24, 24))
+    stranger = Client(SessionPool.of(session, folders), HOST, {"origin": "http://evil.example"})
     request = {"what": "corrections", "folder": "."}
     for path in ("/export", f"/{TOKEN}/export"):
         assert stranger.post(path, json=request).status_code == 403

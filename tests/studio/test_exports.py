@@ -16,8 +16,8 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import read
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
+from pgm_places.studio.session import MapSession
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
 from tests.studio.conftest import two_rooms
@@ -31,15 +31,15 @@ def run(*arguments: object) -> None:
     assert ended.value.code in (None, 0)
 
 
-def paint(desk: Desk, label: int, *corners: tuple[int, int]) -> None:
+def paint(session: MapSession, label: int, *corners: tuple[int, int]) -> None:
     stroke = {"tool": "rectangle", "points": [list(point) for point in corners], "radius": 1}
-    desk.edit({"kind": "stroke", "label": label, "stroke": stroke})
+    session.edit({"kind": "stroke", "label": label, "stroke": stroke})
 
 
-def wait(desk: Desk) -> None:
+def wait(session: MapSession) -> None:
     deadline = time.monotonic() + 300
-    while desk.lesson is None or desk.lesson.revision < desk.painting.revision:
-        assert not desk.learner.state.problem and time.monotonic() < deadline
+    while session.relabelling is None or session.relabelling.revision < session.painting.revision:
+        assert not session.learner.state.problem and time.monotonic() < deadline
         time.sleep(0.02)
 
 
@@ -72,21 +72,21 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
     rules = TopologyOptions() if labeler is None else TopologyOptions(min_area_m2=0.5)
     entered = EnteredOptions() if labeler is None else EnteredOptions(disc_radius_m=0.25)
     loaded = None if labeler is None else LoadedModel(labeler, rules=rules, entered=entered)
-    desk = Desk(source, folder, loaded, model=model)
+    session = MapSession(source, folder, loaded, model=model)
     try:
         if model != "none":
-            desk.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#6d6108"})
-        desk.start()
+            session.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#6d6108"})
+        session.start()
         for label, *corners in painted:
-            paint(desk, label, *corners)
-        wait(desk)
-        assert desk.taught is not None
+            paint(session, label, *corners)
+        wait(session)
+        assert session.taught is not None
         for what in ("training", "model", "labels"):
-            write_export(desk, what)
-        own, names = desk.taught.labels, desk.taught.label_names
-        assert (own != desk.taught.paint.labels).any()
+            write_export(session, what)
+        own, names = session.taught.labels, session.taught.label_names
+        assert (own != session.taught.paint.labels).any()
     finally:
-        desk.close()
+        session.close()
 
     trained, labelled = tmp_path / "trained", tmp_path / "labelled"
     run("train", folder / "train.toml", "--out", trained)
@@ -101,7 +101,7 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
         assert (stored.rules, stored.entered) == (rules, entered)
 
 
-def test_one_class_is_too_little_to_train_without_a_model(desk: Desk) -> None:
-    paint(desk, 0, (6, 6), (24, 24))
+def test_one_class_is_too_little_to_train_without_a_model(session: MapSession) -> None:
+    paint(session, 0, (6, 6), (24, 24))
     with pytest.raises(InputError, match="paint at least two classes"):
-        write_export(desk, "training")
+        write_export(session, "training")

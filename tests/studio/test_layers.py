@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.layers import TILE, GivenLabels, Pyramid, n_levels
+from pgm_places.studio.session import MapSession
 from tests.studio.conftest import Client
 
 
@@ -73,7 +73,7 @@ def test_a_tile_has_the_colours_of_the_map_the_right_way_up(client: Client) -> N
 
 
 def test_paint_has_the_colour_of_its_class_and_nothing_elsewhere(
-    client: Client, desk: Desk
+    client: Client, session: MapSession
 ) -> None:
     stroke = {"tool": "rectangle", "points": [[6, 6], [12, 12]], "radius": 1}
     client.post("edit", json={"kind": "stroke", "label": 1, "stroke": stroke})

@@ -12,7 +12,7 @@ import pytest
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.studio.desk import Desk
+from pgm_places.studio.session import MapSession
 from tests.studio.browser import StudioProcess, launched, studio
 
 SIZE = {"width": 1200, "height": 800}
@@ -97,14 +97,15 @@ def wait_revision(page: Any, revision: int) -> None:
 
 
 def wait_taught(page: Any, revision: int) -> None:
-    until(page, f"studio.state.lesson?.revision >= {revision} && !studio.state.learner.working")
+    labelled = f"studio.state.relabelling?.revision >= {revision}"
+    until(page, f"{labelled} && !studio.state.learner.working")
 
 
 def painted(map_yaml: Path) -> Any:
     """The paint as a new process would read it, after the studio has ended."""
-    desk = Desk(load_map(map_yaml), map_yaml.parent / "kept", None)
-    desk.close()
-    return desk.painting
+    session = MapSession(load_map(map_yaml), map_yaml.parent / "kept", None)
+    session.close()
+    return session.painting
 
 
 def test_paint_undo_and_redo_by_keys(opened: Open, running: StudioProcess, map_yaml: Path) -> None:
@@ -277,7 +278,7 @@ def test_when_the_order_changes_the_next_place_is_the_one_that_has_moved_up(
         page.keyboard.press("r")
         drag(page, first, last)
     wait_taught(page, 4)
-    until(page, "studio.placesVersion === `${studio.state.lesson.number}.4`")
+    until(page, "studio.placesVersion === `${studio.state.relabelling.number}.4`")
     ids = page.evaluate("studio.places.checks.map((check) => check.id)")
     assert len(ids) >= 3
     page.click("#tab-review")
@@ -503,7 +504,7 @@ def test_two_methods_of_a_model_are_compared(opened: Open, map_yaml: Path) -> No
     options = ("--model", "generated", "--out", map_yaml.parent / "kept")
     with studio(map_yaml, *options) as process:
         page = opened(process)
-        until(page, "studio.state.lesson && !studio.state.learner.working")
+        until(page, "studio.state.relabelling && !studio.state.learner.working")
         page.click("#tab-layers")
         page.get_by_label("Compare", exact=True).select_option("Side by side")
         page.get_by_label("Second labelling").select_option("Method relaxation")
@@ -521,7 +522,8 @@ def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
     options = ("--model", "generated", "--out", map_yaml.parent / "kept")
     with studio(map_yaml, "--labels", map_yaml.parent / "truth.png", *options) as process:
         page = opened(process)
-        until(page, "studio.state.lesson && !studio.state.learner.working && studio.placesVersion")
+        idle = "studio.state.relabelling && !studio.state.learner.working"
+        until(page, f"{idle} && studio.placesVersion")
         assert page.evaluate("studio.tab") == "review"
         until(page, "document.getElementById('status').textContent === 'Up to date'")
         assert page.inner_text("#agrees").endswith(" % agree")
@@ -549,7 +551,8 @@ SAYS_THAT_MUCH_CHANGED = """() => {
     const get = studio.server.get.bind(studio.server);
     studio.server.get = async (path, ...more) => {
         const found = await get(path, ...more);
-        if (path === "state" && found.lesson) found.lesson.changed = "25.0 m² became room";
+        const relabelling = path === "state" && found.relabelling;
+        if (relabelling) relabelling.changed = "25.0 m² became room";
         return found;
     };
 }"""

@@ -12,12 +12,12 @@ import pytest
 
 from pgm_places.errors import InputError, OutputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask
+from pgm_places.studio.session import MapSession
 
-Reopen = Callable[[], Desk]
+Reopen = Callable[[], MapSession]
 
 
 def brush(label: int, *points: tuple[float, float], radius: float = 1.0) -> dict[str, object]:
@@ -25,68 +25,70 @@ def brush(label: int, *points: tuple[float, float], radius: float = 1.0) -> dict
     return {"kind": "stroke", "label": label, "stroke": stroke}
 
 
-def reopened(desk: Desk, open_desk: Reopen) -> Desk:
-    desk.close()
-    return open_desk()
+def reopened(session: MapSession, open_session: Reopen) -> MapSession:
+    session.close()
+    return open_session()
 
 
-def test_every_edit_is_there_after_a_restart(desk: Desk, open_desk: Reopen) -> None:
-    desk.edit(brush(0, (10.5, 10.5), (12.5, 14.5)))
-    desk.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
-    desk.edit(brush(3, (30.5, 10.5)))
-    desk.edit({"kind": "undo"})
-    desk.edit({"kind": "version", "name": "first"})
-    again = reopened(desk, open_desk)
-    assert (again.painting.labels == desk.painting.labels).all()
-    assert again.painting.classes == desk.painting.classes
-    assert again.painting.versions == desk.painting.versions
-    assert again.painting.revision == desk.painting.revision == 5
+def test_every_edit_is_there_after_a_restart(session: MapSession, open_session: Reopen) -> None:
+    session.edit(brush(0, (10.5, 10.5), (12.5, 14.5)))
+    session.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
+    session.edit(brush(3, (30.5, 10.5)))
+    session.edit({"kind": "undo"})
+    session.edit({"kind": "version", "name": "first"})
+    again = reopened(session, open_session)
+    assert (again.painting.labels == session.painting.labels).all()
+    assert again.painting.classes == session.painting.classes
+    assert again.painting.versions == session.painting.versions
+    assert again.painting.revision == session.painting.revision == 5
     again.edit({"kind": "redo"})
     assert again.painting.labels[10, 30] == 3
 
 
-def test_undo_goes_back_through_every_edit_and_redo_forth_again(desk: Desk) -> None:
-    seen = [desk.painting.labels.copy()]
+def test_undo_goes_back_through_every_edit_and_redo_forth_again(session: MapSession) -> None:
+    seen = [session.painting.labels.copy()]
     generator = np.random.default_rng(3)
     for _ in range(60):
         x, y = generator.uniform(6, 44), generator.uniform(6, 24)
-        revision = desk.painting.revision
+        revision = session.painting.revision
         try:
-            desk.edit(brush(int(generator.integers(-1, 3)), (x, y), radius=3))
+            session.edit(brush(int(generator.integers(-1, 3)), (x, y), radius=3))
         except InputError:
             continue
-        if desk.painting.revision > revision:
-            seen.append(desk.painting.labels.copy())
+        if session.painting.revision > revision:
+            seen.append(session.painting.labels.copy())
     for expected in reversed(seen[:-1]):
-        desk.edit({"kind": "undo"})
-        assert (desk.painting.labels == expected).all()
+        session.edit({"kind": "undo"})
+        assert (session.painting.labels == expected).all()
     with pytest.raises(InputError, match="nothing to undo"):
-        desk.edit({"kind": "undo"})
+        session.edit({"kind": "undo"})
     for expected in seen[1:]:
-        desk.edit({"kind": "redo"})
-        assert (desk.painting.labels == expected).all()
+        session.edit({"kind": "redo"})
+        assert (session.painting.labels == expected).all()
 
 
-def test_a_new_edit_ends_redo(desk: Desk) -> None:
-    desk.edit(brush(0, (10, 10)))
-    desk.edit({"kind": "undo"})
-    desk.edit(brush(1, (10, 10)))
+def test_a_new_edit_ends_redo(session: MapSession) -> None:
+    session.edit(brush(0, (10, 10)))
+    session.edit({"kind": "undo"})
+    session.edit(brush(1, (10, 10)))
     with pytest.raises(InputError, match="nothing to redo"):
-        desk.edit({"kind": "redo"})
+        session.edit({"kind": "redo"})
 
 
-def test_a_version_can_be_gone_back_to_and_that_undone(desk: Desk, open_desk: Reopen) -> None:
-    desk.edit(brush(0, (10, 10), radius=3))
-    desk.edit({"kind": "version", "name": "good"})
-    then, revision = desk.painting.labels.copy(), desk.painting.versions[0].revision
-    desk.edit(brush(1, (10, 10), (30, 12), radius=4))
-    later = desk.painting.labels.copy()
-    desk.edit({"kind": "restore", "revision": revision})
-    assert (desk.painting.labels == then).all()
-    desk.edit({"kind": "undo"})
-    assert (desk.painting.labels == later).all()
-    desk.edit({"kind": "redo"})
-    assert (reopened(desk, open_desk).painting.labels == then).all()
+def test_a_version_can_be_gone_back_to_and_that_undone(
+    session: MapSession, open_session: Reopen
+) -> None:
+    session.edit(brush(0, (10, 10), radius=3))
+    session.edit({"kind": "version", "name": "good"})
+    then, revision = session.painting.labels.copy(), session.painting.versions[0].revision
+    session.edit(brush(1, (10, 10), (30, 12), radius=4))
+    later = session.painting.labels.copy()
+    session.edit({"kind": "restore", "revision": revision})
+    assert (session.painting.labels == then).all()
+    session.edit({"kind": "undo"})
+    assert (session.painting.labels == later).all()
+    session.edit({"kind": "redo"})
+    assert (reopened(session, open_session).painting.labels == then).all()
 
 
 @contextmanager
@@ -135,10 +137,10 @@ def test_going_back_takes_as_long_however_often_it_was_done_before(tmp_path: Pat
     again.journal.close()
 
 
-def test_every_version_is_gone_back_to_as_it_was(desk: Desk, open_desk: Reopen) -> None:
+def test_every_version_is_gone_back_to_as_it_was(session: MapSession, open_session: Reopen) -> None:
     generator = np.random.default_rng(8)
     kept: dict[int, tuple[np.ndarray, object, object]] = {}
-    painting = desk.painting
+    painting = session.painting
     for number in range(80):
         kind = generator.choice(["paint", "undo", "redo", "class", "name", "version", "restore"])
         if kind == "paint":
@@ -161,7 +163,7 @@ def test_every_version_is_gone_back_to_as_it_was(desk: Desk, open_desk: Reopen) 
         elif (kind == "undo" and painting.can_undo) or (kind == "redo" and painting.can_redo):
             getattr(painting, kind)()
     assert len(kept) > 5
-    again = reopened(desk, open_desk).painting
+    again = reopened(session, open_session).painting
     assert (again.labels == painting.labels).all()
     assert (again.classes, again.names) == (painting.classes, painting.names)
 
@@ -209,58 +211,58 @@ def test_an_edit_takes_memory_for_its_runs_and_not_for_each_cell(tmp_path: Path)
 
 
 def test_a_line_torn_by_a_kill_is_dropped_and_all_before_it_kept(
-    desk: Desk, open_desk: Reopen
+    session: MapSession, open_session: Reopen
 ) -> None:
-    desk.edit(brush(0, (10, 10)))
-    labels = desk.painting.labels.copy()
-    desk.edit(brush(1, (30, 12)))
-    path = desk.painting.journal.path
-    desk.close()
+    session.edit(brush(0, (10, 10)))
+    labels = session.painting.labels.copy()
+    session.edit(brush(1, (30, 12)))
+    path = session.painting.journal.path
+    session.close()
     path.write_bytes(path.read_bytes()[:-5])
-    again = open_desk()
+    again = open_session()
     assert (again.painting.labels == labels).all()
     again.edit(brush(2, (30, 12)))
-    assert (reopened(again, open_desk).painting.labels == again.painting.labels).all()
+    assert (reopened(again, open_session).painting.labels == again.painting.labels).all()
 
 
-def test_a_damaged_line_is_named(desk: Desk, open_desk: Reopen) -> None:
-    desk.edit(brush(0, (10, 10)))
-    path = desk.painting.journal.path
-    desk.close()
+def test_a_damaged_line_is_named(session: MapSession, open_session: Reopen) -> None:
+    session.edit(brush(0, (10, 10)))
+    path = session.painting.journal.path
+    session.close()
     lines = path.read_text().splitlines()
     path.write_text("\n".join([*lines, '{"op":"paint","label":9,"runs":[1,1,1]}', ""]))
     with pytest.raises(InputError, match=r"journal\.jsonl: line 3 is damaged"):
-        open_desk()
+        open_session()
     path.write_text("\n".join([*lines, "what?", ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged; restore"):
-        open_desk()
+        open_session()
     huge = '{"op":"paint","label":0,"runs":[1,1,' + "9" * 30 + "]}"
     path.write_text("\n".join([*lines, huge, ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged \(Python int too large"):
-        open_desk()
+        open_session()
     later = '{"op":"restore","revision":3}'
     path.write_text("\n".join([*lines, later, ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged \(no revision 3\)"):
-        open_desk()
+        open_session()
     unknown = '{"op":"' + "\\u001b" * 3000 + '"}'
     path.write_text("\n".join([*lines, unknown, ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged \(unknown edit") as caught:
-        open_desk()
+        open_session()
     assert len(str(caught.value)) < 2000 and str(caught.value).isprintable()
 
 
-def test_two_studios_do_not_share_a_folder(desk: Desk, open_desk: Reopen) -> None:
+def test_two_studios_do_not_share_a_folder(session: MapSession, open_session: Reopen) -> None:
     with pytest.raises(OutputError, match="open in another studio"):
-        open_desk()
+        open_session()
 
 
-def test_a_journal_that_others_wrote_to_is_not_written_to(desk: Desk) -> None:
-    path = desk.painting.journal.path
+def test_a_journal_that_others_wrote_to_is_not_written_to(session: MapSession) -> None:
+    path = session.painting.journal.path
     with path.open("a") as file:
         file.write("x\n")
     with pytest.raises(OutputError, match="changed by another program"):
-        desk.edit(brush(0, (10, 10)))
-    assert desk.painting.n_painted == 0
+        session.edit(brush(0, (10, 10)))
+    assert session.painting.n_painted == 0
 
 
 def test_another_map_is_refused(tmp_path: Path) -> None:
@@ -269,9 +271,9 @@ def test_another_map_is_refused(tmp_path: Path) -> None:
         Journal(tmp_path / "j", {"map": "two"})
 
 
-def test_the_journal_is_plain_json(desk: Desk) -> None:
-    desk.edit(brush(0, (10.5, 10.5), radius=0))
-    lines = desk.painting.journal.path.read_text().splitlines()
+def test_the_journal_is_plain_json(session: MapSession) -> None:
+    session.edit(brush(0, (10.5, 10.5), radius=0))
+    lines = session.painting.journal.path.read_text().splitlines()
     assert json.loads(lines[1]) == {"op": "paint", "label": 0, "runs": [10, 10, 1]}
 
 
@@ -301,43 +303,43 @@ def test_the_journal_is_plain_json(desk: Desk) -> None:
     ],
 )
 def test_what_cannot_be_done_changes_nothing(
-    desk: Desk, request_: dict[str, object], words: str
+    session: MapSession, request_: dict[str, object], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        desk.edit(request_)
-    assert desk.painting.revision == 0
-    assert desk.painting.journal.path.read_text().count("\n") == 1
+        session.edit(request_)
+    assert session.painting.revision == 0
+    assert session.painting.journal.path.read_text().count("\n") == 1
 
 
-def test_only_free_cells_are_painted(desk: Desk) -> None:
-    desk.edit(brush(1, (2, 2), (48, 28), radius=12))
-    painted = desk.painting.labels >= 0
-    assert painted.any() and (desk.grid.cells[painted] == FREE).all()
+def test_only_free_cells_are_painted(session: MapSession) -> None:
+    session.edit(brush(1, (2, 2), (48, 28), radius=12))
+    painted = session.painting.labels >= 0
+    assert painted.any() and (session.grid.cells[painted] == FREE).all()
 
 
-def test_without_places_a_fill_covers_what_is_connected(desk: Desk) -> None:
+def test_without_places_a_fill_covers_what_is_connected(session: MapSession) -> None:
     door = {"tool": "doorway", "points": [[25.5, 14.2], [25.5, 15.8]], "radius": 0.5}
-    desk.edit({"kind": "stroke", "label": 2, "stroke": door})
-    assert (desk.painting.labels[13:17, 25] == 2).all()  # from wall to wall
-    desk.edit({"kind": "fill", "label": 1, "point": [10.5, 10.5]})
-    assert (desk.painting.labels[5:25, 5:25] == 1).all()
-    assert (desk.painting.labels[5:25, 26:46] == -1).all()
+    session.edit({"kind": "stroke", "label": 2, "stroke": door})
+    assert (session.painting.labels[13:17, 25] == 2).all()  # from wall to wall
+    session.edit({"kind": "fill", "label": 1, "point": [10.5, 10.5]})
+    assert (session.painting.labels[5:25, 5:25] == 1).all()
+    assert (session.painting.labels[5:25, 26:46] == -1).all()
 
 
 def test_a_deleted_class_takes_its_paint_along_and_comes_back(
-    desk: Desk, open_desk: Reopen
+    session: MapSession, open_session: Reopen
 ) -> None:
     for number, name in enumerate(("lab", "shop"), start=3):
-        desk.edit({"kind": "class", "index": number, "name": name, "colour": "#112233"})
-    desk.edit(brush(3, (10.5, 10.5)))
-    desk.edit(brush(4, (30.5, 10.5)))
-    before = desk.painting.labels.copy()
-    desk.edit({"kind": "drop", "index": 3})
-    assert desk.painting.classes.names == ("corridor", "room", "doorway", "shop")
-    assert desk.painting.labels[10, 10] == -1 and desk.painting.labels[10, 30] == 3
-    again = reopened(desk, open_desk)
-    assert again.painting.classes == desk.painting.classes
-    assert (again.painting.labels == desk.painting.labels).all()
+        session.edit({"kind": "class", "index": number, "name": name, "colour": "#112233"})
+    session.edit(brush(3, (10.5, 10.5)))
+    session.edit(brush(4, (30.5, 10.5)))
+    before = session.painting.labels.copy()
+    session.edit({"kind": "drop", "index": 3})
+    assert session.painting.classes.names == ("corridor", "room", "doorway", "shop")
+    assert session.painting.labels[10, 10] == -1 and session.painting.labels[10, 30] == 3
+    again = reopened(session, open_session)
+    assert again.painting.classes == session.painting.classes
+    assert (again.painting.labels == session.painting.labels).all()
     again.edit({"kind": "undo"})
     assert again.painting.classes.names[3:] == ("lab", "shop")
     assert (again.painting.labels == before).all()

@@ -16,26 +16,28 @@ from pgm_places.io.places.export_record import recorded_exports
 from pgm_places.io.places.topology_files import load_named_topology, save_topology
 from pgm_places.labelling.files import write_labels
 from pgm_places.labelling.places import places_of
-from pgm_places.studio.desk import Desk
 from pgm_places.studio.export_folders import ExportFolders
 from pgm_places.studio.exports import EXPORTS, edit_with_exports, exports_record, write_export
 from pgm_places.studio.records import state_record
+from pgm_places.studio.session import MapSession
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.place_ids import PlaceIds
 from tests.quick_labeler import places
 
-Open = Callable[[], Desk]
+Open = Callable[[], MapSession]
 
 
 @pytest.fixture
 def studio(map_yaml: Path) -> Iterator[Open]:
-    """Opens the map with a model and labels it; the desk before is closed."""
-    made: list[Desk] = []
+    """Opens the map with a model and labels it; the session before is closed."""
+    made: list[MapSession] = []
 
-    def opened() -> Desk:
+    def opened() -> MapSession:
         if made:
             made[-1].close()
-        made.append(Desk(load_map(map_yaml), map_yaml.parent / "kept", places(), model="quick"))
+        made.append(
+            MapSession(load_map(map_yaml), map_yaml.parent / "kept", places(), model="quick")
+        )
         made[-1].start()
         wait(made[-1])
         return made[-1]
@@ -44,69 +46,71 @@ def studio(map_yaml: Path) -> Iterator[Open]:
     made[-1].close()
 
 
-def wait(desk: Desk) -> None:
+def wait(session: MapSession) -> None:
     """Wait until the newest labels follow the painting."""
     deadline = time.monotonic() + 300
-    while desk.lesson is None or desk.learner.state.working or desk.learner._waiting:
-        assert not desk.learner.state.problem and time.monotonic() < deadline
+    while session.relabelling is None or session.learner.state.working or session.learner._waiting:
+        assert not session.learner.state.problem and time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def paint(desk: Desk, label: str, *corners: tuple[float, float], tool: str = "rectangle") -> None:
+def paint(
+    session: MapSession, label: str, *corners: tuple[float, float], tool: str = "rectangle"
+) -> None:
     stroke = {"tool": tool, "points": [list(corner) for corner in corners], "radius": 1}
-    number = desk.painting.classes.names.index(label)
-    desk.edit({"kind": "stroke", "label": number, "stroke": stroke})
-    wait(desk)
+    number = session.painting.classes.names.index(label)
+    session.edit({"kind": "stroke", "label": number, "stroke": stroke})
+    wait(session)
 
 
-def numbered(desk: Desk) -> list[tuple[int, str, tuple[float, float]]]:
-    return [(item.id, item.name, item.anchor_m) for item in desk.answer.topology.regions]
+def numbered(session: MapSession) -> list[tuple[int, str, tuple[float, float]]]:
+    return [(item.id, item.name, item.anchor_m) for item in session.answer.topology.regions]
 
 
-def taught(desk: Desk) -> None:
+def taught(session: MapSession) -> None:
     """Teach, part a room by a doorway and join it again, and name a place."""
-    paint(desk, "room", (6, 6), (24, 24))
-    paint(desk, "corridor", (27, 6), (45, 24))
-    paint(desk, "doorway", (15, 5.5), (15, 24.5), tool="doorway")
-    desk.edit({"kind": "undo"})
-    desk.edit({"kind": "learn", "on": True})
-    wait(desk)
-    paint(desk, "doorway", (36, 5.5), (36, 24.5), tool="doorway")
-    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    paint(session, "room", (6, 6), (24, 24))
+    paint(session, "corridor", (27, 6), (45, 24))
+    paint(session, "doorway", (15, 5.5), (15, 24.5), tool="doorway")
+    session.edit({"kind": "undo"})
+    session.edit({"kind": "learn", "on": True})
+    wait(session)
+    paint(session, "doorway", (36, 5.5), (36, 24.5), tool="doorway")
+    session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
 
 
 def test_labels_teaching_and_ids_are_those_from_before(studio: Open) -> None:
-    desk = studio()
-    taught(desk)
-    before, names = desk.answer, numbered(desk)
-    assert before.labeler is not desk.labeler and "kitchen" in [name for _, name, _ in names]
+    session = studio()
+    taught(session)
+    before, names = session.answer, numbered(session)
+    assert before.labeler is not session.labeler and "kitchen" in [name for _, name, _ in names]
     assert [number for number, _, _ in names] != list(range(1, len(names) + 1))
-    desk = studio()
-    assert desk.learns and desk.answer.labeler is not desk.labeler
-    np.testing.assert_array_equal(desk.answer.labels, before.labels)
-    beliefs = (desk.answer.labelled.labeling.beliefs, before.labelled.labeling.beliefs)
+    session = studio()
+    assert session.learns and session.answer.labeler is not session.labeler
+    np.testing.assert_array_equal(session.answer.labels, before.labels)
+    beliefs = (session.answer.labelled.labeling.beliefs, before.labelled.labeling.beliefs)
     assert beliefs[0] is not None and beliefs[1] is not None
     assert beliefs[0].tobytes() == beliefs[1].tobytes()
-    np.testing.assert_array_equal(desk.answer.topology.region, before.topology.region)
-    assert numbered(desk) == names
+    np.testing.assert_array_equal(session.answer.topology.region, before.topology.region)
+    assert numbered(session) == names
 
 
 def test_teaching_can_be_undone_and_belongs_to_versions(studio: Open) -> None:
-    desk = studio()
-    paint(desk, "room", (6, 6), (24, 24))
-    desk.edit({"kind": "version", "name": "not taught"})
-    revision = desk.painting.versions[0].revision
-    desk.edit({"kind": "learn", "on": True})
-    assert desk.learns
-    desk.edit({"kind": "undo"})
-    assert not desk.learns
-    desk.edit({"kind": "redo"})
-    assert desk.learns
-    desk.edit({"kind": "restore", "revision": revision})
-    assert not desk.learns
-    desk.edit({"kind": "undo"})
-    wait(desk)
-    assert desk.learns and desk.answer.labeler is not desk.labeler
+    session = studio()
+    paint(session, "room", (6, 6), (24, 24))
+    session.edit({"kind": "version", "name": "not taught"})
+    revision = session.painting.versions[0].revision
+    session.edit({"kind": "learn", "on": True})
+    assert session.learns
+    session.edit({"kind": "undo"})
+    assert not session.learns
+    session.edit({"kind": "redo"})
+    assert session.learns
+    session.edit({"kind": "restore", "revision": revision})
+    assert not session.learns
+    session.edit({"kind": "undo"})
+    wait(session)
+    assert session.learns and session.answer.labeler is not session.labeler
 
 
 def edit_origin(map_yaml: Path) -> None:
@@ -118,79 +122,79 @@ def edit_origin(map_yaml: Path) -> None:
 def test_an_edited_origin_is_said_and_keeps_paint_names_and_ids(
     studio: Open, map_yaml: Path
 ) -> None:
-    desk = studio()
-    taught(desk)
-    labels, before = desk.answer.labels, numbered(desk)
+    session = studio()
+    taught(session)
+    labels, before = session.answer.labels, numbered(session)
     edit_origin(map_yaml)
-    desk = studio()
-    np.testing.assert_array_equal(desk.answer.labels, labels)
-    after = numbered(desk)
+    session = studio()
+    np.testing.assert_array_equal(session.answer.labels, labels)
+    after = numbered(session)
     assert [(number, name) for number, name, _ in after] == [(n, name) for n, name, _ in before]
     for (*_, one), (*_, other) in zip(before, after, strict=True):
         assert np.subtract(other, one).tolist() == pytest.approx([100.0, 50.0])
-    notices = " ".join(state_record(desk)["notices"])
+    notices = " ".join(state_record(session)["notices"])
     assert "The origin of the map was (1, -2) m, 0 rad" in notices
     assert "is (101, 48) m, 0 rad now; they keep their ids." in notices
     assert not studio().ids_notice
 
 
-def older(desk: Desk) -> set[str]:
-    items = exports_record(desk, ExportFolders.started_here())["items"]
+def older(session: MapSession) -> set[str]:
+    items = exports_record(session, ExportFolders.started_here())["items"]
     return {item["name"] for item in items if item["older"]}
 
 
 def test_an_export_is_up_to_date_while_it_would_be_written_the_same(studio: Open) -> None:
-    desk = studio()
-    paint(desk, "room", (6, 6), (24, 24))
-    paint(desk, "corridor", (27, 6), (45, 24))
-    desk.edit({"kind": "learn", "on": True})
-    wait(desk)
+    session = studio()
+    paint(session, "room", (6, 6), (24, 24))
+    paint(session, "corridor", (27, 6), (45, 24))
+    session.edit({"kind": "learn", "on": True})
+    wait(session)
     for what in ("labels", "corrections", "places", "nav2", "model", "training"):
-        write_export(desk, what)
-    assert older(desk) == set()
-    desk.edit({"kind": "version", "name": "v"})  # the journal is newer, what it says is not
-    assert older(desk) == set()
-    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
-    assert older(desk) == {"places", "nav2"}
-    desk.edit({"kind": "undo"})
-    assert older(desk) == set()
-    desk.edit({"kind": "learn", "on": False})
-    assert older(desk) == {"labels", "places", "nav2", "model"}
-    desk.edit({"kind": "undo"})
-    paint(desk, "corridor", (27, 6), (30, 9))  # as it is already
-    assert older(desk) == set()
-    paint(desk, "room", (27, 6), (30, 9))
-    assert older(desk) == {"labels", "corrections", "places", "nav2", "model", "training"}
-    desk.edit({"kind": "undo"})
-    desk = studio()
-    assert older(desk) == set()
-    path = desk.folder / "labels.yaml"
+        write_export(session, what)
+    assert older(session) == set()
+    session.edit({"kind": "version", "name": "v"})  # the journal is newer, what it says is not
+    assert older(session) == set()
+    session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    assert older(session) == {"places", "nav2"}
+    session.edit({"kind": "undo"})
+    assert older(session) == set()
+    session.edit({"kind": "learn", "on": False})
+    assert older(session) == {"labels", "places", "nav2", "model"}
+    session.edit({"kind": "undo"})
+    paint(session, "corridor", (27, 6), (30, 9))  # as it is already
+    assert older(session) == set()
+    paint(session, "room", (27, 6), (30, 9))
+    assert older(session) == {"labels", "corrections", "places", "nav2", "model", "training"}
+    session.edit({"kind": "undo"})
+    session = studio()
+    assert older(session) == set()
+    path = session.folder / "labels.yaml"
     path.write_text(path.read_text() + "# edited\n")
-    assert older(desk) == {"labels"}
+    assert older(session) == {"labels"}
 
 
 def test_an_export_while_the_labels_are_those_of_earlier_paint_is_out_of_date(studio: Open) -> None:
-    desk = studio()
-    paint(desk, "room", (6, 6), (24, 24))
-    desk.learner.ask = lambda question: None  # type: ignore[method-assign]  # it is busy
+    session = studio()
+    paint(session, "room", (6, 6), (24, 24))
+    session.learner.ask = lambda question: None  # type: ignore[method-assign]  # it is busy
     stroke = {"tool": "rectangle", "points": [[27, 6], [45, 24]], "radius": 1}
-    desk.edit({"kind": "stroke", "label": 0, "stroke": stroke})
-    write_export(desk, "labels")
-    write_export(desk, "corrections")
-    assert older(desk) == {"labels"}
+    session.edit({"kind": "stroke", "label": 0, "stroke": stroke})
+    write_export(session, "labels")
+    write_export(session, "corrections")
+    assert older(session) == {"labels"}
 
 
 def test_a_folder_with_places_keeps_its_ids_and_names(studio: Open, tmp_path: Path) -> None:
-    desk, folder = studio(), tmp_path / "labelled"
+    session, folder = studio(), tmp_path / "labelled"
     folder.mkdir()
     ids = PlaceIds()
     ids.next_id = 40
-    earlier = places_of(desk.answer.labelled.cells, desk.rules, ids=ids)
+    earlier = places_of(session.answer.labelled.cells, session.rules, ids=ids)
     save_topology(folder, renamed(earlier, {40: "lab"}))
     (folder / "place_names.yaml").write_text("41: store\n")
     there = ExportFolders(tmp_path)
     for _ in range(2):
-        write_export(desk, "places", there, chosen="labelled")
+        write_export(session, "places", there, chosen="labelled")
         found = load_named_topology(folder)
         np.testing.assert_array_equal(found.region, earlier.region)
         assert (found.place(40).name, found.place(41).name) == ("lab", "store")
@@ -198,87 +202,87 @@ def test_a_folder_with_places_keeps_its_ids_and_names(studio: Open, tmp_path: Pa
 
 
 def test_a_name_that_was_taken_back_is_not_in_the_next_export(studio: Open) -> None:
-    desk = studio()
-    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
-    write_export(desk, "places")
-    assert "kitchen" in (desk.folder / "place_names.yaml").read_text()
-    desk.edit({"kind": "undo"})
-    write_export(desk, "places")
-    assert not (desk.folder / "place_names.yaml").exists()
-    assert "kitchen" not in [item.name for item in load_named_topology(desk.folder).regions]
+    session = studio()
+    session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    write_export(session, "places")
+    assert "kitchen" in (session.folder / "place_names.yaml").read_text()
+    session.edit({"kind": "undo"})
+    write_export(session, "places")
+    assert not (session.folder / "place_names.yaml").exists()
+    assert "kitchen" not in [item.name for item in load_named_topology(session.folder).regions]
 
 
 @pytest.mark.parametrize("at", [(15.0, 8.0), (10.0, 15.0)])
 def test_filling_never_removes_a_doorway_that_was_drawn(
     studio: Open, at: tuple[float, float]
 ) -> None:
-    desk = studio()
-    paint(desk, "doorway", (15, 5.5), (15, 24.5), tool="doorway")
-    names = desk.painting.classes.names
-    drawn = desk.painting.labels == names.index("doorway")
+    session = studio()
+    paint(session, "doorway", (15, 5.5), (15, 24.5), tool="doorway")
+    names = session.painting.classes.names
+    drawn = session.painting.labels == names.index("doorway")
     assert drawn.any()
     fill: dict[str, Any] = {"kind": "fill", "label": names.index("room"), "point": list(at)}
     try:
-        desk.edit(fill)
+        session.edit(fill)
     except InputError as error:
         assert str(error) == "a doorway was drawn there; erase it to remove it"
         assert at[0] == 15.0
-    assert (desk.painting.labels[drawn] == names.index("doorway")).all()
+    assert (session.painting.labels[drawn] == names.index("doorway")).all()
     if at[0] == 15.0:
-        desk.edit({**fill, "label": -1})
-        assert not (desk.painting.labels[drawn] == names.index("doorway")).any()
+        session.edit({**fill, "label": -1})
+        assert not (session.painting.labels[drawn] == names.index("doorway")).any()
 
 
 def test_a_new_name_is_in_all_exports_at_once_or_in_none(studio: Open) -> None:
-    desk = studio()
+    session = studio()
     for what in ("places", "nav2"):
-        write_export(desk, what)
+        write_export(session, what)
     request = {"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"}
-    edit_with_exports(desk, request)
-    assert older(desk) == set()
+    edit_with_exports(session, request)
+    assert older(session) == set()
     files = ("places.json", "regions.geojson", "place_names.yaml", "nav2_route.geojson")
-    assert all("kitchen" in (desk.folder / name).read_text() for name in files)
-    (desk.folder / "zones.png").unlink()
-    (desk.folder / "zones.png").mkdir()  # so that it is out of date, and not written again
-    edit_with_exports(desk, {**request, "name": "lab"})
-    assert "lab" in (desk.folder / "places.json").read_text()
-    assert "kitchen" in (desk.folder / "nav2_route.geojson").read_text()
-    assert older(desk) == {"nav2"}
+    assert all("kitchen" in (session.folder / name).read_text() for name in files)
+    (session.folder / "zones.png").unlink()
+    (session.folder / "zones.png").mkdir()  # so that it is out of date, and not written again
+    edit_with_exports(session, {**request, "name": "lab"})
+    assert "lab" in (session.folder / "places.json").read_text()
+    assert "kitchen" in (session.folder / "nav2_route.geojson").read_text()
+    assert older(session) == {"nav2"}
 
 
 def test_a_new_name_that_one_export_cannot_write_is_in_none(
     studio: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk = studio()
+    session = studio()
     for what in ("places", "nav2"):
-        write_export(desk, what)
-    files = {path: path.read_bytes() for path in desk.folder.glob("*.*json")}
+        write_export(session, what)
+    files = {path: path.read_bytes() for path in session.folder.glob("*.*json")}
 
     def fails(*_: object) -> list[Path]:
         raise OutputError("no space left")
 
     monkeypatch.setitem(EXPORTS, "nav2", replace(EXPORTS["nav2"], write=fails))
     with pytest.raises(OutputError, match="no space left"):
-        edit_with_exports(desk, {"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+        edit_with_exports(session, {"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
     changed = {path.name for path, text in files.items() if path.read_bytes() != text}
     assert changed <= {"exports.json"}
-    assert older(desk) == {"places", "nav2"}
+    assert older(session) == {"places", "nav2"}
 
 
 @pytest.mark.parametrize("what", ["places", "training", "labels"])
 def test_an_export_that_fails_changes_no_file(
     studio: Open, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    desk = studio()
-    paint(desk, "room", (6, 6), (24, 24))
-    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
-    write_export(desk, what)
+    session = studio()
+    paint(session, "room", (6, 6), (24, 24))
+    session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    write_export(session, what)
     if what == "places":
-        desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": ""})
-    paint(desk, "corridor", (27, 6), (45, 24))
+        session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": ""})
+    paint(session, "corridor", (27, 6), (45, 24))
 
     def files() -> dict[Path, bytes]:
-        found = (path for path in desk.folder.rglob("*") if path.is_file())
+        found = (path for path in session.folder.rglob("*") if path.is_file())
         return {path: path.read_bytes() for path in found}
 
     before, write = files(), EXPORTS[what].write
@@ -289,28 +293,28 @@ def test_an_export_that_fails_changes_no_file(
 
     monkeypatch.setitem(EXPORTS, what, replace(EXPORTS[what], write=fails))
     with pytest.raises(OutputError, match="no space left"):
-        write_export(desk, what)
+        write_export(session, what)
     assert files() == before
 
 
 def test_a_rename_by_the_command_line_makes_the_exports_of_the_studio_again(studio: Open) -> None:
-    desk = studio()
-    desk.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
+    session = studio()
+    session.edit({"kind": "rename", "point_m": [2.8, -0.4], "name": "kitchen"})
     for what in ("places", "nav2"):
-        write_export(desk, what)
-    assert [item.to for item in recorded_exports(desk.folder)] == ["nav2-route", "zones"]
-    rename(desk.folder, "kitchen", "workshop")
+        write_export(session, what)
+    assert [item.to for item in recorded_exports(session.folder)] == ["nav2-route", "zones"]
+    rename(session.folder, "kitchen", "workshop")
     for name in ("places.json", "nav2_route.geojson"):
-        text = (desk.folder / name).read_text()
+        text = (session.folder / name).read_text()
         assert "workshop" in text and "kitchen" not in text
 
 
 def test_the_labels_of_the_studio_come_with_probabilities_and_an_overview(
     studio: Open, tmp_path: Path
 ) -> None:
-    desk = studio()
-    written = write_export(desk, "labels")
-    found = write_labels(desk.answer.labelled, desk.source, tmp_path / "same")
+    session = studio()
+    written = write_export(session, "labels")
+    found = write_labels(session.answer.labelled, session.source, tmp_path / "same")
     assert [path.name for path in written] == [path.name for path in found]
     assert {"overview.png", "probability_room.png"} <= {path.name for path in written}
     assert [path.read_bytes() for path in written] == [path.read_bytes() for path in found]

@@ -12,17 +12,17 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.teaching.explanation import explain_cell, explain_region
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
+from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.reasons import CellExplanation
-from pgm_places.teaching.taught import Taught
-from pgm_places.teaching.teacher import Teacher
 from pgm_places.trained import trained_labeler
 
 MADE = generate_building(4, size="small", resolution_m=0.05)
 
 
 @cache
-def taught() -> Taught:
-    teacher = Teacher(MADE.grid, trained_labeler())
+def taught() -> InteractiveResult:
+    teacher = InteractiveLabeler(MADE.grid, trained_labeler())
     return teacher.teach(teacher.blank().with_cells([[30, 30]], None))
 
 
@@ -113,7 +113,7 @@ def test_where_the_graph_changes_a_label_neighbours_pull_to_it() -> None:
 
 def test_painted_cells_say_so_and_on_a_turned_map_too() -> None:
     turned = OccupancyGrid(MADE.grid.cells, 0.05, (3.0, -2.0), 0.7)
-    teacher = Teacher(turned, trained_labeler())
+    teacher = InteractiveLabeler(turned, trained_labeler())
     cell = np.argwhere(MADE.grid.free)[500]
     found = teacher.label(teacher.blank().with_cells([cell], "doorway"))
     x, y = turned.cell_centres_m([cell])[0].tolist()
@@ -139,7 +139,7 @@ def test_a_labeler_of_scans_only() -> None:
     methods = ["independent"]
     labeler = PlaceLabeler(names, methods, classifier=classifier, space=None, unary="laser")
     labeler.fit([LabelledMap(MADE.grid, MADE.labels)])
-    teacher = Teacher(MADE.grid, labeler)
+    teacher = InteractiveLabeler(MADE.grid, labeler)
     found = teacher.label(teacher.blank())
     [(x, y)] = positions(1)
     why = explain_cell(found, x, y)

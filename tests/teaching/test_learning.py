@@ -11,9 +11,9 @@ from pgm_places import trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.models.further_boosting import Examples
 from pgm_places.teaching import learning
-from pgm_places.teaching.lesson import Lesson, learned_further
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
-from pgm_places.teaching.teacher import Teacher
+from pgm_places.teaching.training_selection import CellSelection, learned_further
 
 NAMES = ("corridor", "room", "doorway")
 CORRIDOR, ROOM, HALL, SHOWN = 0, 1, 3, 4
@@ -32,13 +32,13 @@ class StubList:
 def labels_with_halls(labels: list[int]) -> list[int]:
     """What cells are taught as, the list taking every second one for a hall."""
     nodes = np.arange(10, 10 + len(labels))
-    lesson = Lesson(nodes, np.array(labels), np.array([0, 1]))
+    selection = CellSelection(nodes, np.array(labels), np.array([0, 1]))
     looks = np.zeros((len(nodes) + 2, 2), np.float32)
     looks[2::2, 0] = 1.0
     looks[3::2, 1] = 1.0
-    rows = learning._Rows(lesson, looks)
+    rows = learning._Rows(selection, looks)
     fitted: Any = StubList()
-    return rows.with_halls(fitted, HALL, SHOWN, CORRIDOR).lesson.labels.tolist()
+    return rows.with_halls(fitted, HALL, SHOWN, CORRIDOR).selection.labels.tolist()
 
 
 def test_painted_corridors_that_look_like_halls_are_taught_as_halls() -> None:
@@ -60,7 +60,7 @@ def test_new_classes_come_after_halls() -> None:
 
 def test_gates_of_both_kinds_weigh_the_same_together(monkeypatch: pytest.MonkeyPatch) -> None:
     building = generate_building(4, size="small", resolution_m=0.1)
-    teacher = Teacher(building.grid, trained_labeler("generated"))
+    teacher = InteractiveLabeler(building.grid, trained_labeler("generated"))
     taught: list[Examples] = []
 
     def watched(fitted: Any, examples: Examples, *more: Any) -> Any:

@@ -7,8 +7,8 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.cuts import line_width_m, runs_between
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.hidden_rooms import HiddenRooms, propose_splits
 from pgm_places.topology.place_edits import split_at
+from pgm_places.topology.split_candidates import SplitCandidate, propose_splits
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import gated_floor_map, gates_of
 
@@ -27,7 +27,7 @@ def two_rooms(doors: int, *, shift: int = 0) -> TopologicalMap:
     return topological_map(OccupancyGrid(cells, 0.1, (3.0, -2.0), 0.7), labels, NAMES)
 
 
-def middles_m(split: HiddenRooms) -> np.ndarray:
+def middles_m(split: SplitCandidate) -> np.ndarray:
     return np.mean(split.lines_m, axis=1)
 
 

@@ -18,9 +18,9 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.driving_graph import AS_FAR_AS_ENDS, ROOM_M
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.planar_roads import crossings
-from pgm_places.topology.roads import AS_FAR_AS_ENDS, ROOM_M
+from pgm_places.topology.planar_graph import crossings
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.real_data import real_data_folder

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.trajectories.segments import DistanceGate, Segments
+from pgm_places.trajectories.segments import DistanceTrigger, Segments
 
 
 @given(st.integers(0, 40), st.floats(0.0, 2.0), st.integers(0, 100))
@@ -33,7 +33,7 @@ def test_trembling_on_the_spot_is_no_travel() -> None:
 
 
 def test_the_gate_tells_the_distance_from_the_segment_before() -> None:
-    gate = DistanceGate(0.5)
+    gate = DistanceTrigger(0.5)
     assert [gate.opens(x, 0.0) for x in (0.0, 0.4, 0.6, 1.0, 2.0)] == [np.inf, None, 0.6, None, 1.4]
 
 

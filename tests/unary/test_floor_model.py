@@ -19,8 +19,8 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.floor_model import FloorModel, columns_of, with_floor
-from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.options import SpaceOptions
 from tests.floor.random_network import random_network
 
@@ -170,7 +170,7 @@ def test_a_table_keeps_what_was_seen_of_a_map() -> None:
         looks.append(grid)
         return seen_by([[0.0] * 4], [0.0])[0]
 
-    table = KeptTable(np.zeros(0, np.int64))
+    table = CachedFeatures(np.zeros(0, np.int64))
     cells = np.zeros((4, 5), np.int8)
     first = table.floor_of(OccupancyGrid(cells, 0.1), look)
     assert table.floor_of(OccupancyGrid(cells.copy(), 0.1), look) is first

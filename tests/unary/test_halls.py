@@ -16,7 +16,7 @@ from pgm_places.experiment.tasks import Trained, task_of
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.unary.cell_lists import without_halls
+from pgm_places.unary.cell_scorers import without_halls
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.options import SpaceOptions
 from tests.foyer import foyer_map

@@ -16,8 +16,8 @@ from pgm_places.persistence.trajectory_labeler import dump
 from pgm_places.persistence.trajectory_labeler import load as labeler_of
 from pgm_places.trained import trained_floor
 from pgm_places.unary.floor_model import FloorModel, LocalFloor, with_local_floor
+from pgm_places.unary.local_space_features import square_around
 from pgm_places.unary.scan_model import BeamOptions
-from pgm_places.unary.surroundings import square_around
 from tests.drives import building, drive
 from tests.quick_labeler import places
 

@@ -10,8 +10,8 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary import cell_lists
-from pgm_places.unary.cell_lists import SpaceList, aligned_log_proba
+from pgm_places.unary import cell_scorers
+from pgm_places.unary.cell_scorers import SpaceScorer, aligned_log_proba
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, MapSpaces, SpaceModel, with_gates
 
 N_OWN = 5
@@ -90,13 +90,13 @@ def test_cells_are_scored_alike_in_blocks_of_any_size(
     wanted = aligned_log_proba(model.classifier, every, 3)
     if doorway is not None:
         wanted = with_gates(wanted, slow_at_gates(spaces, layout), doorway)
-    monkeypatch.setattr(cell_lists, "_CELLS_PER_TASK", 1000)
+    monkeypatch.setattr(cell_scorers, "_CELLS_PER_TASK", 1000)
     for given in (np.arange(N_OWN), None):
-        item = SpaceList(model, spaces, layout, N_OWN, 3)
+        item = SpaceScorer(model, spaces, layout, N_OWN, 3)
         columns = item.columns if given is None else given
-        item.expect(columns)
+        item.set_columns(columns)
         for nodes in np.array_split(np.arange(len(own)), 3):
-            item.take(nodes, own[nodes][:, columns])
+            item.score_block(nodes, own[nodes][:, columns])
         assert np.array_equal(item.scores, wanted)
 
 
@@ -106,9 +106,9 @@ def test_scores_in_single_precision_are_those_in_double_rounded() -> None:
     own = np.random.default_rng(5).random((layout.n_nodes, N_OWN)).astype(np.float32)
     found = []
     for dtype in (np.float64, np.float32):
-        item = SpaceList(model, spaces, layout, N_OWN, 3, dtype)
-        item.expect(np.arange(N_OWN))
-        item.take(np.arange(layout.n_nodes), own)
+        item = SpaceScorer(model, spaces, layout, N_OWN, 3, dtype)
+        item.set_columns(np.arange(N_OWN))
+        item.score_block(np.arange(layout.n_nodes), own)
         found.append(item.scores)
     assert found[1].dtype == np.float32
     assert np.array_equal(found[1], found[0].astype(np.float32))

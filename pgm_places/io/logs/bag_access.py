@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.errors import LogError, PgmPlacesError, printable, shown
+from pgm_places.errors import LogError, PgmPlacesError, escape_control, quoted
 from pgm_places.io.input_file import file_kind, open_input, user_path
 from pgm_places.io.strict_yaml import read_yaml
 
@@ -134,7 +134,7 @@ def plain_storage(folder: Path) -> Iterator[list[Path]]:
     if len(set(paths)) < len(paths):
         raise metadata.fail("relative_file_paths names a file twice")
     if absent := [path for path in paths if file_kind(path) != "file"]:
-        raise metadata.fail(f"there is no file {shown(absent[0].name)}; it is part of the bag")
+        raise metadata.fail(f"there is no file {quoted(absent[0].name)}; it is part of the bag")
     if not (isinstance(mode, str) and mode.lower() == "file"):
         yield paths
         return
@@ -170,7 +170,7 @@ def _unpacked(path: Path, folder: Path) -> Path:
                     )
                 unpacked.write(piece)
     except (zstd.ZstdError, EOFError) as error:
-        raise LogError(f"{path} is damaged: {printable(str(error))}") from None
+        raise LogError(f"{path} is damaged: {escape_control(str(error))}") from None
     return target
 
 
@@ -226,7 +226,7 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         said = str(error).rstrip(". ")
         reason = f"{type(error).__name__}: {said}" if said else type(error).__name__
         raise LogError(
-            f"cannot read the bag {path}: {printable(reason)[:300]}; is it complete? "
+            f"cannot read the bag {path}: {escape_control(reason)[:300]}; is it complete? "
             "'rosbag reindex', 'ros2 bag reindex' and 'mcap recover' repair truncated recordings"
         ) from error
 

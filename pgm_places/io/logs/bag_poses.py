@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import FARTHEST_M
-from pgm_places.errors import LogError, shown
+from pgm_places.errors import LogError, quoted
 
 Lookup = Literal["interpolated", "nearest"]
 
@@ -163,7 +163,8 @@ def check_place(place: tuple[float, float, float, bool], parent: str, child: str
     x, y, heading, _ = place
     if not max(abs(x), abs(y), abs(heading)) <= FARTHEST_M or np.isnan([x, y, heading]).any():
         raise LogError(
-            f"the transform from {shown(parent)} to {shown(child)} is ({x:g}, {y:g}, {heading:g}), "
+            f"the transform from {quoted(parent)} to {quoted(child)} is "
+            f"({x:g}, {y:g}, {heading:g}), "
             f"which must be metres and radians up to {FARTHEST_M:g}; it is not used"
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import LogError, printable, shown
+from pgm_places.errors import LogError, escape_control, quoted
 from pgm_places.io.csv_table import MAX_VALUES, open_table
 from pgm_places.io.input_file import read_json, user_path
 from pgm_places.io.logs.bag_access import open_bag, stamp_s
@@ -45,7 +45,7 @@ def _from_csv(source: Path) -> ObjectCounts:
         if time is None or len(table.names) < 2:
             raise LogError(
                 f"{source}: the header must name {TIME} and at least one class of objects, got "
-                f"{shown(table.names)}"
+                f"{quoted(table.names)}"
             )
         others = [column for column in range(len(table.names)) if column != time]
         numbers, _ = table.read([time, *others])
@@ -63,7 +63,7 @@ def _from_json(source: Path) -> ObjectCounts:
         counts = record.get("counts") if isinstance(record, dict) else None
         if not isinstance(counts, dict) or TIME not in record:
             raise LogError(
-                f"{source}, record {number}: the file must hold {shape}, got {shown(record)}"
+                f"{source}, record {number}: the file must hold {shape}, got {quoted(record)}"
             )
         for name in counts:
             columns.setdefault(name, len(columns))
@@ -97,7 +97,9 @@ def _checked(
 
 def _number(where: str, name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise LogError(f"{where}: {printable(name)} must be a finite number, got {shown(value)}")
+        raise LogError(
+            f"{where}: {escape_control(name)} must be a finite number, got {quoted(value)}"
+        )
     return float(value)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import FARTHEST_M, plain_names
-from pgm_places.errors import LabelError, LogError, shown
+from pgm_places.errors import LabelError, LogError, quoted
 from pgm_places.io.atomic import write_text
 from pgm_places.io.csv_table import CsvTable, csv_text, open_table
 from pgm_places.io.input_file import user_path
@@ -155,7 +155,7 @@ def _fields(path: Path, lines: Iterable[bytes]) -> Iterator[list[str]]:
             if row:
                 yield row
     except (csv.Error, UnicodeDecodeError) as problem:
-        raise LogError(f"{path} is not a table of poses (CSV): {shown(problem)}") from None
+        raise LogError(f"{path} is not a table of poses (CSV): {quoted(problem)}") from None
 
 
 def _required(table: CsvTable, what: str, names: Sequence[str]) -> int:
@@ -163,7 +163,7 @@ def _required(table: CsvTable, what: str, names: Sequence[str]) -> int:
     if column is None:
         raise LogError(
             f"{table.path}: no column for {what}: wanted {' or '.join(names)}, the columns are "
-            f"{shown(table.names)}"
+            f"{quoted(table.names)}"
         )
     return column
 
@@ -183,7 +183,7 @@ def _labelled(
     for number, place in enumerate(places, 1):
         if place not in numbers:
             raise LabelError(
-                f"{table.path}, row {number} after the header: {column} is {shown(place)}, but "
+                f"{table.path}, row {number} after the header: {column} is {quoted(place)}, but "
                 f"the labels are {', '.join(names)}"
             )
     return trajectory.with_labels([numbers[place] for place in places], names)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import LabelError, nearest_name, shown
+from pgm_places.errors import LabelError, nearest_name, quoted
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.raster_image import RasterImage, Strip
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
@@ -73,7 +73,7 @@ def read_label_values(
     unknown_keys = sorted(set(file.values) - {"values", "ignore"})
     if unknown_keys:
         nearest = nearest_name(unknown_keys[0], ["values", "ignore"])
-        raise file.fail(f"key {shown(unknown_keys[0])} is unknown. {nearest}")
+        raise file.fail(f"key {quoted(unknown_keys[0])} is unknown. {nearest}")
     values = _values(file)
     ignored = _ignored(file)
     _check_values(file, values, ignored)
@@ -81,7 +81,7 @@ def read_label_values(
     for name in values:
         if name not in wanted:
             raise file.fail(
-                f"label {shown(name)} is not among the configured labels. "
+                f"label {quoted(name)} is not among the configured labels. "
                 f"{nearest_name(name, wanted)}. Correct the name, or move its value under 'ignore'"
             )
     for name in wanted:
@@ -265,9 +265,9 @@ def _listed(values: LabelValues) -> str:
     """The colours and their labels, for messages."""
     palette = palette_of(_coded(values))
     named = sorted(zip(values.values, values.names, strict=True))
-    shown = [f"{name} {hex_of(palette[value])}" for value, name in named[:_MOST_LISTED]]
+    quoted = [f"{name} {hex_of(palette[value])}" for value, name in named[:_MOST_LISTED]]
     more = [f"{len(named) - _MOST_LISTED} more"] if len(named) > _MOST_LISTED else []
-    return ", ".join([*shown, *more, "black for none"])
+    return ", ".join([*quoted, *more, "black for none"])
 
 
 def _coloured(colours: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._arguments import public
-from pgm_places._checks import frozen
-from pgm_places.errors import MapError, OutputError, nearest_name, shown
+from pgm_places._checks import frozen_copy
+from pgm_places.errors import MapError, OutputError, nearest_name, quoted
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.file_kind import refuse_another_kind
 from pgm_places.io.input_file import file_kind, read_bytes, user_path
@@ -224,7 +224,7 @@ def load_map(
         cells, threshold, message = _with_walls(pixels, yaml_path, opened, resolution_m)
         warnings = [line for line in warnings if line != NO_WALLS] + [message]
     grid = OccupancyGrid(cells, resolution_m, (x, y), yaw)
-    occupancy = grid.cells if pixels.occupancy is None else frozen(pixels.occupancy)
+    occupancy = grid.cells if pixels.occupancy is None else frozen_copy(pixels.occupancy)
     for message in warnings:
         _log.info("%s: %s", yaml_path, message)
     return MapFile(
@@ -278,7 +278,7 @@ def _rules(file: YamlFile, compat: Compat) -> PixelRules:
     mode = stated.lower()  # as Nav2 does
     if mode not in get_args(Mode):
         raise file.fail(
-            f"mode {shown(stated)} is unknown. {nearest_name(mode, list(get_args(Mode)))}"
+            f"mode {quoted(stated)} is unknown. {nearest_name(mode, list(get_args(Mode)))}"
         )
     free, occupied = file.number("free_thresh"), file.number("occupied_thresh")
     if not 0 <= free <= occupied <= 1 or (mode == "scale" and free == occupied):
@@ -294,7 +294,7 @@ def _rules(file: YamlFile, compat: Compat) -> PixelRules:
 def _origin(file: YamlFile, warnings: list[str]) -> tuple[float, float, float]:
     origin: YamlValue = file.value("origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise file.fail(f"origin must be three numbers [x, y, yaw], got {shown(origin)}")
+        raise file.fail(f"origin must be three numbers [x, y, yaw], got {quoted(origin)}")
     x = file.as_number(origin[0], "origin x")
     y = file.as_number(origin[1], "origin y")
     yaw = file.as_number(origin[2], "origin yaw", allow_nan=True)
@@ -328,13 +328,14 @@ def _image_path(file: YamlFile, warnings: list[str]) -> tuple[Path, str | None]:
     last = PureWindowsPath(name).name  # behind slashes of either kind
     if last and last != name and file_kind(file.path.parent / last) == "file":
         warnings.append(
-            f"the image {shown(name)} is missing, and {shown(last)} beside the YAML file is read; "
+            f"the image {quoted(name)} is missing, and {quoted(last)} beside the YAML file "
+            "is read; "
             f"'pgm-places doctor {file.path.name} --fix' corrects the file"
         )
         return file.path.parent / last, last
     where = str(path) if len(str(path)) <= _LONGEST_PATH else f"{str(path)[:_LONGEST_PATH]}..."
     raise MapError(
-        f"{file.path}: its image {shown(name)} is missing: no file {where}; correct the key "
+        f"{file.path}: its image {quoted(name)} is missing: no file {where}; correct the key "
         "'image' or put the image there"
     )
 

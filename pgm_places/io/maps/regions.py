@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import LabelError, is_printable, nearest_name, shown
+from pgm_places.errors import LabelError, is_printable, nearest_name, quoted
 from pgm_places.io.input_file import read_json, user_path
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -68,7 +68,7 @@ def read_regions(
     elif kind == "FeatureCollection" and isinstance(data.get("features"), list):
         features = data["features"]
     else:
-        raise LabelError(f"{file}: not a GeoJSON FeatureCollection (its type is {shown(kind)})")
+        raise LabelError(f"{file}: not a GeoJSON FeatureCollection (its type is {quoted(kind)})")
     return [
         _region(f"{file}: feature {i}", i, item, property_name, line_width_m)
         for i, item in enumerate(features)
@@ -99,7 +99,7 @@ def _region(
     if not (named or type(code) is int):
         raise LabelError(
             f"{where}: property {property_name!r} must be text that names its class, got "
-            f"{shown(code)}"
+            f"{quoted(code)}"
         )
     kind, coordinates = (feature["geometry"].get(key) for key in ("type", "coordinates"))
     if line_width_m is not None and kind in ("LineString", "MultiLineString"):
@@ -109,7 +109,7 @@ def _region(
     if kind not in ("Polygon", "MultiPolygon"):
         lines_too = "" if line_width_m is None else ", or a LineString"
         raise LabelError(
-            f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon{lines_too}"
+            f"{where} is a {quoted(kind)}; a region must be a Polygon or a MultiPolygon{lines_too}"
         )
     single = kind == "Polygon"
     polygons: Any = [coordinates] if single else coordinates
@@ -117,7 +117,7 @@ def _region(
     if problem is not None:
         steps, value = problem
         at, wanted = _listed(steps[int(single) :]), _WANTED[len(steps)]
-        raise LabelError(f"{where}: coordinates{at} must be {wanted}, got {shown(value)}")
+        raise LabelError(f"{where}: coordinates{at} must be {wanted}, got {quoted(value)}")
     return Region(
         index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
     )
@@ -126,7 +126,7 @@ def _region(
 def _width(where: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e3:
         raise LabelError(
-            f"{where}: property 'width_m' must be a width in metres, got {shown(value)}"
+            f"{where}: property 'width_m' must be a width in metres, got {quoted(value)}"
         )
     return float(value)
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, nearest_name, printable
+from pgm_places.errors import InputError, escape_control, nearest_name
 from pgm_places.io.atomic import write_bytes, write_json, write_text
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.maps.raster_image import encoded
@@ -105,7 +105,7 @@ def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
 
     graph = topology.graph.copy()
     for values in graph.nodes.values():  # XML cannot hold control characters, not even escaped
-        values.update({key: printable(values[key]) for key in ("name", "label")})
+        values.update({key: escape_control(values[key]) for key in ("name", "label")})
     buffer = io.BytesIO()
     nx.write_graphml_xml(graph, buffer, named_key_ids=True)
     return write_bytes(path, buffer.getvalue())

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, printable
+from pgm_places.errors import InputError, escape_control
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.map_server import write_description
 from pgm_places.io.maps.raster_image import raster_png
@@ -202,7 +202,7 @@ def write_filter_mask(
         return [image_path, yaml_path]
     listed = yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
     given = _named(topology, None) if values is None else values
-    legend = ", ".join(f"{value:g} {printable(name)}" for name, value in given.items())
+    legend = ", ".join(f"{value:g} {escape_control(name)}" for name, value in given.items())
     text = f"# values: 0 nothing, {legend}\n{listed}"
     params_path = write_text(target.with_name(f"{target.name}_params.yaml"), text)
     return [image_path, yaml_path, params_path]

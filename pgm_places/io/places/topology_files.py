@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pgm_places._arguments import public
 from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge
-from pgm_places.errors import InputError, LabelError, OutputError, shown
+from pgm_places.errors import InputError, LabelError, OutputError, quoted
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.atomic import write_bytes, write_json, write_text
 from pgm_places.io.csv_table import csv_text
@@ -36,9 +36,9 @@ from pgm_places.options import check_option, from_mapping, option_hints, plain_v
 from pgm_places.topology.checks import places_to_check
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.geojson import gate_record
-from pgm_places.topology.hidden_rooms import hidden_rooms
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import HALL, Polygon, Region
+from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
 MOST = 65535
@@ -287,11 +287,11 @@ def _region(
     del hints["polygons"], hints["gate"]
     unknown = sorted(set(item) - {*hints, "gate"})
     if unknown:
-        raise InputError(f"{path} has the unknown key {shown(unknown[0])}")
+        raise InputError(f"{path} has the unknown key {quoted(unknown[0])}")
     item = {"hall": None, **item}  # earlier versions did not write it
     values = {key: check_option(f"{path}.{key}", hint, item[key]) for key, hint in hints.items()}
     if values["label"] not in label_names:
-        raise InputError(f"{path}.label {shown(values['label'])} is not among label_names")
+        raise InputError(f"{path}.label {quoted(values['label'])} is not among label_names")
     gate = item.get("gate")
     polygons = outlines[str(values["id"])]
     return Region(**values, polygons=polygons, gate=None if gate is None else read_gate(gate))
@@ -356,7 +356,7 @@ def check_table(topology: TopologicalMap) -> str:
     in the table's folder, ``finer_label``: ``hall`` where a corridor is likelier to be a hall, else
     the label, and ``hall``: the probability of a hall, where halls are shown as corridors.
     """
-    count = {item.place.id: item.count for item in hidden_rooms(topology)}
+    count = {item.place.id: item.count for item in split_candidates(topology)}
     rows: list[Iterable[object]] = [_COLUMNS]
     for check in places_to_check(topology):
         place, second = check.place, check.second_probability

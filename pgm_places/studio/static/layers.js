@@ -32,7 +32,7 @@ export class Layers {
   }
 
   render(state) {
-    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.way, this.studio.theme.name, this.sources, this.value, !!state.lesson]);
+    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.way, this.studio.theme.name, this.sources, this.value, !!state.relabelling]);
     if (key === this.key) return;
     this.key = key;
     const truth = TRUTH in state.sources;
@@ -43,8 +43,8 @@ export class Layers {
           this.#row("labels", "Labels", true),
           this.#row("paint", "Paint", true),
           truth ? this.#row("errors", "Errors", true) : [],
-          state.lesson ? this.#row("values", "Probability", true) : []),
-        state.lesson ? this.#values(state) : null),
+          state.relabelling ? this.#row("values", "Probability", true) : []),
+        state.relabelling ? this.#values(state) : null),
       h("section", {}, h("h2", {}, "Over the map"),
         h("div", { className: "layers" },
           this.#row("regions", "Outlines of regions"),
@@ -70,7 +70,7 @@ export class Layers {
   }
 
   #values(state) {
-    const known = state.lesson.known.map((k) => [`probability-${k}`, `of ${state.classes[k].name}`]);
+    const known = state.relabelling.known.map((k) => [`probability-${k}`, `of ${state.classes[k].name}`]);
     const gradient = state.gradients[this.studio.theme.name][this.value.split("-")[0]];
     const bar = h("i");
     bar.style.background = `linear-gradient(90deg, ${gradient.join(", ")})`;

@@ -75,28 +75,28 @@ class Studio {
       this.view.showAll();
       document.title = `${state.map.name} · Studio`;
       byId("map-name").textContent = state.map.name;
-      byId("all-maps").hidden = state.shelf.of < 2;
+      byId("all-maps").hidden = state.pool.of < 2;
       byId("all-maps").prepend(icon("next"));
       this.memory.recall(state.map.name);
       if (state.drive) this.#loadDrive();
     }
-    this.#labelled(state.lesson);
+    this.#labelled(state.relabelling);
     this.#loadPlaces();
     this.readout.soon();
     this.changed();
   }
 
   /** Labels have come: the first lead to what is in doubt, others show what they changed. */
-  #labelled(lesson) {
-    if (!lesson || lesson.number === this.labelled) return;
+  #labelled(relabelling) {
+    if (!relabelling || relabelling.number === this.labelled) return;
     const first = this.labelled === undefined;
-    this.labelled = lesson.number;
+    this.labelled = relabelling.number;
     if (first && this.state.model && !this.tabChosen) this.show("review");
-    if (first || !lesson.changed) return;
+    if (first || !relabelling.changed) return;
     this.flash = performance.now();
     this.redraw();
     if (this.wentBack) {
-      this.say(`${lesson.changed}.`);
+      this.say(`${relabelling.changed}.`);
       return;
     }
     const undo = h("button", { className: "plain", type: "button" }, "Undo");
@@ -104,13 +104,13 @@ class Studio {
       byId("toast").hidden = true;
       this.edit({ kind: "undo" });
     });
-    this.say([h("span", {}, `${lesson.changed}.`), undo]);
+    this.say([h("span", {}, `${relabelling.changed}.`), undo]);
   }
 
   async #loadPlaces() {
-    const { lesson, revision } = this.state;
-    const version = lesson ? `${lesson.number}.${revision}` : "";
-    if (!lesson || version === this.wantedPlaces) return;
+    const { relabelling, revision } = this.state;
+    const version = relabelling ? `${relabelling.number}.${revision}` : "";
+    if (!relabelling || version === this.wantedPlaces) return;
     this.wantedPlaces = version;
     const record = await this.server.get("places").catch(() => null);
     if (!record || version !== this.wantedPlaces) return;
@@ -136,12 +136,12 @@ class Studio {
 
   /** What the pictures of a layer depend on: another version means other pictures. */
   versionOf(name) {
-    const { classes, revision, lesson } = this.state;
+    const { classes, revision, relabelling } = this.state;
     const colours = classes.map((item) => item.colour.slice(1)).join("");
     if (name === "map") return "0";
     if (name === "paint") return `${revision}.${colours}`;
     if (name.startsWith("labels-file:")) return `0.${colours}`;
-    const learned = lesson?.number ?? 0;
+    const learned = relabelling?.number ?? 0;
     return name.startsWith("labels") ? `${learned}.${colours}` : `${learned}`;
   }
 

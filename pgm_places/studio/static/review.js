@@ -16,7 +16,7 @@ export class Review {
       this.last = this.studio.chosen;
       this.at = checks.findIndex((check) => check.id === this.last);
     }
-    const key = JSON.stringify([this.studio.placesVersion, this.studio.chosen, state.classes, !!state.lesson, this.parts.size]);
+    const key = JSON.stringify([this.studio.placesVersion, this.studio.chosen, state.classes, !!state.relabelling, this.parts.size]);
     if (key === this.key) return;
     this.key = key;
     const total = checks.reduce((sum, check) => sum + check.doubtful_m2, 0);
@@ -28,7 +28,7 @@ export class Review {
       h("section", {}, h("h2", {}, "Where to look"),
         h("p", { className: "small" }, checks.length
           ? `${total.toFixed(1)} m² are expected to be wrong, most of it in the first places.`
-          : state.lesson ? "No probabilities are known for these labels." : "The list appears once the map has been labelled.")),
+          : state.relabelling ? "No probabilities are known for these labels." : "The list appears once the map has been labelled.")),
       h("div", { className: "stay" }, next),
       region && !listed ? h("section", {}, h("h2", {}, region.name), this.#answers(region, null, state)) : "",
       h("ul", { className: "checks" }, checks.map((check, k) => this.#row(check, k, state))),

@@ -10,16 +10,16 @@ export class Status {
   render() {
     const { studio } = this;
     const status = byId("status");
-    const { learner, lesson } = studio.state ?? { learner: {} };
+    const { learner, relabelling } = studio.state ?? { learner: {} };
     let [kind, words] = ["idle", "Up to date"];
     if (studio.offline && !studio.state) [kind, words] = ["failed", "The studio does not answer"];
     else if (studio.offline) [kind, words] = ["failed", ended(studio.refused)];
     else if (studio.slow.size) [kind, words] = ["working", "Painting"];
     else if (learner.problem) [kind, words] = ["failed", learner.problem];
     else if (learner.working) [kind, words] = ["working", `Labelling: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
-    else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
-    byId("agrees").hidden = typeof lesson?.agrees !== "number";
-    if (!byId("agrees").hidden) byId("agrees").replaceChildren(share(lesson.agrees), h("span", {}, " agree"));
+    else if (!relabelling) [kind, words] = ["waiting", "Paint two classes to begin"];
+    byId("agrees").hidden = typeof relabelling?.agrees !== "number";
+    if (!byId("agrees").hidden) byId("agrees").replaceChildren(share(relabelling.agrees), h("span", {}, " agree"));
     const busy = kind === "working" && learner.working;
     byId("progress").hidden = !busy;
     byId("progress").style.setProperty("--done", busy ? overall(learner) : 0);
@@ -29,7 +29,7 @@ export class Status {
       status.title = words;
       status.replaceChildren(h("i"), words);
     }
-    status.dataset.revision = lesson?.revision ?? -1;
+    status.dataset.revision = relabelling?.revision ?? -1;
     byId("notices").replaceChildren(...(studio.state?.notices ?? []).map((notice) => h("p", {}, notice)));
     if (studio.offline && studio.state) byId("notices").append(h("p", {}, ...moved(studio.offline)));
     if (studio.state?.tabs > 1) byId("notices").append(h("p", {}, `This studio is open in ${studio.state.tabs} tabs; they share one painting and one undo.`));

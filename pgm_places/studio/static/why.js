@@ -78,7 +78,7 @@ export class Why {
   }
 
   #named(values, state) {
-    const known = state.lesson?.known ?? [];
+    const known = state.relabelling?.known ?? [];
     return Object.fromEntries(values.map((value, k) => [state.classes[known[k]]?.name ?? "?", value]));
   }
 

@@ -11,7 +11,7 @@ from experiments.paper.markdown import overview_table
 from experiments.paper.scored_steps import scored_steps
 from experiments.paper.section import Finding, Section
 from pgm_places.experiment.comparison import score_intervals
-from pgm_places.experiment.labelled_items import TestMap
+from pgm_places.experiment.evaluated_items import EvalMap
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import UNKNOWN
 from pgm_places.trajectories.trajectory import Trajectory
@@ -38,7 +38,7 @@ def test_cells_at_a_border_do_not_count_away_from_borders() -> None:
     # Labels change from column to column of 0.5 m: everything is within 0.3 m of a border.
     assert away_from_borders(comparison, comparison.methods[0]) is None
     item = comparison.maps[0]
-    assert isinstance(item, TestMap)
+    assert isinstance(item, EvalMap)
     one = replace(item, truth=np.where(item.truth >= 0, 0, -1).astype(np.int16))
     wrong = replace(comparison, maps=(one,))
     found = away_from_borders(wrong, comparison.methods[0])

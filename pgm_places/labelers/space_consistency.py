@@ -1,0 +1,223 @@
+"""Whole spaces: borders between corridor and room run along openings of segments, or not at all."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import row_blocks
+from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.cell_features import NodeSegments
+
+_PAIR = ("corridor", "room")
+"""Only these change places: doorways keep their cells, and other labels need not follow spaces."""
+
+_INSIDE, _RIBBON, _OPENING = 4.0, 2.0, 1.0
+"""What a metre of border costs inside a segment, along the openings of a ribbon, and along others,
+in nats times square metres: the evidence of a cell counts by its area. Chosen on half of the
+buildings (docs/notes/tried.md)."""
+
+_BESIDE_KNOWN = 8.0
+"""Border cost beside known cells without a doorway between: a painted part means all of it."""
+
+_ROOM_IN_RIBBON = 0.1
+"""What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed
+on all sides; what it leads to says more."""
+
+_SHARE = np.log([0.65, 0.35])
+"""The new and the old label of cells that change, of what both had: about as many are right."""
+
+_KNOWN = 1e9
+"""What a known cell says for its label: more than all others."""
+
+_CITY_BLOCK = np.pi / 4
+"""The length of a line over the number of cell sides along it, in the mean of all directions."""
+
+
+def smooth_over_spaces(
+    log_z: NDArray[np.float64],
+    segments: NodeSegments,
+    layout: GridLayout,
+    label_names: tuple[str, ...],
+    known: NDArray[np.int64] | None = None,
+    place: NDArray[np.integer] | None = None,
+) -> NDArray[np.float64]:
+    """The scores of cells, those of parts that saw a space in two given to the label around them.
+
+    Connected cells of one segment and one label, corridor or room, are a *part*. The labels of all
+    parts maximise the evidence of their cells less the length of the borders between both labels,
+    which costs more within a segment than along an opening: an exact minimum cut. So a border in
+    open space moves to an opening of its segment, or goes, unless much speaks for both sides. In
+    ribbons, evidence for a room counts a tenth: one that continues a corridor is corridor.
+
+    Parameters
+    ----------
+    log_z : (N, K) float
+        Log-probabilities; the array itself comes back where nothing changes.
+    segments : NodeSegments
+        Those that the cells lie in.
+    layout : GridLayout
+        Of the N cells.
+    label_names : tuple of K str
+        Without both corridor and room among them nothing changes.
+    known : (N,) int, optional
+        Labels of the cells that are known, -1 elsewhere: their parts keep them, and borders along
+        them cost most.
+    place : (N,) int, optional
+        The place between doorways that each cell is in: known cells do not pull those of others.
+    """
+    if not set(_PAIR) <= set(label_names):
+        return log_z
+    pair = [label_names.index(name) for name in _PAIR]
+    label = np.empty(len(log_z), np.int16)
+    for some in row_blocks(len(log_z)):
+        label[some] = log_z[some].argmax(axis=1)
+    if known is not None:
+        np.copyto(label, known, where=known >= 0, casting="unsafe")
+    parts = _Parts.of(label, segments, layout, pair)
+    part = layout.from_raster(parts.pieces.piece)
+    pulls = None
+    if known is not None:
+        number = np.zeros(len(known), np.int32) if place is None else place
+        pulls = _KnownBorders(
+            layout.to_raster(known >= 0, fill=False), layout.to_raster(number, fill=-1)
+        )
+    changed = np.append(parts.changed(parts.sums(log_z, part, pair, known), pulls), False)
+    moves = changed[part]  # -1, for none, is the last
+    if known is not None:
+        moves &= known < 0
+    return _moved(log_z, np.flatnonzero(moves), label, pair)
+
+
+class _KnownBorders(NamedTuple):
+    """Which sides of cells known labels pull across.
+
+    Parameters
+    ----------
+    known : (H, W) bool
+    place : (H, W) int
+    """
+
+    known: NDArray[np.bool_]
+    place: NDArray[np.integer]
+
+    def across(self, one: tuple[slice, slice], other: tuple[slice, slice]) -> NDArray[np.bool_]:
+        """Whether a label is known on either side and no doorway lies between."""
+        known = self.known[one] | self.known[other]
+        return np.asarray(known & (self.place[one] == self.place[other]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """The parts of all segments.
+
+    Parameters
+    ----------
+    pieces : Components
+        Where each part is.
+    is_room : (P,) bool
+    segment : (P,) int64
+        -1 for none.
+    in_ribbon : (P,) bool
+    resolution_m : float
+    """
+
+    pieces: Components
+    is_room: NDArray[np.bool_]
+    segment: NDArray[np.int64]
+    in_ribbon: NDArray[np.bool_]
+    resolution_m: float
+
+    @classmethod
+    def of(
+        cls, label: NDArray[np.int16], segments: NodeSegments, layout: GridLayout, pair: list[int]
+    ) -> Self:
+        """Those of cells with these labels."""
+        code = np.full(len(label), -1, np.int32)
+        for some in row_blocks(len(label)):
+            for second, k in enumerate(pair):
+                number = segments.segment[some].astype(np.int32)
+                np.copyto(code[some], 2 * (number + 1) + second, where=label[some] == k)
+        pieces = connected_components(layout.to_raster(code, fill=-1))
+        assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
+        of_part = pieces.label.astype(np.int64) // 2 - 1
+        in_ribbon = np.append(segments.is_ribbon, False)[of_part]  # none is the last
+        is_room = pieces.label % 2 == 1
+        return cls(pieces, is_room, of_part, in_ribbon, layout.source.resolution_m)
+
+    def sums(
+        self,
+        log_z: NDArray[np.float64],
+        part: NDArray[np.int32],
+        pair: list[int],
+        known: NDArray[np.int64] | None,
+    ) -> NDArray[np.float64]:
+        """(P,) what speaks for corridor rather than room, times square metres."""
+        total = np.zeros(self.pieces.count + 1)  # the last for cells of no part
+        for some in row_blocks(len(log_z)):
+            odds = np.asarray(log_z[some, pair[0]] - log_z[some, pair[1]], np.float64)
+            if known is not None:
+                odds[known[some] == pair[0]] = _KNOWN
+                odds[known[some] == pair[1]] = -_KNOWN
+            total += np.bincount(part[some] % len(total), odds, minlength=len(total))
+        total = total[:-1]
+        total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
+        return total * self.resolution_m**2
+
+    def borders(
+        self, pulls: _KnownBorders | None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """(B, 2) the parts that share a border, its length (B,) in metres, and how much pulls."""
+        pairs, pulled = [np.empty((0, 2), np.int32)], [np.empty(0, np.bool_)]
+        height, width = self.pieces.piece.shape
+        for rows in bands_of_rows((height, width)):
+            below, above = slice(rows.start, min(rows.stop, height - 1)), slice(0, width)
+            for one, other in (
+                ((below, above), (slice(below.start + 1, below.stop + 1), above)),
+                ((rows, slice(0, width - 1)), (rows, slice(1, width))),
+            ):
+                first, second = self.pieces.piece[one], self.pieces.piece[other]
+                meet = (first != second) & (first >= 0) & (second >= 0)
+                pairs.append(np.sort(np.stack([first[meet], second[meet]], axis=1), axis=1))
+                across = (
+                    np.zeros(meet.shape, np.bool_) if pulls is None else pulls.across(one, other)
+                )
+                pulled.append(across[meet])
+        every = np.concatenate(pairs)
+        pair, of, sides = np.unique(every, axis=0, return_inverse=True, return_counts=True)
+        pulling = np.bincount(of.reshape(-1), np.concatenate(pulled), len(pair))
+        side_m = self.resolution_m * _CITY_BLOCK
+        length_m, pulling_m = (np.asarray(n * side_m, np.float64) for n in (sides, pulling))
+        return pair.astype(np.int64), length_m, pulling_m
+
+    def changed(
+        self, sums: NDArray[np.float64], pulls: _KnownBorders | None = None
+    ) -> NDArray[np.bool_]:
+        """(P,) the parts whose label is the other one in the best labelling of all."""
+        from pgm_places.solvers.max_flow import minimum_cut
+
+        pairs, length_m, pulling_m = self.borders(pulls)
+        within = self.segment[pairs[:, 0]] == self.segment[pairs[:, 1]]
+        opening = np.where(self.in_ribbon[pairs].any(axis=1), _RIBBON, _OPENING)
+        cost_per_m = np.where(within, _INSIDE, opening)
+        cost = cost_per_m * (length_m - pulling_m) + _BESIDE_KNOWN * pulling_m
+        best = minimum_cut(np.maximum(sums, 0), np.maximum(-sums, 0), pairs, cost, cost)
+        return np.asarray(~best.source_side != self.is_room)
+
+
+def _moved(
+    log_z: NDArray[np.float64], nodes: NDArray[np.int64], label: NDArray[np.int16], pair: list[int]
+) -> NDArray[np.float64]:
+    """(N, K) the scores with those nodes moved: both labels share what they had together."""
+    if not len(nodes):
+        return log_z
+    moved = log_z.copy()
+    both = np.logaddexp(log_z[nodes, pair[0]], log_z[nodes, pair[1]])
+    old = label[nodes]
+    moved[nodes, np.where(old == pair[0], pair[1], pair[0])] = both + _SHARE[0]
+    moved[nodes, old] = both + _SHARE[1]
+    return moved

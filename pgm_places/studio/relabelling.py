@@ -1,0 +1,281 @@
+"""Relabelling in the studio: the question to the teacher, its answer, and what that changed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.bands import bands_of_rows
+from pgm_places.inference.labeling import normalized_entropy
+from pgm_places.kernels.threads import thread_limit
+from pgm_places.labelers.labelled_places import LabelledPlaces
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import window_to_label
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
+from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.paint import Paint
+from pgm_places.topology.cuts import Line
+from pgm_places.topology.naming import name_places
+from pgm_places.topology.place_ids import PlaceIds
+
+
+@dataclass(frozen=True, eq=False)
+class RelabelRequest:
+    """What to label and learn.
+
+    Parameters
+    ----------
+    paint : Paint
+    revision : int
+        That of the painting.
+    learns : bool
+        Whether the labeler learns the paint, or only keeps to it.
+    cuts : tuple of lines
+        Along which places are divided.
+    """
+
+    paint: Paint
+    revision: int
+    learns: bool
+    cuts: tuple[Line, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Relabelling:
+    """An answer of the teacher, its labels as indices of the painting's classes.
+
+    Parameters
+    ----------
+    taught : InteractiveResult
+    revision : int
+        That of the painting it answers.
+    learns : bool
+        Whether the labeler learned the paint for it.
+    labels, unary_labels : (H, W) int16
+        After the graph and before it; -1 for none.
+    class_of : (K,) int16
+        Index of the painting's class for each of the teacher's labels.
+    """
+
+    taught: InteractiveResult
+    revision: int
+    learns: bool
+    labels: NDArray[np.int16]
+    unary_labels: NDArray[np.int16]
+    class_of: NDArray[np.int16]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The labeler's other methods."""
+        return tuple(self.taught.by_method)
+
+    def renumbered(self, table: NDArray[np.int16]) -> Self:
+        """The answer by other numbers of classes: ``table`` has each, and -1 at its end."""
+        return replace(
+            self,
+            labels=table[self.labels],
+            unary_labels=table[self.unary_labels],
+            class_of=table[self.class_of],
+        )
+
+    def labels_by(self, method: str) -> NDArray[np.int16]:
+        """(H, W) labels of another method of the labeler, by the painting's classes."""
+        return _in_classes(self.taught.by_method[method]().labels, self.class_of)
+
+
+def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArray[np.int16]:
+    if (class_of == np.arange(len(class_of))).all():
+        return labels
+    return np.append(class_of, np.int16(-1))[labels]  # the last entry serves -1
+
+
+def quick_labels(
+    labeler: PlaceLabeler | None, grid: OccupancyGrid, n_threads: int | None = None
+) -> NDArray[np.int16] | None:
+    """(H, W) labels from one look at a map, -1 for none; None without networks.
+
+    What one network sees from one side takes a sixteenth of what all views of four networks take,
+    and no scans at all.
+    """
+    floor = None if labeler is None else labeler.unary_model_.floor
+    if floor is None or labeler is None:
+        return None
+    window = window_to_label(grid, labeler.resolution_m_)
+    if window is not None:
+        found = quick_labels(labeler, window.crop(grid), n_threads)
+        return None if found is None else window.paste(found, -1)
+    one = replace(floor, networks=floor.networks[:1], views_per_network=1)
+    with thread_limit(n_threads):
+        seen = one.scores(grid)
+    labels = np.full(grid.shape, -1, np.int16)
+    for rows in bands_of_rows(grid.shape):
+        cells = np.argwhere(grid.free[rows]) + np.array([rows.start, 0])
+        if len(cells):
+            labels[tuple(cells.T)] = one.evidence(seen, cells).argmax(axis=1)
+    return labels
+
+
+class Relabeller:
+    """Answers questions with a teacher, which goes on with other classes when there is a new one.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    model : LoadedModel or PlaceLabeler, optional
+        None to learn from nothing but the paint.
+    ids : PlaceIds, optional
+        Earlier places, which keep their ids; those of each answer are added.
+    n_threads : int or None
+    glanced : callable, optional
+        Receives quick labels (H, W) from one view of the map, where the labeler has networks.
+    """
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        model: LoadedModel | PlaceLabeler | None,
+        *,
+        ids: PlaceIds | None = None,
+        n_threads: int | None = None,
+        glanced: Callable[[NDArray[np.int16]], None] | None = None,
+    ) -> None:
+        self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
+        self._ids, self._n_threads, self._glanced = ids, n_threads, glanced
+        self._teacher: InteractiveLabeler | None = None
+
+    def answer(self, question: RelabelRequest, progress: Progress) -> Relabelling:
+        """Label the map, after learning the paint where that is asked for."""
+        paint = question.paint
+        if self._glanced is not None:
+            tell, self._glanced = self._glanced, None
+            with progress.stage("quick labels"):
+                labeler = None if self.model is None else self.model.labeler
+                labels = quick_labels(labeler, self.grid, self._n_threads)
+            if labels is not None:
+                tell(labels)
+        teacher = self._teacher_for(paint.classes)
+        teacher.cuts = question.cuts
+        learns = question.learns and bool(paint.painted.any())
+        call = teacher.teach if learns else teacher.label
+        taught = call(paint, progress=progress)
+        class_of = np.array([paint.classes.index(name) for name in taught.label_names], np.int16)
+        labels, unary = (
+            _in_classes(item, class_of) for item in (taught.labels, taught.unary_labels)
+        )
+        return Relabelling(taught, question.revision, question.learns, labels, unary, class_of)
+
+    def _teacher_for(self, classes: Sequence[str]) -> InteractiveLabeler:
+        if self._teacher is None:
+            self._teacher = InteractiveLabeler(
+                self.grid,
+                self.model,
+                classes=classes,
+                known_places=self._ids,
+                n_threads=self._n_threads,
+            )
+        elif tuple(self._teacher.classes) != tuple(classes):
+            self._teacher = self._teacher.with_classes(classes)
+        return self._teacher
+
+
+def probability_raster(found: LabelledPlaces, label: int | None) -> NDArray[np.uint8]:
+    """(H, W) probability of a label, or the entropy of all for None, from 1 to 255; 0 for none."""
+    beliefs = found.labeling.beliefs
+    if beliefs is None:
+        return np.zeros(found.grid.shape, np.uint8)
+    values = normalized_entropy(beliefs) if label is None else beliefs[:, label]
+    raster = found.layout.to_raster(np.round(1 + 254 * values).astype(np.uint8), fill=0)
+    painted: NDArray[np.uint8] = Coarsening.behind(found.layout, found.grid).paint(raster, 0)
+    return painted
+
+
+def renamed(taught: InteractiveResult, names: dict[tuple[float, float], str]) -> InteractiveResult:
+    """The answer with the user's names of places, each given by a point."""
+    topology = taught.topology
+    own = {}
+    for (x, y), name in names.items():
+        region = topology.region_at(x, y)
+        if region is not None:
+            own[region.id] = name
+    if not own:
+        return taught
+    ids = [region.id for region in topology.regions]
+    labels = [region.label for region in topology.regions]
+    known = {r.id: r.name for r in topology.regions if r.name not in own.values()}
+    called = name_places(ids, labels, known=known, own=own)
+    regions = tuple(
+        replace(region, name=name) for region, name in zip(topology.regions, called, strict=True)
+    )
+    return replace(taught, topology=replace(topology, regions=regions))
+
+
+LEAST_M2 = 0.5
+"""Less is not worth a word."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelChanges:
+    """The cells whose label is another one than before, apart from those that were painted.
+
+    Parameters
+    ----------
+    cells : (H, W) bool
+    became_m2 : dict of int to float
+        How much got each label.
+    """
+
+    cells: NDArray[np.bool_]
+    became_m2: dict[int, float]
+
+    @classmethod
+    def between(
+        cls,
+        before: NDArray[np.int16],
+        after: NDArray[np.int16],
+        paint: NDArray[np.int16],
+        resolution_m: float,
+    ) -> Self:
+        """Those between two labellings (H, W) by the same classes, -1 for none."""
+        cells = np.zeros(after.shape, np.bool_)
+        counts = np.zeros(int(after.max(initial=-1)) + 2, np.int64)
+        for rows in bands_of_rows(after.shape):
+            new = after[rows]
+            cells[rows] = (
+                (before[rows] != new) & (before[rows] >= 0) & (new >= 0) & (paint[rows] < 0)
+            )
+            counts += np.bincount(new[cells[rows]], minlength=len(counts))
+        area_m2 = counts * resolution_m**2
+        return cls(cells, {int(k): float(area_m2[k]) for k in np.flatnonzero(counts)})
+
+    def words(self, names: Sequence[str]) -> str:
+        """What became what, the most first; empty where it is hardly anything.
+
+        Examples
+        --------
+        >>> one = np.zeros((2, 5), np.int16)
+        >>> other = np.array([[0, 1, 1, 0, 0], [0, 1, 2, 0, 0]], np.int16)
+        >>> Changes.between(one, other, np.full_like(one, -1), 1.0).words(["a", "room", "lab"])
+        '3.0 m² became room, 1.0 m² lab'
+        """
+        listed = sorted(self.became_m2.items(), key=lambda item: -item[1])
+        told = [(k, area) for k, area in listed if area >= LEAST_M2]
+        return ", ".join(
+            f"{area:.1f} m²{'' if number else ' became'} {names[k]}"
+            for number, (k, area) in enumerate(told)
+        )
+
+
+def share_that_agrees(labels: NDArray[np.int16], truth: NDArray[np.int16]) -> float | None:
+    """The share of the cells with a truth and a label whose label it is; None without any."""
+    known = right = 0
+    for rows in bands_of_rows(labels.shape):
+        both = (truth[rows] >= 0) & (labels[rows] >= 0)
+        known += int(both.sum())
+        right += int((both & (truth[rows] == labels[rows])).sum())
+    return right / known if known else None

@@ -1,0 +1,271 @@
+"""Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
+
+import copy
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import plain_names
+from pgm_places.errors import LabelError
+from pgm_places.kernels.threads import thread_limit
+from pgm_places.labelers.known_cells import KnownCells
+from pgm_places.labelers.labelled_places import (
+    SAME_RESOLUTION,
+    LabelledPlaces,
+    at_model_resolution,
+)
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.whole_map import window_to_label
+from pgm_places.labelling.label import score_map
+from pgm_places.labelling.model import LoadedModel
+from pgm_places.labelling.places import places_of
+from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.independent import Independent
+from pgm_places.progress import Progress, report_stage, reporting_to
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.teaching.cell_table import CellPaint, CellTable
+from pgm_places.teaching.interactive_result import InteractiveResult
+from pgm_places.teaching.learning import Learning, learned_alone
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.training_selection import TeachingOptions
+from pgm_places.topology.cuts import Line
+from pgm_places.topology.place_ids import PlaceIds
+from pgm_places.unary.feature_table import CachedFeatures
+
+# Without a labeler to say at which resolution, finer maps are labelled at this one.
+FINEST_M = 0.05
+
+
+class InteractiveLabeler:
+    """Labels one map again and again, as fast as a person paints on it.
+
+    One thread at a time may call it. A ``progress`` that raises ends a call at its next stage, as a
+    program wants it that asks again at every stroke.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map.
+    model : LoadedModel or PlaceLabeler, optional
+        A fitted labeler to build on, with the rules of its model or the default ones; None to learn
+        from nothing but the paint.
+    classes : sequence of str, optional
+        What may be painted: the labeler's labels by default.
+    options : TeachingOptions, optional
+        How paint is learned on top of what the labeler knows.
+    known_places : PlaceIds, optional
+        Earlier places, which keep their ids and names. The places of each result are added to it.
+    n_threads : int, optional
+        All cores by default.
+
+    Attributes
+    ----------
+    cuts : sequence of ((float, float), (float, float))
+        Lines in the map frame that divide places of the next results: see
+        :func:`~pgm_places.topology.from_labels.topological_map`.
+
+    Raises
+    ------
+    LabelError
+        No classes, or classes that the labeler's labels are not among.
+
+    Examples
+    --------
+    >>> from pgm_places import trained_labeler
+    >>> from pgm_places.datasets import generate_building
+    >>> building = generate_building(size="small", resolution_m=0.1)
+    >>> teacher = Teacher(building.grid, trained_labeler())
+    >>> first = teacher.label(teacher.blank())
+    >>> place = first.checks[0].place
+    >>> paint = first.paint.with_cells(first.topology.cells(place.id), "room")
+    >>> bool((teacher.label(paint).labels[paint.painted] == 1).all())
+    True
+    """
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        model: LoadedModel | PlaceLabeler | None = None,
+        *,
+        classes: Sequence[str] | None = None,
+        options: TeachingOptions | None = None,
+        known_places: PlaceIds | None = None,
+        n_threads: int | None = None,
+    ) -> None:
+        if model is None and classes is None:
+            raise LabelError("without a labeler, 'classes' must say what may be painted")
+        self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
+        resolution_m = FINEST_M if self.labeler is None else self.labeler.resolution_m_
+        self._window = window_to_label(grid, resolution_m)
+        self._part = grid if self._window is None else self._window.crop(grid)
+        self._take(classes or (() if self.labeler is None else self.labeler.label_names_))
+        self.options = options or TeachingOptions()
+        self.known_places = PlaceIds() if known_places is None else known_places
+        self.n_threads = n_threads
+        self.cuts: Sequence[Line] = ()
+        self._kept: CachedFeatures | None = None
+
+    @property
+    def labeler(self) -> PlaceLabeler | None:
+        """The labeler to build on."""
+        return None if self.model is None else self.model.labeler
+
+    def with_classes(self, classes: Sequence[str]) -> "InteractiveLabeler":
+        """A teacher of other classes that goes on with all that is known of the map's cells.
+
+        Raises
+        ------
+        LabelError
+            As for a new one.
+        """
+        other = copy.copy(self)
+        other._table = self._table
+        other._take(classes)
+        return other
+
+    def _take(self, classes: Sequence[str]) -> None:
+        """Let these classes be painted."""
+        self.classes = plain_names("classes", list(classes))
+        own = () if self.labeler is None else self.labeler.label_names_
+        missing = [name for name in own if name not in self.classes]
+        if missing:
+            raise LabelError(
+                f"{missing[0]!r} is a label of the labeler and must be among the classes, got "
+                f"{', '.join(self.classes)}"
+            )
+
+    def blank(self) -> Paint:
+        """No paint on this map."""
+        return Paint.blank(self.grid.shape, self.classes)
+
+    def label(self, paint: Paint, *, progress: Progress | None = None) -> InteractiveResult:
+        """The map labelled by the labeler; painted cells keep their labels in every method.
+
+        Raises
+        ------
+        LabelError
+            Paint that does not fit the map or the classes; without a labeler, paint of fewer than
+            two classes.
+        """
+        with reporting_to(progress), thread_limit(self.n_threads):
+            start = time.perf_counter()
+            self._check_known(paint)
+            return self._labelled(self.labeler or self.learned(paint), paint, start)
+
+    def teach(self, paint: Paint, *, progress: Progress | None = None) -> InteractiveResult:
+        """The map labelled by a labeler that has learned the paint, which keeps its labels.
+
+        Raises
+        ------
+        LabelError
+            As :meth:`label`.
+        """
+        with reporting_to(progress), thread_limit(self.n_threads):
+            start = time.perf_counter()
+            return self._labelled(self.learned(paint), paint, start)
+
+    def learned(self, paint: Paint, progress: Progress | None = None) -> PlaceLabeler:
+        """The labeler that has learned the paint, on top of the given one or of nothing.
+
+        Raises
+        ------
+        LabelError
+            As :meth:`label`.
+        """
+        table = self._table
+        painted, classes = self._cut(paint), paint.classes
+        known = KnownCells.of(painted, self._part, table.grid, classes, classes)
+        cells = CellPaint(known.on_cells, paint.classes)
+        with thread_limit(self.n_threads), reporting_to(progress):
+            if self.model is None:
+                return learned_alone(cells, table, self.options)
+            learning = Learning(table, self.options)
+            return learning.taught(self.model.labeler, cells, self.model.method)
+
+    def _check_known(self, paint: Paint) -> None:
+        known = self.classes if self.labeler is None else self.labeler.label_names_
+        new = [name for name, n in paint.counts.items() if n and name not in known]
+        if new:
+            raise LabelError(
+                f"{new[0]!r} is painted, which the labeler does not know ({', '.join(known)}); "
+                "teach it"
+            )
+
+    @cached_property
+    def _table(self) -> CellTable:
+        """The cells to label, at the labeler's resolution, with features once they are needed."""
+        if self.labeler is not None:
+            model = self.labeler.unary_model_
+            used, _ = at_model_resolution(self.labeler, self._part)
+            return CellTable(used, model.sensor, model.features)
+        fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
+        used = coarsen(self._part, FINEST_M) if fine else self._part
+        return CellTable(used, Sensor())
+
+    def _rows(self, labeler: PlaceLabeler) -> CachedFeatures | None:
+        """The cells' features with what is known to follow from them; None for a huge map.
+
+        The given labeler is asked again only about cells that the paint can reach: those whose
+        segments, places or gates are not what they were. What it was taught is asked about all, but
+        the networks, which are not taught, look at the map once.
+        """
+        own = self._table.all()
+        if own is None:
+            return None
+        if self._kept is None:
+            self._kept = CachedFeatures.of_cells(own)
+        return self._kept if labeler is self.labeler else self._kept.for_model()
+
+    def _labelled(self, labeler: PlaceLabeler, paint: Paint, start: float) -> InteractiveResult:
+        model = self._model_of(labeler)
+        scored = score_map(
+            model,
+            self._part,
+            self._cut(paint.with_classes(labeler.label_names_)),
+            lambda _: self._rows(labeler),
+            keep_scores=True,
+        )
+        assert scored.kept is not None  # as asked for
+        unary = self._whole(scored.labelled(Independent()))
+        labelled = self._whole(scored.labelled())
+        with report_stage("places"):
+            topology = places_of(labelled.cells, model.rules, ids=self.known_places, cuts=self.cuts)
+        self.known_places.learn(topology)
+
+        def labelled_by(name: str) -> LabelledPlaces:
+            return self._whole(scored.by(name).labelled())
+
+        others = {
+            name: cache(partial(labelled_by, name))
+            for name, item in labeler.methods_.items()
+            if name != model.method
+            and item.unary == model.chosen.unary  # others would need scores of their own
+            and not isinstance(item.backend, Independent)
+        }
+        seconds = time.perf_counter() - start
+        return InteractiveResult(
+            labelled, unary, topology, paint, labeler, scored.kept[1], seconds, others
+        )
+
+    def _cut(self, paint: Paint) -> NDArray[np.int16]:
+        """The labels of the paint on the part of the map that is labelled."""
+        return paint.labels if self._window is None else self._window.cut(paint.labels)
+
+    def _whole(self, found: LabelledPlaces) -> LabelledPlaces:
+        """Labels of that part on the whole map."""
+        return found if self._window is None else found.on_whole(self.grid, self._window)
+
+    def _model_of(self, labeler: PlaceLabeler) -> LoadedModel:
+        """The given model, or one with its rules and the labeler that has learned the paint."""
+        if self.model is None:
+            return LoadedModel(labeler)
+        if labeler is self.model.labeler:
+            return self.model
+        knows = self.model.method in labeler.methods_  # not one that knows other classes
+        method = self.model.method if knows else labeler.default_method
+        return replace(self.model, labeler=labeler, method=method, sha256="")

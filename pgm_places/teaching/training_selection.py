@@ -1,0 +1,113 @@
+"""Selection of the cells of a map that a list learns from, with their weights."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._option_marks import Ge
+from pgm_places.models import further_boosting
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.further_boosting import Examples, FurtherRounds
+from pgm_places.options import AtLeastZero, Options
+
+OF_PAINT_ALONE = ("max_cells_per_class", "seed")
+"""The options that also count where there is no labeler to go on from."""
+
+
+@dataclass(frozen=True)
+class TeachingOptions(FurtherRounds, Options):
+    """How paint is learned on top of what a labeler knows.
+
+    Parameters
+    ----------
+    max_cells_per_class : int
+        So many painted cells of each class are learned from, drawn by chance.
+    n_kept : int
+        So many cells elsewhere on the map, drawn by chance, keep the list to what it says of them.
+    keep : float
+        What these cells weigh together, where all painted cells of a class weigh 1. Boosting counts
+        a cell that a list is sure about by p (1 - p) only: so much less than this number says.
+    """
+
+    max_cells_per_class: Annotated[int, Ge(10)] = 1000
+    n_kept: Annotated[int, Ge(0)] = 1500
+    keep: AtLeastZero = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class CellSelection:
+    """Painted cells, and other cells that keep what a list knows.
+
+    Parameters
+    ----------
+    nodes : (n,) int64
+        The painted cells to learn from, ascending.
+    labels : (n,) int64
+        Their classes.
+    kept : (m,) int64
+        The other cells, ascending.
+    """
+
+    nodes: NDArray[np.int64]
+    labels: NDArray[np.int64]
+    kept: NDArray[np.int64]
+
+    @property
+    def both(self) -> NDArray[np.int64]:
+        """(n + m,) all of them, ascending."""
+        return np.sort(np.concatenate([self.nodes, self.kept]))
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """(n,) so that all cells of each class weigh 1 together."""
+        counts = np.bincount(self.labels)
+        return np.asarray(1.0 / counts[self.labels], np.float64)
+
+
+def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> CellSelection:
+    """The cells of a lesson, the same for the same paint.
+
+    Parameters
+    ----------
+    painted : (N,) int64
+        Class of each node, -1 where nothing is painted.
+    options : TeachingOptions
+    """
+    rng = np.random.default_rng(options.seed)
+    taken = []
+    for label in range(int(painted.max(initial=-1)) + 1):
+        members = np.flatnonzero(painted == label)
+        taken.append(rng.permutation(members)[: options.max_cells_per_class])
+    nodes = np.sort(np.concatenate([np.zeros(0, np.int64), *taken]))
+    open_nodes = np.flatnonzero(painted < 0)
+    kept = np.sort(rng.permutation(open_nodes)[: options.n_kept])
+    return CellSelection(nodes, painted[nodes], kept)
+
+
+def learned_further(
+    fitted: BoostedList, examples: Examples, kept: NDArray[np.float32], options: TeachingOptions
+) -> BoostedList:
+    """A list that has learned painted examples and keeps what it says of other rows (m, F).
+
+    Labels are indices into the list's classes; those after the last are new classes, which are
+    asked for first.
+    """
+    n_old, n_taught = len(fitted.classes), len(np.unique(examples.labels))
+    weight = options.keep * n_taught
+
+    def with_kept(part: Examples, so_far: BoostedList) -> Examples:
+        if not len(kept) or not weight:
+            return part
+        return part.and_also(further_boosting.own_opinion(so_far, kept, weight))
+
+    boosted = fitted
+    if (examples.labels < n_old).any():
+        part = with_kept(examples.where(examples.labels < n_old), boosted)
+        boosted = further_boosting.boosted_further(boosted, part, options)
+    for label in range(n_old, int(examples.labels.max()) + 1):
+        part = with_kept(examples.where(examples.labels <= label), boosted)
+        number = int(boosted.classes[-1]) + 1
+        boosted = further_boosting.with_first_class(boosted, number, part, options)
+    return boosted
