@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, set_frozen
 from pgm_places.errors import InputError, ModelFileError, quoted
-from pgm_places.models.boosted_trees import BoostedTrees
-from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
+from pgm_places.models.strong_classifier import BoostedTrees, Split, StrongClassifier, VoteTable
 
 __all__ = ["BoostedList"]
 

@@ -158,12 +158,10 @@ def check_carried(
         raise InputError(f"sample_weight is zero for every example of class {without[0]!r}")
 
 
-def float32_matrix(
-    estimator: BaseEstimator, X: ArrayLike, *, reset: bool = False
-) -> NDArray[np.float32]:
+def float32_matrix(estimator: BaseEstimator, X: ArrayLike) -> NDArray[np.float32]:
     """X as finite float32, checked against what the estimator was fitted on."""
     with np.errstate(over="ignore"):  # too large for float32 becomes infinite and is refused
-        return validate_data(estimator, X, dtype=np.float32, reset=reset)
+        return validate_data(estimator, X, dtype=np.float32, reset=False)
 
 
 def checked_training_data(

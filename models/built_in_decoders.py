@@ -12,8 +12,7 @@ from pgm_places.inference.labeling import Status
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder, converged
 
 if TYPE_CHECKING:
-    from pgm_places.solvers.grid_mean_field import GridMeanField
-    from pgm_places.solvers.mean_field import MeanField
+    from pgm_places.solvers.mean_field import GridMeanField, MeanField
 
 
 MAX_PRODUCT_DAMPING = 0.5
@@ -88,7 +87,7 @@ def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
     one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
     if not (isinstance(links, RasterEdges) and one_table):
         return None
-    from pgm_places.solvers.grid_mean_field import grid_mean_field
+    from pgm_places.solvers.mean_field import grid_mean_field
 
     return grid_mean_field(
         known.unary,

@@ -14,7 +14,6 @@ from pgm_places.errors import InputError
 from pgm_places.inference.learned_names import renumbered
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList, check_decision
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting import (
     check_carried,
     check_two_classes,
@@ -29,7 +28,7 @@ from pgm_places.models.list_training import (
     last_quarters,
     prior_calibration,
 )
-from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from pgm_places.options import subset_of
 
 _ORDERS = ("heuristic", "exhaustive")

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import gentle_masses, raise_weights
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost, initial_weights
 from pgm_places.models.sorted_features import SortedFeatures
-from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from pgm_places.models.tree_search import GrownTree, TreeSearch
 
 # The sum of all weights as a whole number; it and its negative fit into 32 bits.

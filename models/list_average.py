@@ -7,7 +7,7 @@ import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.boosted_trees import BoostedTrees
+from pgm_places.models.strong_classifier import BoostedTrees
 
 _SLOPE = 2.0  # that of equation 7, so that F means what it does in a list that was boosted
 

@@ -12,11 +12,10 @@ from scipy.special import expit, log_expit
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.gentle_boosting import boosted
 from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import SortedFeatures, prepare
-from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 
 _MAX_FOLDS = 5
 _LEAST_FACTOR = 1e-3

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.models.boosted_trees import BoostedTrees
-from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from pgm_places._version import __version__
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.list_average import list_average
+from pgm_places.models.strong_classifier import BoostedTrees
 from pgm_places.progress import Progress, Stage
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import Gates, gate_candidates, gate_features

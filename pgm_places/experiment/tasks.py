@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.evaluated_items import TestItem
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.graph_task import GraphTask
-from pgm_places.experiment.map_task import CellTask
+from pgm_places.experiment.node_tasks import CellTask, GraphTask, StepAndCellTask, StepTask
 from pgm_places.experiment.setup import AnyMethod
 from pgm_places.experiment.sources import Source, Sources
-from pgm_places.experiment.step_task import StepAndCellTask, StepTask
 from pgm_places.experiment.task import Labelers, Task
 from pgm_places.inference.labeling import Labeling
 from pgm_places.spaces.door_truth import DoorScores

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.models import tree_search
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
-from pgm_places.models.strong_classifier import VoteTable
+from pgm_places.models.strong_classifier import BoostedTrees, VoteTable
 from tests.models.columns import random_columns
 from tests.reference import gentle_boosting as reference
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.further_boosting import (
     Examples,
@@ -18,6 +17,7 @@ from pgm_places.models.further_boosting import (
     own_opinion,
     with_first_class,
 )
+from pgm_places.models.strong_classifier import BoostedTrees
 
 DEPTHS = (1, 3)
 RNG = np.random.default_rng(2)

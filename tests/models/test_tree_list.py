@@ -10,11 +10,11 @@ from safetensors.numpy import save
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from pgm_places.errors import InputError, ModelFileError
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
+from pgm_places.models.strong_classifier import BoostedTrees
 
 NAMES = np.array(["corridor", "doorway", "room"])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.strong_classifier import BoostedTrees
 from pgm_places.models.vote_parts import vote_parts
 
 X = np.random.default_rng(5).normal(size=(300, 6)).astype(np.float32)

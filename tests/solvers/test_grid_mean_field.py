@@ -10,9 +10,8 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import decode
-from pgm_places.solvers import grid_mean_field as module
-from pgm_places.solvers.grid_mean_field import grid_mean_field
-from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers import mean_field as module
+from pgm_places.solvers.mean_field import grid_mean_field, mean_field
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.on_threads import on
 from tests.reference.mean_field import mean_field_in_order

@@ -11,11 +11,10 @@ from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
-from pgm_places.solvers.grid_mean_field import grid_mean_field
 from pgm_places.solvers.grid_relaxation import relax_grid
 from pgm_places.solvers.local_search import iterated_conditional_modes
 from pgm_places.solvers.max_flow import minimum_cut
-from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.mean_field import grid_mean_field, mean_field
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from pgm_places.solvers.semi_markov import SemiMarkovChain

@@ -4,7 +4,7 @@ from pathlib import Path
 
 PLACES_FILE, REGION_FILE, FEATURES_FILE = "places.json", "regions.png", "regions.geojson"
 NAMES_FILE, CHECK_FILE = "place_names.yaml", "check.csv"
-LABELS_FILE, OVERVIEW_FILE, TOPOLOGY_PICTURE = "labels.png", "overview.png", "topology.png"
+OVERVIEW_FILE = "overview.png"
 
 DETAILS = "details"
 """The folder below it for files that programs read."""

@@ -1,0 +1,319 @@
+"""What each kind of node needs in an experiment: cells of maps, steps of drives, graph nodes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
+from pgm_places.experiment.doors import door_scores, gate_scores, passage_scores
+from pgm_places.experiment.drives import SourceDrive, counted_objects
+from pgm_places.experiment.evaluated_items import EvalDrive, EvalGraph, EvalMap
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.floor_teaching import taught_floor
+from pgm_places.experiment.graphs import SourceGraph
+from pgm_places.experiment.setup import (
+    GraphMethod,
+    graph_labelers,
+    joint_labeler,
+    make_labeler,
+    one_method,
+    step_labeler,
+    step_methods,
+)
+from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.task import ScoredTest, Tested
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.io.input_file import sha256_of
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelers.structured_labeler import StructuredLabeler
+from pgm_places.labelers.tracking import map_of_scans
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.persistence.model_folder import MANIFEST
+from pgm_places.persistence.place_labeler import check_savable
+from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.teaching.interactive_labeler import InteractiveLabeler
+from pgm_places.teaching.paint import Paint
+from pgm_places.trained import NAMES, model_folder, trained_labeler
+from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.unary.halls import HallNames
+from pgm_places.unary.list_learning import with_explicit_order
+
+
+def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
+    """The base model of the configuration, taught the labels of training maps in their order.
+
+    Without a base model (``"none"``), only the first map is learned from.
+
+    Raises
+    ------
+    ModelFileError
+        There is no such model.
+    LabelError
+        A label of the model is not among the configuration's; without a model, the first map has
+        fewer than two labels.
+    """
+    config = experiment.config
+    labeler = _base_model(experiment)
+    with experiment.learning():
+        for item in maps:
+            teacher = InteractiveLabeler(
+                item.grid, labeler, classes=config.labels.names, options=config.teaching
+            )
+            labels = item.labels
+            if item.window is not None:
+                labels = np.where(item.window, labels, np.int16(-1))
+            paint = Paint(labels, config.labels.names)
+            labeler = teacher.learned(paint)
+    assert labeler is not None  # there is at least one training map
+    return labeler
+
+
+def _base_model(experiment: Experiment) -> PlaceLabeler | None:
+    name = str(experiment.config.base_model)
+    if name == NO_MODEL:
+        return None
+    folder = model_folder(name if name in NAMES else experiment.resolve(name))
+    found = trained_labeler(folder)
+    experiment.inputs[f"{name}/{MANIFEST}"] = sha256_of(folder / MANIFEST)
+    return found
+
+
+def tested_map(item: LabelledMap, layout: GridLayout, name: str | None = None) -> EvalMap:
+    """A map whose cells are labelled, under its own or another name."""
+    window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
+    return EvalMap(name or item.name, item.grid, item.labels, layout, window, item.building)
+
+
+class CellTask:
+    """The cells of maps."""
+
+    tested: ClassVar[Tested] = "maps"
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        self.labeler = make_labeler(config) if config.base_model is None else None
+
+    def check_savable(self) -> None:
+        """A base model has been saved before."""
+        if self.labeler is not None:
+            check_savable(self.labeler)
+
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, PlaceLabeler]:
+        """The labeler of all methods, fitted on the maps, or trained further on them."""
+        maps, labeler = sources.maps, self.labeler
+        if labeler is None:
+            labeler = taught_labeler(experiment, maps)
+            return dict.fromkeys(labeler.methods_, labeler)
+        with experiment.learning():
+            if labeler.floor is not None:
+                names, options = labeler.label_names, experiment.config.floor
+                labeler.floor = taught_floor(labeler.floor, maps, names, options)
+            labeler.fit(maps, feature_cache=experiment.feature_cache)
+        return dict.fromkeys(labeler.methods_, labeler)
+
+    def scored(
+        self, experiment: Experiment, labelers: Mapping[str, PlaceLabeler], source: LabelledMap
+    ) -> ScoredTest:
+        """A map, its cells scored by the lists."""
+        labeler = next(iter(labelers.values()))
+        hall_names = HallNames.among(experiment.config.labels.names)
+        if hall_names is not None:
+            source = hall_names.fold(source, labeler.halls)
+        with experiment.timed("score cells"):
+            graph, scores = labeler.scores(source.grid, mask=source.cells)
+        item, truth = tested_map(source, graph.grid_layout), source.truth(graph)
+
+        def label(name: str) -> Sequence[Labeling]:
+            return [labeler.infer(graph, scores, method=name, truth=truth)]
+
+        def doors(found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+            return (door_scores(item, found[0], doorway),)
+
+        def gates(doorway: int) -> tuple[DoorScores, ...]:
+            model = labeler.unary_model_.space
+            if model is None or model.gates is None or scores.spaces is None:
+                return ()
+            return (gate_scores(item, scores.spaces, doorway),)
+
+        return ScoredTest([item], label, doors, gates)
+
+    def method(self, name: str, labeler: PlaceLabeler) -> PlaceMethod:
+        """One of the labeler's methods."""
+        return labeler.method(name)
+
+
+class _DriveTask:
+    """What both kinds of drives share: a labeler for each method."""
+
+    tested: ClassVar[Tested] = "drives"
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        self.config, self.methods = config, step_methods(config)
+
+    def check_savable(self) -> None:
+        """A model has one method."""
+        one_method(self.config, "drives")
+
+    def method(self, _name: str, labeler: TrajectoryLabeler | JointLabeler) -> PlaceMethod:
+        """The labeler's only one."""
+        return PlaceMethod(labeler.method_, "laser")
+
+
+class StepTask(_DriveTask):
+    """The steps of drives."""
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        super().__init__(config)
+        self.labeler = step_labeler(config)
+
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, TrajectoryLabeler]:
+        """The labelers share the lists and learn from the same held-out scores."""
+        names = counted_objects(sources.drives)
+        counts = [item.count_columns(names) for item in sources.drives]
+        extra = [columns for columns in counts if columns is not None]
+        with experiment.learning():
+            learned = self.labeler.set_params(extra_names=tuple(names)).fit_methods(
+                self.methods,
+                sources.maps,
+                [item.trajectory for item in sources.drives],
+                extra=extra or None,
+                known_map=[item.grid for item in sources.drives],
+            )
+        return {**learned}
+
+    def scored(
+        self,
+        experiment: Experiment,
+        labelers: Mapping[str, TrajectoryLabeler],
+        source: SourceDrive,
+    ) -> ScoredTest:
+        """A drive, its steps scored by the list."""
+        path, first = source.trajectory, next(iter(labelers.values()))
+        extra = source.count_columns(first.scan_model_.extra_names)
+        if extra is None and source.counts is not None:
+            raise ConfigError(f"{source.name}: the training drives have no counts; remove these")
+        with experiment.timed("score steps"):
+            scores = first.scores(path, known_map=source.grid, extra=extra)
+            grid = source.grid if source.grid is not None else map_of_scans(path)
+        item = EvalDrive(path.name, path, grid)
+
+        def label(name: str) -> Sequence[Labeling]:
+            return [labelers[name].infer(path, scores, map_prior=source.prior, truth=path.labels)]
+
+        def doors(found: Sequence[Labeling], doorway: int) -> tuple[DoorScores, ...]:
+            return (passage_scores(item, found[0], doorway),)
+
+        return ScoredTest([item], label, doors)
+
+
+class StepAndCellTask(_DriveTask):
+    """The steps of drives together with the cells of their maps."""
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        super().__init__(config)
+        self.labeler = joint_labeler(config)
+
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, JointLabeler]:
+        """The labelers share both lists."""
+        pairs = [MappedDrive(_map_of(item), item.trajectory) for item in sources.drives]
+        with experiment.learning():
+            return {**self.labeler.fit_methods(self.methods, pairs, sources.maps)}
+
+    def scored(
+        self, experiment: Experiment, labelers: Mapping[str, JointLabeler], source: SourceDrive
+    ) -> ScoredTest:
+        """A drive and its map, steps and cells scored by their lists."""
+        path, known, first = source.trajectory, _map_of(source), next(iter(labelers.values()))
+        with experiment.timed("score steps"):
+            scores = first.scores(known.grid, path, mask=known.cells)
+        cells = scores.graph.cells
+        assert cells is not None  # there is a map
+        on_map = tested_map(known, cells.grid_layout, f"{path.name}: cells")
+
+        def label(name: str) -> Sequence[Labeling]:
+            found = labelers[name].infer(scores)
+            assert found.cells is not None and found.steps is not None  # a map and a drive
+            # Score and history belong to all nodes together; they are reported with the cells.
+            return [found.cells, replace(found.steps, score=None, bound=None, info={})]
+
+        return ScoredTest([on_map, EvalDrive(f"{path.name}: steps", path, known.grid)], label)
+
+
+def _map_of(drive: SourceDrive) -> LabelledMap:
+    assert drive.map is not None  # the configuration has been checked
+    return drive.map
+
+
+def _classifier(
+    given: Any, problems: Sequence[LabelingProblem], truths: Sequence[NDArray[np.int64]]
+) -> Any:
+    """The classifier in its order of labels; None where there is nothing to classify, or all said.
+
+    The order is that of frequency among all labelled nodes.
+    """
+    told = [problem.unary is not None for problem in problems]
+    if any(told) and not all(told):
+        raise ConfigError("give probabilities or node features for all graphs, not for some")
+    if given is None or all(told):
+        return None
+    truth = np.concatenate(truths)
+    return with_explicit_order(given, truth[truth >= 0])
+
+
+class GraphTask:
+    """The nodes of graphs of one's own."""
+
+    tested: ClassVar[Tested] = "graphs"
+
+    def __init__(self, config: ExperimentConfig) -> None:
+        self.config, self.labelers = config, graph_labelers(config)
+
+    def check_savable(self) -> None:
+        """A model has one method."""
+        one_method(self.config, "graphs")
+
+    def learn(self, experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
+        """The labelers share their classifier; methods with ``unary = "none"`` have none."""
+        problems = [item.problem for item in sources.graphs]
+        truths = [item.truth for item in sources.graphs]
+        learned: dict[str, StructuredLabeler] = {}
+        with experiment.learning():
+            for alone in (False, True):
+                chosen = {
+                    name: item
+                    for name, item in self.labelers.items()
+                    if (item.classifier is None) == alone
+                }
+                if not chosen:
+                    continue
+                shared = next(iter(chosen.values()))
+                shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
+                methods = {name: item.backend for name, item in chosen.items()}
+                learned |= shared.fit_methods(methods, problems, truths)
+        return {name: learned[name] for name in self.labelers}
+
+    def scored(
+        self,
+        _experiment: Experiment,
+        labelers: Mapping[str, StructuredLabeler],
+        source: SourceGraph,
+    ) -> ScoredTest:
+        """A graph, which each labeler scores by itself."""
+
+        def label(name: str) -> Sequence[Labeling]:
+            return [labelers[name].label(source.problem, truth=source.truth)]
+
+        item = EvalGraph(source.name, source.problem.graph, source.truth, source.building)
+        return ScoredTest([item], label)
+
+    def method(self, name: str, labeler: StructuredLabeler) -> GraphMethod:
+        """The labeler's only one."""
+        [unary] = [method.unary for method in self.config.methods if method.id == name]
+        return GraphMethod(labeler.backend_, unary)
