@@ -1,6 +1,9 @@
 """Branch and bound by toulbar2, a decoder from outside the package."""
 
+import importlib
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -108,3 +111,10 @@ class TestSearch:
         assert alone.bound == pytest.approx(2.5, rel=1e-12)
         with pytest.raises(InfeasibleError, match="forbids every labelling"):
             search_factors([1, 2], [Factor((0,), np.array([-np.inf]))])
+
+
+def test_the_entry_point_names_the_decoder() -> None:
+    path = Path(__file__).parents[2] / "examples" / "plugins" / "pyproject.toml"
+    entry = tomllib.loads(path.read_text())["project"]["entry-points"]["pgm_places.decoders"]
+    module, _, name = entry["toulbar2"].partition(":")
+    assert getattr(importlib.import_module(module), name) is decode_by_toulbar2
