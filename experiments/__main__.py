@@ -1,7 +1,6 @@
 """Run the experiments on real buildings: python -m experiments prints the tables of results.md.
 
-The paper's sections are those of ``pgm-places reproduce``; the configurations here are further
-experiments: ``python -m experiments without_79``.
+The paper's sections are those of ``python -m experiments.paper``.
 ``--write-docs`` keeps what each section found in ``experiments/sections`` and renews docs/.
 """
 

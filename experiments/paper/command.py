@@ -1,4 +1,4 @@
-"""What ``pgm-places reproduce`` runs: sections of the paper, and the table of their figures."""
+"""Sections of the paper, and the table of their figures."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -23,7 +23,7 @@ _GROUPS = {
         ("live", "live"),
         ("simulate", "simulate", "simulate-map"),
     ),
-    "Train and evaluate": (("experiments", "train", "compare", "reproduce"),),
+    "Train and evaluate": (("experiments", "train", "compare"),),
 }
 """Modules with their commands, in the order of the help and by its headings."""
 

@@ -1,13 +1,11 @@
-"""The commands demo, compare, train and reproduce: read inputs, call the library, write results."""
+"""The commands demo, compare and train: read inputs, call the library, write results."""
 
-import sys
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
-from pgm_places.cli.declarations import Argument, grouped
+from pgm_places.cli.declarations import grouped
 from pgm_places.cli.label import WorkerOptions, make_workers
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import complain, make_progress, say, say_written
@@ -212,42 +210,3 @@ def _training_record(trained: "Trained") -> dict[str, Any]:
         "warnings": experiment.warnings,
         "choices": _choices(trained),
     }
-
-
-_CHECKOUT = Path(__file__).resolve().parents[2]
-
-
-def reproduce(
-    names: Annotated[list[str] | None, Argument("SECTION...")] = None,
-    out: Out = Path("reproduced"),
-    stockholm: Path | None = None,
-    again: bool = False,
-    force: Force = False,
-    n_threads: Threads = None,
-    quiet: Quiet = False,
-) -> None:
-    """Reproduce the experiments of the paper. Writes a page comparing its figures with ours.
-
-    Parameters
-    ----------
-    names
-        Sections such as 7.1 7.5; all by default.
-    stockholm
-        Folder of COLD-Stockholm, whose floors 6 and 7 are those of the paper's section 7.6.
-    again
-        Rerun sections that have already been run.
-    """
-    if (_CHECKOUT / "experiments" / "paper").is_dir() and str(_CHECKOUT) not in sys.path:
-        sys.path.insert(0, str(_CHECKOUT))
-    try:
-        paper = import_module("experiments.paper.command")
-    except ModuleNotFoundError as error:
-        if not str(error.name).startswith("experiments"):
-            raise
-        raise InputError(
-            "the paper's experiments come with the source, not with the installed package; run "
-            "'python -m experiments.paper' in a checkout of it"
-        ) from None
-    paper.reproduce(
-        names or (), out, stockholm, again=again, force=force, n_threads=n_threads, quiet=quiet
-    )

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from experiments.paper.__main__ import main as reproduce_paper
 from experiments.paper.section import Outcome
 from experiments.paper.sections import PaperSection
 from pgm_places.cli.entry import main
@@ -92,11 +93,15 @@ def run(folder: Path, command: str, name: str, out: Path) -> None:
         ],
         "reproduce": ["7.1", "--again", "--quiet"],
     }
+    words = [*map(str, options[command]), "--out", str(out)]
     PaperSection.run = property(lambda _: lambda _: stand_in(name))  # type: ignore[assignment, method-assign]
-    sys.argv = ["pgm-places", command, *map(str, options[command]), "--out", str(out)]
+    sys.argv = ["pgm-places", command, *words]
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            main()
+            if command == "reproduce":
+                reproduce_paper(words)
+            else:
+                main()
     except SystemExit as ended:
         if ended.code:
             raise

@@ -1,25 +1,27 @@
 """The paper's experiments from the command line."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
+from experiments.paper.__main__ import main
 from experiments.paper.section import Finding, Outcome
 from experiments.paper.setting import Setting
 from pgm_places.io.output_set import RECORD_FILE
-from tests.cli.conftest import Run
 
 
-def test_an_unknown_section_is_refused_with_the_nearest_one(run: Run, tmp_path: Path) -> None:
-    code, _, error = run("reproduce", "7.11", "--out", tmp_path / "out")
-    assert code == 2
-    assert "no section '7.11'" in error
+def test_an_unknown_section_is_refused_with_the_nearest_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["7.11", "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    assert "no section '7.11'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 def test_the_table_comes_with_a_warning_where_buildings_stand_in(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fake(setting: Setting) -> Outcome:
         return Outcome("a setting", (Finding("single poses", 0.981, 0.9, 0.7, 0.973),))
@@ -27,8 +29,8 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
     monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
     monkeypatch.setattr("experiments.paper.poses.run", fake)
     out = tmp_path / "out"
-    code, text, error = run("reproduce", "7.1", "--out", out, "--threads", 1)
-    assert code == 0
+    main(["7.1", "--out", str(out), "--threads", "1"])
+    text, error = capsys.readouterr()
     assert "generated buildings stand in" in error
     assert "Set PGM_PLACES_DATA" in error
     [line] = [line for line in text.splitlines() if "single poses" in line]
@@ -40,16 +42,3 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
         "reproduce.html",
         "reproduce.md",
     ]
-
-
-def test_an_installed_package_says_where_the_experiments_are(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("pgm_places.cli.experiments._CHECKOUT", tmp_path)
-    monkeypatch.setitem(sys.modules, "experiments.paper.command", None)
-    code, text, error = run("reproduce", "7.1", "--out", tmp_path / "out")
-    assert (code, text) == (2, "")
-    assert error == (
-        "pgm-places: the paper's experiments come with the source, not with the installed package; "
-        "run 'python -m experiments.paper' in a checkout of it\n"
-    )
