@@ -1,4 +1,4 @@
-// Some columns of a block of samples side by side, for kernels that score them.
+// Gathers selected columns of a block of samples for scoring kernels.
 
 #pragma once
 

@@ -44,7 +44,7 @@ def observed_in_folds(
     >>> ring = LabelGraph.from_edges(6, [(i, (i + 1) % 6) for i in range(6)])
     >>> labels = np.array([0, -1, 0, 1, -1, 1])
     >>> problem = LabelingProblem(ring, ["a", "b"], known=labels)
-    >>> problems, labelings = told_in_parts(problem, labels, 2)
+    >>> problems, labelings = observed_in_folds(problem, labels, 2)
     >>> [int((one.known >= 0).sum()) for one in problems]
     [2, 2]
     """

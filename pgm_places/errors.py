@@ -126,7 +126,7 @@ def escape_control(text: str, *, keep: str = "") -> str:
 
     Examples
     --------
-    >>> print(printable("room\x1b[2J"))
+    >>> print(escape_control("room\x1b[2J"))
     room\x1b[2J
     """
 

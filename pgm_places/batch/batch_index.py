@@ -1,4 +1,4 @@
-"""The lists of all maps of a folder of results: a table, the failures, and a page."""
+"""Index of a batch: the table of all maps, the failures and the overview page."""
 
 import heapq
 import time

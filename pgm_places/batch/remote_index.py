@@ -1,4 +1,4 @@
-"""The lists of a far folder: a local copy, and what several runs at once put back there.
+"""Index of a remote batch folder: a local copy, merged with rows of concurrent runs.
 
 No lock reaches so far. Each run therefore also puts its tables under a name of its own, and merges
 those of the others; only what a later copy contains is removed. Whichever run puts the lists last
@@ -27,7 +27,7 @@ class RemoteIndex:
 
     Parameters
     ----------
-    far : FarFolder
+    far : RemoteFolder
     here : Path
         The local folder.
     names, tables : sequence of str

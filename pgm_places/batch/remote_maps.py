@@ -1,4 +1,4 @@
-"""Maps and results behind addresses: fetched and put one map at a time, through a local folder."""
+"""Batch labelling of remote maps: each is fetched, labelled in a local folder and uploaded."""
 
 import os
 import shutil

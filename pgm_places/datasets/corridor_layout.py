@@ -1,4 +1,4 @@
-"""The wings of a building: how corridors run, and where the rooms along them lie."""
+"""Corridor layout of a building's wings, and the frontages of rooms along them."""
 
 from dataclasses import dataclass
 from typing import Literal

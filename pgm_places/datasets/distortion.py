@@ -1,4 +1,4 @@
-"""Maps that are bent and rotated: a mapper's drift, and a map frame not aligned with the walls.
+"""Distorted maps: the drift of a mapper, and a map frame not aligned with the walls.
 
 Only additions, multiplications and divisions, which every platform rounds alike.
 """

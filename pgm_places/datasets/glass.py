@@ -1,4 +1,4 @@
-"""Windows and glass fronts: where the rays of a laser leave a room, and what lies beyond."""
+"""Windows and glass fronts: where laser rays leave a room, and what lies beyond."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""What a visit leaves open: doors that stay closed, and rooms that were not seen well enough."""
+"""Incomplete mapping: closed doors, and rooms of which the robot saw too little."""
 
 import numpy as np
 from numpy.typing import NDArray

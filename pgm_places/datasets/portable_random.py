@@ -1,4 +1,4 @@
-"""Dice: random integers that are the same on every platform and with every NumPy version."""
+"""Random integers that are identical on every platform and NumPy version."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

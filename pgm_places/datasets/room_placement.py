@@ -1,4 +1,4 @@
-"""The rooms of a floor, placed along every side of its corridors and halls."""
+"""Placement of rooms along the sides of corridors and halls."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The survey: the map that a robot with a laser makes while driving through a building."""
+"""Simulated mapping: the map a robot with a laser makes of a drawn floor."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What was labelled in a comparison: maps, drives and graphs with their true labels."""
+"""Evaluated maps, drives and graphs of a comparison, with their true labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

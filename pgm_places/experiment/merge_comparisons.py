@@ -1,4 +1,4 @@
-"""Comparisons of several splits, and of several seeds, as one."""
+"""Merging comparisons of several splits or seeds into one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

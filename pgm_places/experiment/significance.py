@@ -1,4 +1,4 @@
-"""Which differences between methods are more than chance, on the same nodes and buildings."""
+"""Significance of differences between methods on the same nodes and buildings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

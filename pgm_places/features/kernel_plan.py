@@ -1,4 +1,4 @@
-"""The feature plan: which kernels to run, with which parameters, for a selection of columns."""
+"""Kernel plan: which feature kernels run, with which parameters, for a selection of columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Files of other machines by their addresses, such as s3://bucket/maps, through fsspec."""
+"""Remote files by address, such as s3://bucket/maps, through fsspec."""
 
 import contextlib
 import errno

@@ -1,4 +1,4 @@
-"""Large arrays whose memory goes back to the system piece by piece, while they are read."""
+"""Large arrays whose pages return to the operating system while they are read."""
 
 import mmap
 import sys
@@ -43,7 +43,7 @@ class MappedPlanes:
 
     Examples
     --------
-    >>> planes = Planes((2, 3), np.float32)
+    >>> planes = MappedPlanes((2, 3), np.float32)
     >>> planes.array[:] = 1
     >>> planes.release(0, 2)  # what was there is lost
     >>> planes.array[:, 2].tolist()

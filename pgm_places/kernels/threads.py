@@ -28,7 +28,7 @@ def thread_limit(n_threads: int | None) -> Iterator[None]:
 
     Examples
     --------
-    >>> with threads(3):
+    >>> with thread_limit(3):
     ...     resolve_threads()
     3
     """

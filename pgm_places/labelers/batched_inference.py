@@ -1,4 +1,4 @@
-"""Many small problems labelled in one call: sentences, molecules, trees side by side."""
+"""Batched inference: many small problems labelled in one call."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Whole spaces: borders between corridor and room run along openings of segments, or not at all."""
+"""Consistent labels within open spaces: borders run along openings or not at all."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self

@@ -1,4 +1,4 @@
-"""A sheet of maps: panels at integer scale with titles, scale bar, legend or colour bar."""
+"""Grid of map panels with titles, scale bar, legend or colour bar."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The first page of a report: which method is right how often, and what each one costs in time."""
+"""First page of a comparison report: accuracy and computing time of each method."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

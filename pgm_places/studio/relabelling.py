@@ -260,7 +260,7 @@ class LabelChanges:
         --------
         >>> one = np.zeros((2, 5), np.int16)
         >>> other = np.array([[0, 1, 1, 0, 0], [0, 1, 2, 0, 0]], np.int16)
-        >>> Changes.between(one, other, np.full_like(one, -1), 1.0).words(["a", "room", "lab"])
+        >>> LabelChanges.between(one, other, np.full_like(one, -1), 1.0).words(["a", "room", "lab"])
         '3.0 m² became room, 1.0 m² lab'
         """
         listed = sorted(self.became_m2.items(), key=lambda item: -item[1])

@@ -76,7 +76,7 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
 
     Parameters
     ----------
-    pool : Shelf
+    pool : SessionPool
     port : int
         0 for that of the last time in the pool's folder if it is free, or else any that is.
     on_address : callable

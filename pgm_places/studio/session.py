@@ -1,4 +1,4 @@
-"""Desk: a map that is open in the studio, with its painting, its layers and its learner."""
+"""An open map in the studio: its painting, its layers and its relabelling."""
 
 import threading
 from collections.abc import Callable, Mapping, Sequence

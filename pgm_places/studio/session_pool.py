@@ -1,4 +1,4 @@
-"""The pool: the maps of one studio, of which a few are open at a time."""
+"""Pool of the maps of one studio; a few sessions are open at a time."""
 
 import threading
 import time

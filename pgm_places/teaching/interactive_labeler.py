@@ -1,4 +1,4 @@
-"""Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
+"""Labelling a map with a labeler and paint; further learning from the paint."""
 
 import copy
 import time
@@ -79,7 +79,7 @@ class InteractiveLabeler:
     >>> from pgm_places import trained_labeler
     >>> from pgm_places.datasets import generate_building
     >>> building = generate_building(size="small", resolution_m=0.1)
-    >>> teacher = Teacher(building.grid, trained_labeler())
+    >>> teacher = InteractiveLabeler(building.grid, trained_labeler())
     >>> first = teacher.label(teacher.blank())
     >>> place = first.checks[0].place
     >>> paint = first.paint.with_cells(first.topology.cells(place.id), "room")

@@ -56,7 +56,7 @@ class InteractiveResult:
     by_method: Mapping[str, Callable[[], LabelledPlaces]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"Taught({self.paint}; {self.topology}; {self.seconds:.1f} s)"
+        return f"InteractiveResult({self.paint}; {self.topology}; {self.seconds:.1f} s)"
 
     @property
     def grid(self) -> OccupancyGrid:

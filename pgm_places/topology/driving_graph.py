@@ -1,4 +1,4 @@
-"""Roads: where a robot can drive, from the skeleton of a space to the few edges that are needed."""
+"""Driving graph: where a robot can drive, from the skeleton of a space to a few edges."""
 
 from collections.abc import Callable, Collection
 from functools import cached_property

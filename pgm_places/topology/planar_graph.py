@@ -1,4 +1,4 @@
-"""Roads without crossings: where two edges cross there is a node, and nodes keep their distance."""
+"""Planar driving graphs: a node at every crossing, and a least distance between nodes."""
 
 from functools import partial
 

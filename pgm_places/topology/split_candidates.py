@@ -76,7 +76,7 @@ def split_candidates(topology: TopologicalMap) -> tuple[SplitCandidate, ...]:
     >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
     >>> grid = OccupancyGrid(cells, resolution_m=0.2)
     >>> found = topological_map(grid, np.where(cells == 0, 0, -1), ["room"])
-    >>> [(item.place.name, item.count) for item in hidden_rooms(found)]
+    >>> [(item.place.name, item.count) for item in split_candidates(found)]
     [('room 1', 2)]
     """
     if topology not in _FOUND:

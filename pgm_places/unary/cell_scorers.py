@@ -1,4 +1,4 @@
-"""Lists that score the cells of one map while their features are streamed."""
+"""Scorers of the cells of one map, fed block by block with streamed features."""
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray

@@ -1,4 +1,4 @@
-"""Lists that were learned from the cells of maps, and their scores, held out or not."""
+"""Decision lists learned from the cells of maps, with held-out scores."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

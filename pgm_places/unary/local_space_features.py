@@ -1,4 +1,4 @@
-"""The spaces around a robot: the open space near it divided into segments, as features."""
+"""Space features of a scan: segments of the open space around the robot."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,7 +45,7 @@ class LocalSpaceFeatures:
     --------
     >>> cells = np.zeros((60, 120), np.int8)
     >>> cells[:, 60:62], cells[25:35, 60:62] = 100, 0  # two rooms and a door of one metre
-    >>> around = Surroundings(OccupancyGrid(cells, resolution_m=0.1), reach_m=12.0)
+    >>> around = LocalSpaceFeatures(OccupancyGrid(cells, resolution_m=0.1), reach_m=12.0)
     >>> row = around.at([3.0, 3.0])
     >>> names = space_feature_names(RATIOS)
     >>> round(float(row[names.index("area[0.9]")]))

@@ -239,7 +239,7 @@ class UnaryModel:
             alone, and the rasters of a huge map are freed before its cells are scored.
         known : (H, W) int16, optional
             Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
-        own : KeptTable, optional
+        own : CachedFeatures, optional
             The laser and custom features of the nodes that are needed, where they are known from
             before, and the scores that follow from them.
         """

@@ -16,7 +16,7 @@ from tests.quick_labeler import places
 
 
 @dataclass
-class Desk:
+class Service:
     """Labels maps at once, or says nothing for as long as it is busy."""
 
     labeller: MapLabeller = field(default_factory=lambda: MapLabeller(LiveMap(places())))

@@ -11,7 +11,7 @@ from pgm_places.live.dds_node import DdsNode
 from pgm_places.live.live_options import NodeOptions
 from pgm_places.live.place_finder import PlaceFinder
 from pgm_places.live.ros_codec import OUTPUTS, RosCodec
-from tests.live.robot import Desk
+from tests.live.robot import Service
 from tests.quick_labeler import places
 
 
@@ -46,7 +46,7 @@ class Watched:
     def __init__(self, options: NodeOptions) -> None:
         self._said: list[str] = []
         finder = PlaceFinder(TrajectoryLabeler.from_places(places()))
-        self.node = DdsNode(finder, Desk(), self._said.append, options)
+        self.node = DdsNode(finder, Service(), self._said.append, options)
         self.bus: Any = self.node._bus
 
     def look(self, alone: list[str], otherwise: list[str]) -> list[str]:

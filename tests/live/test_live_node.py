@@ -17,7 +17,7 @@ from pgm_places.live.ros_codec import RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
-from tests.live.robot import Desk, driven, raw_map, raw_messages, text_of
+from tests.live.robot import Service, driven, raw_map, raw_messages, text_of
 from tests.live.test_latest_map import update
 from tests.quick_labeler import places
 
@@ -28,7 +28,7 @@ class Robot:
     def __init__(self, options: NodeOptions | None = None, **live: float) -> None:
         self.sent: list[tuple[str, bytes]] = []
         self.said: list[str] = []
-        self.service = Desk()
+        self.service = Service()
         chosen = LiveOptions(**live)
         self.finder = PlaceFinder(TrajectoryLabeler.from_places(places()), chosen)
         self.node = LiveNode(

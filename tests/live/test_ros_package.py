@@ -15,7 +15,7 @@ import pytest
 from pgm_places.live.ros_codec import RosCodec
 from pgm_places.persistence.stored import save
 from tests.drives import building, drive
-from tests.live.robot import Desk, driven, raw_map, text_of
+from tests.live.robot import Service, driven, raw_map, text_of
 from tests.quick_labeler import places
 
 ROOT = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ def test_the_maintainers_are_those_of_the_project_or_nobody_s_address_stands_the
 def test_a_drive_through_the_stand_in(
     node_module: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(node_module, "MapProcess", lambda *_, **__: Desk())
+    monkeypatch.setattr(node_module, "MapProcess", lambda *_, **__: Service())
     save(places(), tmp_path / "model")
     STAND_IN.FakeNode.given = {"model": str(tmp_path / "model"), "base_frame": "laser"}
     node = node_module.PlacesNode()

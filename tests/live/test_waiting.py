@@ -11,7 +11,7 @@ from pgm_places.live.live_options import NodeOptions
 from pgm_places.live.place_finder import FoundPlace
 from pgm_places.live.ros_codec import RosCodec
 from tests.io.logs.bag_files import BagFile
-from tests.live.robot import Desk
+from tests.live.robot import Service
 
 SCANS, SCAN_HZ, START_S = 195, 10.0, 1000.0
 SPEED, CORRECTION_M, LASER_M = 0.5, 1.0, 0.2
@@ -80,7 +80,7 @@ def test_scans_are_placed_where_they_were_taken(
     latency: list[float] = []
     node = LiveNode(
         finder,  # type: ignore[arg-type]
-        Desk(labeller=SimpleNamespace()),  # type: ignore[arg-type]
+        Service(labeller=SimpleNamespace()),  # type: ignore[arg-type]
         lambda what, raw: None,
         said.append,
         NodeOptions(),

@@ -181,7 +181,7 @@ def node_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("pgm_places_ros.node")
 
 
-class Desk:
+class Service:
     """Takes maps, and never answers."""
 
     def __init__(self, *words: Any, **options: Any) -> None:
@@ -221,5 +221,5 @@ def ros(node_module: ModuleType, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         node_module, "TrajectoryLabeler", SimpleNamespace(from_places=lambda model: model)
     )
     monkeypatch.setattr(node_module, "PlaceFinder", Finder)
-    monkeypatch.setattr(node_module, "MapProcess", Desk)
+    monkeypatch.setattr(node_module, "MapProcess", Service)
     return node_module
