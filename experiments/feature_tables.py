@@ -1,5 +1,6 @@
 """The tables of features in docs/features.md and docs/gates.md: their rows are the code's own."""
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import groupby
 
@@ -37,14 +38,32 @@ def laser_table() -> str:
 
 
 def spaces_table(specs: tuple[SpaceSpec, ...]) -> str:
-    """A row per definition; columns that share one, such as those of a profile, are one row."""
+    """A row per definition; columns that share one are one row, and so are copies of others.
+
+    Columns of a profile share a definition. Copies are named after what they copy: ``small_area``
+    is the "area of the side of the smaller radius".
+    """
     rows: list[tuple[str, ...]] = [("columns", "name", "definition"), ("---",) * 3]
-    for definition, group in groupby(enumerate(specs), key=lambda item: item[1].definition):
+    for (name, definition), group in groupby(enumerate(specs), key=lambda item: _row(item[1])):
         members = list(group)
         (first, spec), (last, end) = members[0], members[-1]
-        name = spec.id if first == last else f"{spec.id} to {end.id}"
+        if name.endswith("_X"):
+            copied = [item.id.removeprefix(name[:-1]) for _, item in members]
+            definition = f"{definition}, for X = {', '.join(copied)}"
+        elif first != last:
+            name = f"{spec.id} to {end.id}"
+        else:
+            name = spec.id
         rows.append((_columns(first, last), name, definition))
     return _table(rows)
+
+
+def _row(spec: SpaceSpec) -> tuple[str, str]:
+    """The name and definition of the row of a feature; copies have a name that ends in ``_X``."""
+    copy = re.fullmatch(r"(\w+)( of (?:the side|its largest neighbour).*)", spec.definition)
+    if copy and spec.id.endswith(f"_{copy[1]}"):
+        return f"{spec.id.removesuffix(copy[1])}X", f"X{copy[2]}"
+    return "", spec.definition
 
 
 TABLES: dict[str, Callable[[], str]] = {

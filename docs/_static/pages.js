@@ -8,7 +8,7 @@ for (const image of document.querySelectorAll(".bd-article img:not(a img)")) {
   link.append(image);
 }
 
-// A table that is wider than the page says that it scrolls, also once its box is unfolded.
+// A table or chart that is wider than the page says that it scrolls, also once its box is unfolded.
 const tables = new ResizeObserver((boxes) => {
   for (const { target } of boxes) {
     const before = target.previousElementSibling;
@@ -17,13 +17,13 @@ const tables = new ResizeObserver((boxes) => {
     if (wide && !marked) {
       const line = document.createElement("p");
       line.className = "scrolls-sideways";
-      line.textContent = "Scroll sideways to see all columns \u2192";
+      line.textContent = "Scroll sideways \u2192";
       target.before(line);
     } else if (marked && !wide) {
       before.remove();
     }
   }
 });
-for (const table of document.querySelectorAll(".pst-scrollable-table-container")) {
+for (const table of document.querySelectorAll(".pst-scrollable-table-container, .chart-frame")) {
   tables.observe(table);
 }
