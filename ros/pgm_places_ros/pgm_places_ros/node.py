@@ -78,7 +78,7 @@ class PlacesNode(LifecycleNode):
                     self.declare_parameter(parameter_name(name), default)
         for name, default in OF_PACKAGE.items():
             self.declare_parameter(name, default)
-        self._service: MapProcess | None = None
+        self._labelling: MapProcess | None = None
         self._live: LiveNode | None = None
         self._outputs: dict[str, Any] = {}
         self._inputs: list[Any] = []
@@ -147,7 +147,7 @@ class PlacesNode(LifecycleNode):
         model, session = self.parameter("model"), self.parameter("session")
         finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), live)
         finder.warm_up()
-        self._service = MapProcess(
+        self._labelling = MapProcess(
             model,
             method=self.parameter("method") or None,
             n_threads=self.parameter("threads") or None,
@@ -158,7 +158,7 @@ class PlacesNode(LifecycleNode):
             qos = quality(item.depth, reliable=True, kept=item.is_kept)
             self._outputs[what] = self.create_lifecycle_publisher(KINDS[what], topic, qos)
         self._service = self.create_service(Where, "~/where", self._where)
-        self._live = LiveNode(finder, self._service, self._send, self._complain, options, live)
+        self._live = LiveNode(finder, self._labelling, self._send, self._complain, options, live)
         self.get_logger().info(f"the model is {model!r}")
 
     def _be_silent(self) -> None:
@@ -171,14 +171,14 @@ class PlacesNode(LifecycleNode):
 
     def _let_go(self) -> None:
         self._be_silent()
-        if self._service is not None:
-            self._service.close()
+        if self._labelling is not None:
+            self._labelling.close()
         for publisher in self._outputs.values():
             self.destroy_lifecycle_publisher(publisher)
         self._outputs.clear()
         if self._live is not None:
             self.destroy_service(self._service)
-        self._service, self._live = None, None
+        self._labelling, self._live = None, None
 
     def _options(self, cls: type[T]) -> T:
         """The options of a class from parameters."""

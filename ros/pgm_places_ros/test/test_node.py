@@ -81,10 +81,10 @@ def test_parameters_reach_the_node(ros: ModuleType) -> None:
     node = active(ros)
     assert described(node.subscribed)["/slam/map"][1] == (1, "reliable", "volatile")
     assert "/slam/map_updates" in node.subscribed
-    assert node._service.words == ("office",)
-    assert node._service.options["method"] == "list"
-    assert node._service.options["n_threads"] == 3
-    assert str(node._service.options["session"]) == "a.session"
+    assert node._labelling.words == ("office",)
+    assert node._labelling.options["method"] == "list"
+    assert node._labelling.options["n_threads"] == 3
+    assert str(node._labelling.options["session"]) == "a.session"
     assert node.texts("info") == ["the model is 'office'"]
 
 
@@ -94,7 +94,7 @@ def test_states(ros: ModuleType) -> None:
     assert node.trigger_configure() == "success"
     assert not (node.subscribed or node.timers)
     assert node.publishes.keys() == PUBLISHED.keys()
-    service = node._service
+    service = node._labelling
     node.trigger_activate()
     node._trigger("deactivate")
     assert not (node.subscribed or node.timers or service.is_closed)
@@ -105,7 +105,7 @@ def test_states(ros: ModuleType) -> None:
     assert service.is_closed
     assert not (node.subscribed or node.publishes or node.services)
     assert node.trigger_configure() == "success"
-    assert node._service is not service
+    assert node._labelling is not service
     node._trigger("shutdown")
     node.destroy_node()
     assert node.is_destroyed
