@@ -17,6 +17,7 @@ from pgm_places.errors import (
     nearest_name,
     quoted,
 )
+from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.problem import LabelingProblem
 
@@ -163,18 +164,22 @@ def held_out_problems(
     The classifier and how to hold out are those of a StructuredLabeler, which imports this module.
     """
     folds, least = _folds(problems, truths, labeler.n_folds), labeler.min_probability
-    unaries = [np.zeros((p.graph.n_nodes, p.n_labels)) for p in problems]
-    for fold in np.unique(np.concatenate(folds)):
+
+    def fit(fold: int) -> Any:
         others = [
             np.where(part == fold, -1, truth) for part, truth in zip(folds, truths, strict=True)
         ]
         if (np.concatenate(others) < 0).all():
             raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
-        _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
-        classifier = trained(labeler.classifier, problems, others, weights)
-        for problem, part, unary in zip(problems, folds, unaries, strict=True):
-            held_out = part == fold
-            if held_out.any():
-                features = features_of(problem)[held_out]
-                unary[held_out] = log_probabilities(classifier, features, problem.n_labels, least)
-    return [problem.with_unary(unary) for problem, unary in zip(problems, unaries, strict=True)]
+        _warn_of_missing(np.concatenate(others), problems[0].label_names, fold)
+        return trained(labeler.classifier, problems, others, weights)
+
+    def held_out(problem: LabelingProblem, part: NDArray[np.int64]) -> LabelingProblem:
+        def score(classifier: Any, rows: NDArray[np.bool_] | slice) -> NDArray[np.float64]:
+            features = features_of(problem)[rows]
+            return log_probabilities(classifier, features, problem.n_labels, least)
+
+        return problem.with_unary(held_out_scores(classifiers, part, score))
+
+    classifiers = cross_fit(np.concatenate(folds), fit)
+    return [held_out(*item) for item in zip(problems, folds, strict=True)]

@@ -41,27 +41,17 @@ class Examples:
 
     Parameters
     ----------
-    features : (N, F) float32
-    truth : (N,) int
-        Label index of each example.
-    groups : (N,) int
-        Number of the fold that is held out together: whole buildings where there are several, else
-        contiguous parts.
+    rows : Rows
+        Of the list, held out by whole buildings where there are several, else contiguous parts.
     n_of_map : tuple of int
         Cells of each map.
     steps : tuple of (n,) int
         Numbers of the labelled steps of each trajectory.
-    domain : (N,) int, optional
-        With several domains, the list is the mean of lists that each leave one of them out; -1 for
-        what all of them learn from.
     """
 
-    features: NDArray[np.float32]
-    truth: NDArray[np.int64]
-    groups: NDArray[np.int64]
+    rows: list_learning.Rows
     n_of_map: tuple[int, ...]
     steps: tuple[NDArray[np.int64], ...]
-    domain: NDArray[np.int64] | None = None
 
     def split(
         self, values: NDArray[np.float64]
@@ -127,9 +117,7 @@ def trajectory_examples(
     truth = np.concatenate(truths)
     _require_examples(truth, names)
     return Examples(
-        np.concatenate(parts),
-        truth,
-        np.concatenate(groups).astype(np.int64),
+        list_learning.Rows(np.concatenate(parts), truth, np.concatenate(groups).astype(np.int64)),
         tuple(int(mask.sum()) for mask in masks),
         tuple(steps),
     )
@@ -141,14 +129,11 @@ def learn_list(labeler: Any, examples: Examples) -> tuple[ScanModel, NDArray[np.
 
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = labeler.classifier or DecisionListClassifier(order=list_learning.RAREST_FIRST)
-    unfitted = list_learning.with_explicit_order(unfitted, examples.truth)
-    rows = list_learning.Rows(examples.features, examples.truth, examples.groups, examples.domain)
-    with report_stage("decision list"):
-        fitted = list_learning.fitted_list(unfitted, rows)
-    ordered = list_learning.in_the_order_of(fitted, unfitted)
-    lists = list_learning.held_out_lists(ordered, rows, "held-out scores")
-    n_labels = len(labeler.label_names)
-    scores = list_learning.scores_of(lists, rows.features, examples.groups, n_labels)
+    rows, n_labels = examples.rows, len(labeler.label_names)
+    assert rows.groups is not None  # of all examples
+    unfitted = list_learning.with_explicit_order(unfitted, rows.truth)
+    fitted, lists = list_learning.cross_fitted(unfitted, rows, "decision list")
+    scores = list_learning.scores_of(lists, rows.features, rows.groups, n_labels)
     own, further = as_features(labeler.features), tuple(labeler.extra_names)
     sees_spaces = labeler.beams.spaces_m > 0
     return ScanModel(fitted, n_labels, labeler.sensor, further, own, sees_spaces), scores
@@ -168,7 +153,7 @@ def learn_method(
     is the distance between updates where it was chosen.
     """
     if not isinstance(method, Learnable):
-        return with_shares(method, [examples.truth], len(labeler.label_names)), None
+        return with_shares(method, [examples.rows.truth], len(labeler.label_names)), None
     n_labels, moves_on_maps = len(labeler.label_names), False
     of_cells, of_steps = examples.split(scores)
     drives = [
@@ -179,7 +164,7 @@ def learn_method(
     ]
     if isinstance(method, HiddenMarkovModel) and maps:
         moves_on_maps = True
-        known = np.split(examples.truth, np.cumsum(examples.n_of_map))[:-1]
+        known = np.split(examples.rows.truth, np.cumsum(examples.n_of_map))[:-1]
         drawn = {"n_runs": labeler.n_runs, "seed": labeler.seed}
         method = learn_movement(maps, known, of_cells, n_labels, model=method, **drawn)
         if not drives:

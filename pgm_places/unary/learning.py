@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from pgm_places.evaluation.folds import map_buildings
 from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import list_learning
 from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.floor_model import FloorModel
-from pgm_places.unary.learned_lists import Extra, Lists, SpaceLists, Stages, beside_extra
+from pgm_places.unary.list_learning import Extra, Lists, SpaceLists, Stages
 from pgm_places.unary.map_model import (
     EVEN,
     MIXED,
@@ -275,7 +274,7 @@ class UnaryLearner:
         some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
         rows = list_learning.Rows(
-            beside_extra(cells.features[some], examples, extra),
+            list_learning.beside_extra(cells.features[some], examples, extra),
             cells.truth[examples],
             cells.groups[examples],
             cells.domain[examples] if by_domain else None,
@@ -283,12 +282,9 @@ class UnaryLearner:
         tempered = unfitted.calibration == "temperature"
         if tempered:
             unfitted = list_learning.like(unfitted, calibration="none")
-        with report_stage(name):
-            fitted = list_learning.fitted_list(unfitted, rows)
-        of_fold = {}
-        if tempered or held_out:
-            ordered = list_learning.in_the_order_of(fitted, unfitted)
-            of_fold = list_learning.held_out_lists(ordered, rows, f"held-out scores: {name}")
+        fitted, of_fold = list_learning.cross_fitted(
+            unfitted, rows, name, held_out=tempered or held_out
+        )
         if tempered:
             fitted, of_fold = list_learning.with_temperatures(fitted, of_fold, rows)
         return Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)

@@ -1,16 +1,26 @@
-"""Fitting, cross-fitting and calibrating boosted decision lists."""
+"""Boosted lists: fitted, cross-fitted and calibrated on examples, and their scores of cells."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
+from pgm_places.floor.view import FloorScores
+from pgm_places.inference.temperature import likeliest_temperature
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.list_average import list_average
 from pgm_places.progress import report_stage
-from pgm_places.unary.cell_scorers import aligned_log_proba
+from pgm_places.unary.cell_scorers import aligned_log_proba, without_halls
+from pgm_places.unary.floor_model import FloorModel, with_floor
+from pgm_places.unary.map_model import LASER_SHARE, MIXED, log_mean
+from pgm_places.unary.space_learning import LearnedSpaces
+from pgm_places.unary.space_model import SpaceModel
+from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -93,27 +103,32 @@ def without_a_domain(
     return whole if len(whole) > 1 else [everything]
 
 
-def held_out_lists(
-    unfitted: "DecisionListClassifier", rows: Rows, name: str
-) -> dict[int, BoostedList]:
-    """For each group a list that has not seen it, in the order, of labels, of the one given.
+def cross_fitted(
+    unfitted: "DecisionListClassifier", rows: Rows, name: str, *, held_out: bool = True
+) -> tuple[BoostedList, dict[int, BoostedList]]:
+    """The list fitted on all rows and, for each group, one that has not seen it.
 
-    With domains, each is the mean of lists that leave one of them out.
+    All ask for labels in the same order. With domains, each is the mean of lists that leave one of
+    them out.
     """
-    assert rows.groups is not None  # what they are held out by
-    lists, folds = {}, np.unique(rows.groups).tolist()
-    with report_stage(name) as stage:
-        for count, fold in enumerate(folds, start=1):
-            seen = replace(rows, groups=None).where(rows.groups != fold)
-            order = [label for label in unfitted.order if (seen.truth == label).any()]
-            if len(order) < 2:
-                raise InputError(
-                    "out-of-fold scores need at least two labels outside every group; "
-                    "use fewer folds or learn_on='in-sample'"
-                )
-            lists[fold] = fitted_list(like(unfitted, order=order), seen)
-            stage.update(count / len(folds))
-    return lists
+    with report_stage(name):
+        fitted = fitted_list(unfitted, rows)
+    groups = rows.groups
+    if not held_out or groups is None:
+        return fitted, {}
+
+    def fit(fold: int) -> BoostedList:
+        others = replace(rows, groups=None).where(groups != fold)
+        chosen = fitted.classes[fitted.order].tolist()
+        order = [label for label in chosen if (others.truth == label).any()]
+        if len(order) < 2:
+            raise InputError(
+                "out-of-fold scores need at least two labels outside every group; "
+                "use fewer folds or learn_on='in-sample'"
+            )
+        return fitted_list(like(unfitted, order=order), others)
+
+    return fitted, cross_fit(groups, fit, f"held-out scores: {name}")
 
 
 def scores_of(
@@ -123,14 +138,9 @@ def scores_of(
     n_labels: int,
 ) -> NDArray[np.float64]:
     """(n, K) log z of rows, each from the list of its group."""
-    folds = np.unique(groups).tolist()
-    if len({id(lists[fold]) for fold in folds}) == 1:
-        return aligned_log_proba(lists[folds[0]], values, n_labels)
-    scores = np.empty((len(values), n_labels))
-    for fold in folds:
-        rows = groups == fold
-        scores[rows] = aligned_log_proba(lists[fold], values[rows], n_labels)
-    return scores
+    return held_out_scores(
+        lists, groups, lambda item, rows: aligned_log_proba(item, values[rows], n_labels)
+    )
 
 
 def with_temperatures(
@@ -165,16 +175,122 @@ def with_temperatures(
     return replace(fitted, calibration=factor * fitted.calibration), {**lists, **scaled}
 
 
-def in_the_order_of(
-    fitted: BoostedList, unfitted: "DecisionListClassifier"
-) -> "DecisionListClassifier":
-    """An estimator that asks for labels in the order that another one has chosen."""
-    return like(unfitted, order=fitted.classes[fitted.order].tolist())
-
-
 def like(estimator: "DecisionListClassifier", **options: Any) -> "DecisionListClassifier":
     """The same estimator, not fitted, with some options changed."""
     from sklearn.base import clone
 
     other: DecisionListClassifier = clone(estimator).set_params(**options)
     return other
+
+
+# Columns (n, D) beside the cells' own features, for cells by their numbers.
+Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Lists:
+    """A list fitted on all examples and, where there are any, lists that have not seen a fold."""
+
+    fitted: BoostedList
+    of_fold: dict[int, BoostedList]
+    cells: TrainingCells
+    n_labels: int
+    extra: Extra | None
+
+    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(N, K) log z of all cells, from the fitted list or from those that have not seen them."""
+        return self._held_out_scores if held_out else self._all_scores(held_out=False)
+
+    @cached_property
+    def _held_out_scores(self) -> NDArray[np.float64]:
+        return self._all_scores(held_out=True)
+
+    def _all_scores(self, *, held_out: bool) -> NDArray[np.float64]:
+        found = np.empty((len(self.cells.truth), self.n_labels))
+        for some, values in self.cells.blocks():
+            found[some] = self._of(some, beside_extra(values, some, self.extra), held_out)
+        return found
+
+    def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(n, K) the same of the examples."""
+        examples = self.cells.examples
+        return self._of(examples, beside_extra(self.cells.features, examples, self.extra), held_out)
+
+    def _of(
+        self, some: NDArray[np.int64], values: NDArray[np.float32], held_out: bool
+    ) -> NDArray[np.float64]:
+        if not held_out:
+            return aligned_log_proba(self.fitted, values, self.n_labels)
+        groups = self.cells.groups[some]
+        return scores_of(self.of_fold, values, groups, self.n_labels)
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceLists:
+    """Lists that see spaces, with the gates that weigh what they say of doorways."""
+
+    lists: Lists
+    spaces: LearnedSpaces
+    corridor: int | None
+
+    @property
+    def model(self) -> SpaceModel:
+        """The model of all that was learned."""
+        return self.spaces.model(self.lists.fitted, self.corridor)
+
+    def scores(self, *, held_out: bool) -> NDArray[np.float64]:
+        """(N, K) log z of all cells, halls among corridors, doorways weighed by their gates."""
+        log_z = self.lists.scores(held_out=held_out)
+        if self.corridor is not None:
+            log_z, _ = without_halls(log_z, self.corridor)
+        return self.spaces.scores(log_z)
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """The lists that were learned from some cells, and the networks beside them."""
+
+    cells: TrainingCells
+    laser: Lists
+    context: Lists | None
+    space: SpaceLists | None
+    floor: FloorModel | None
+
+    def scores(self, name: str, *, held_out: bool) -> list[NDArray[np.float64]]:
+        """(n, K) what a unary says of the cells of each map."""
+        if name == MIXED:
+            laser, space = (self.scores(part, held_out=held_out) for part in ("laser", "space"))
+            pairs = zip(laser, space, strict=True)
+            return [log_mean(one, other, self.exponents) for one, other in pairs]
+        if name != "floor":
+            stage = getattr(self, name)
+            return self.cells.by_map(stage.scores(held_out=held_out))
+        assert self.floor is not None
+        return [
+            with_floor(log_z, self._seen[m], self.floor, self.cells.layout(m))
+            for m, log_z in enumerate(self.scores("space", held_out=held_out))
+        ]
+
+    @cached_property
+    def exponents(self) -> tuple[float, float]:
+        """Of laser and space in their mean, by how likely each makes cells that it has not seen."""
+        truths = self.cells.by_map(self.cells.truth)
+        hot = [
+            likeliest_temperature(
+                [np.exp(part) for part in self.scores(name, held_out=True)], truths
+            )
+            for name in ("laser", "space")
+        ]
+        return LASER_SHARE / hot[0], (1.0 - LASER_SHARE) / hot[1]
+
+    @cached_property
+    def _seen(self) -> list[FloorScores]:
+        assert self.floor is not None
+        return [self.floor.scores(item.grid) for item in self.cells.maps]
+
+
+def beside_extra(
+    values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
+) -> NDArray[np.float32]:
+    """(n, F) rows of cells with the columns beside them."""
+    return values if extra is None else np.concatenate([values, extra(cells)], axis=1)

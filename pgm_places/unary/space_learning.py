@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import report_stage
 from pgm_places.spaces.door_truth import match_doors
@@ -68,8 +69,7 @@ def learn_spaces(cells: TrainingCells, doorway: int | None) -> LearnedSpaces:
             stage.update(count / len(cells.maps), item.name)
     gates, judged = None, [np.zeros(len(item)) for item in found]
     if doorway is not None:
-        with report_stage("gates"):
-            gates, judged = _learn_gates(cells, found, doorway)
+        gates, judged = _learn_gates(cells, found, doorway)
     spaces = [MapSpaces.of(item, part) for item, part in zip(found, judged, strict=True)]
     return LearnedSpaces(cells, spaces, gates, doorway)
 
@@ -86,11 +86,14 @@ def _learn_gates(
     known = np.concatenate([match.known | match.is_doorway for match in matches])
     values = np.concatenate([gate_features(item) for item in gates]).astype(np.float32)
     fold = _folds(cells, gates)
-    probability = np.zeros(len(truth))
-    for number in np.unique(fold):
-        out = fold == number
-        part = gate_list(values, truth, fold, known & ~out)
-        probability[out] = space_model.gate_probabilities(part, values[out])
+
+    def fit(number: int) -> BoostedList | None:
+        return gate_list(values, truth, fold, known & (fold != number))
+
+    lists = cross_fit(fold, fit, "gates")
+    probability = held_out_scores(
+        lists, fold, lambda item, rows: space_model.gate_probabilities(item, values[rows])
+    )
     ends = np.cumsum([len(item) for item in gates])[:-1]
     whole = gate_list(values, truth, fold, known)
     return whole, np.split(probability, ends)
