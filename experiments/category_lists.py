@@ -64,15 +64,17 @@ def category_lists_table(data: Building79) -> str:
     path = data.path.with_labels(truth, CATEGORY_NAMES)
     labeler = TrajectoryLabeler(CATEGORY_NAMES, sensor=SENSOR, beams=BEAMS)
     examples = trajectory_examples(labeler, [], [path])
+    rows = examples.rows
     seen = observed_along(path, SENSOR, BEAMS)
     lines = [f"| list | half | single scans | {' | '.join(METHODS)} |", "|---" * 8 + "|"]
     for name, (sees_spaces, is_mean, options) in LISTS.items():
         n = None if sees_spaces else n_columns(())
-        given = replace(
-            examples,
-            features=np.ascontiguousarray(examples.features[:, :n]),
-            domain=examples.groups if is_mean else None,
+        given_rows = replace(
+            rows,
+            features=np.ascontiguousarray(rows.features[:, :n]),
+            domain=rows.groups if is_mean else None,
         )
+        given = replace(examples, rows=given_rows)
         unfitted = DecisionListClassifier(order=RAREST_FIRST, **options)
         beams = BEAMS if sees_spaces else BeamOptions()
         model, held_out = learn_list(labeler.set_params(classifier=unfitted, beams=beams), given)
@@ -80,7 +82,7 @@ def category_lists_table(data: Building79) -> str:
         labelers = dict(_labelers(path, given, model, held_out))
         learned = path.subset(examples.steps[0])
         lines += [
-            _row(f"{name} | training, held out", labelers, learned, held_out, examples.truth),
+            _row(f"{name} | training, held out", labelers, learned, held_out, rows.truth),
             _row("| other", labelers, path, scores, np.where(data.left, data.category, -1)),
         ]
     return "\n".join(lines)

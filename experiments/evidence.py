@@ -44,13 +44,13 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
         assert method.fitted_weights is not None
         plain = replace(method, evidence_weight=1.0)
         for kind, weights in ((plain, "1"), (method, _joined(method.fitted_weights, "g"))):
-            rates = [100 * float(np.mean(held_out.argmax(axis=1) == examples.truth))]
+            rates = [100 * float(np.mean(held_out.argmax(axis=1) == examples.rows.truth))]
             tests = [_rate(scores.argmax(axis=1), truth)]
             for mode in MODES:
                 used = TrajectoryLabeler.of_parts(
                     names, replace(kind, mode=mode), model, every_m=every_m, beams=beams
                 )
-                rates.append(_rate(used.infer(learned, held_out).labels, examples.truth))
+                rates.append(_rate(used.infer(learned, held_out).labels, examples.rows.truth))
                 tests.append(_rate(used.infer(path, scores).labels, truth))
             cells = " | ".join(f"{rate:.1f}" for rate in (*rates, *tests))
             yield f"| {name} | {every_m:g} m | {weights} | {cells} |"

@@ -1,32 +1,20 @@
 """Marks of options: what a number or a list may be, written beside its type.
 
-Cheap stand-ins for annotated_types (whose constraints are accepted too), which is imported only
-when pydantic is.
+Cheap stand-ins for annotated_types, whose limits are accepted too.
 """
 
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Any, Literal, Union
 
 
 class Mark:
-    """A limit.
-
-    Libraries that know annotated_types take it for a group of its marks, of which there is one.
-    """
-
-    __is_annotated_types_grouped_metadata__ = True
+    """A limit."""
 
     def __init__(self, limit: float) -> None:
         self.limit = limit
-
-    def __iter__(self) -> Iterator[Any]:
-        """The mark of annotated_types that means the same."""
-        import annotated_types
-
-        yield getattr(annotated_types, type(self).__name__)(self.limit)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.limit!r})"
@@ -73,15 +61,8 @@ class NameOf:
         Returns all names.
     """
 
-    __is_annotated_types_grouped_metadata__ = True
-
     def __init__(self, built_in: Collection[str], names: Callable[[], list[str]]) -> None:
         self.built_in, self.names = built_in, names
-
-    def __iter__(self) -> Iterator[Any]:
-        import annotated_types
-
-        yield annotated_types.Predicate(self.knows)
 
     def knows(self, name: str) -> bool:
         """Whether something has that name."""
@@ -93,7 +74,7 @@ _ATTRIBUTES: dict[str, type[Mark]] = {"ge": Ge, "gt": Gt, "le": Le, "lt": Lt, "m
 
 
 def own_marks(mark: Any) -> list[Any]:
-    """A mark, or the parts of a group such as pydantic's ``Field``, as marks of this module."""
+    """A mark, or the parts of a group such as ``Interval``, as marks of this module."""
     if isinstance(mark, Mark | NameOf):
         return [mark]
     if getattr(mark, "__is_annotated_types_grouped_metadata__", False):
@@ -111,19 +92,16 @@ def _own(mark: Any) -> Any:
     return mark
 
 
-_KNOWN = (Ge, Gt, Le, Lt, MinLen, NameOf, OrInfinite)
-
-
 def describe_type(hint: Any) -> str:
     """What an annotation takes, in words.
 
     Examples
     --------
-    >>> wanted(Annotated[int, Ge(3), Le(3600)])
+    >>> describe_type(Annotated[int, Ge(3), Le(3600)])
     'a whole number from 3 to 3600'
-    >>> wanted(Literal["list", "argmax"])
+    >>> describe_type(Literal["list", "argmax"])
     "'list' or 'argmax'"
-    >>> wanted(tuple[Annotated[float, Gt(0)], ...] | None)
+    >>> describe_type(tuple[Annotated[float, Gt(0)], ...] | None)
     'a list of numbers above 0 or None'
     """
     found = [_words(arm, plural=False) for arm in union_members(hint)]
@@ -139,7 +117,7 @@ def unannotated(hint: Any) -> Any:
 
 
 def marks_of(hint: Any) -> tuple[Any, ...]:
-    """The marks of an annotation one by one, those of a pydantic ``Field`` among them."""
+    """The marks of an annotation one by one, those of a group among them."""
     return tuple(found for mark in getattr(hint, "__metadata__", ()) for found in own_marks(mark))
 
 
@@ -149,11 +127,6 @@ def union_members(hint: Any) -> list[Any]:
         return [hint]
     found = [arm for part in typing.get_args(unannotated(hint)) for arm in union_members(part)]
     return sorted(found, key=lambda arm: arm is types.NoneType)
-
-
-def is_fully_described(hint: Any) -> bool:
-    """Whether the words of an annotation leave out none of its marks."""
-    return all(isinstance(mark, _KNOWN) for arm in union_members(hint) for mark in marks_of(arm))
 
 
 _NOUNS = {

@@ -8,22 +8,21 @@ of a TOML file and a flag of the command line are refused by one declaration, an
 import dataclasses
 import functools
 import inspect
-import math
 import re
-import types
+import sys
 import typing
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeVar, Union
+from typing import Annotated, Any, Literal, TypeVar
 
 from pgm_places._option_marks import (
     Ge,
     Gt,
     Le,
     Lt,
+    MinLen,
     NameOf,
     OrInfinite,
     describe_type,
-    is_fully_described,
     marks_of,
     unannotated,
     union_members,
@@ -118,7 +117,7 @@ def check_options(item: Any) -> None:
     for field in option_fields(type(item)):
         value = getattr(item, field.name)
         if type(value) is type(field.default) and value == field.default:
-            continue  # needs no check, and spares the import of pydantic
+            continue  # needs no check
         object.__setattr__(item, field.name, check_option(field.name, hints[field.name], value))
 
 
@@ -177,7 +176,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
         raise ConfigError(f"{path}: {error}" if path else str(error)) from None
 
 
-# ---------------------------------------------------------------------- the verdict: pydantic's
+# ---------------------------------------------------------------------- the verdict
 
 
 def check_option(name: str, hint: Any, value: Any) -> Any:
@@ -193,88 +192,81 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
     >>> check_option("n_folds", Annotated[int, Ge(2)], 3)
     3
     """
-    if _fits(hint, value):
-        return value
-    as_tuples = _sequences(value, tuple)
-    if _fits(hint, as_tuples):
-        return as_tuples
-    from pydantic import ValidationError
-
-    if isinstance(value, tuple(filter(dataclasses.is_dataclass, union_members(hint)))):
-        return value  # which has checked its own options
-    if all(
-        map(dataclasses.is_dataclass, union_members(hint))
-    ):  # pydantic cannot be asked for none of these
+    taken = _taken(hint, _as_tuples(value))
+    if taken is _NO:
         raise OptionError(name, f"must be {describe_type(hint)}, got {quoted(value)}")
-    reason = ""
-    for given in (as_tuples, _sequences(value, list)):
-        try:
-            return _validator(hint).validate_python(given)
-        except ValidationError as error:
-            reason = "" if is_fully_described(hint) else f" ({error.errors()[0]['msg']})"
-    raise OptionError(name, f"must be {describe_type(hint)}, got {quoted(value)}{reason}")
+    return taken
 
 
-_BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
+_NO = object()
+_LIMITS: dict[type, Callable[[Any, Any], bool]] = {
     Ge: lambda value, mark: value >= mark.limit,
     Gt: lambda value, mark: value > mark.limit,
     Le: lambda value, mark: value <= mark.limit,
     Lt: lambda value, mark: value < mark.limit,
+    MinLen: lambda value, mark: len(value) >= mark.limit,
     NameOf: lambda value, mark: mark.knows(value),
 }
 
 
-def _fits(hint: Any, value: Any) -> bool:
-    """Fast path: whether pydantic would accept ``value`` unchanged.
-
-    Importing pydantic and preparing its validators takes up to a tenth of a second, and nearly all
-    options that are read from models are numbers and names as declared.
-    """
-    return any(_fits_arm(*arm, value) for arm in _read(hint))
+def _taken(hint: Any, value: Any) -> Any:
+    """The value as an annotation takes it: a whole number as a float where one is; or ``_NO``."""
+    for kind, marks, infinite in _read(hint):
+        taken = _of_kind(kind, infinite, value)
+        if taken is not _NO and all(_LIMITS[type(mark)](taken, mark) for mark in marks):
+            return taken
+    return _NO
 
 
 @functools.cache
-def _read(hint: Any) -> list[tuple[Any, Any, tuple[Any, ...], tuple[Any, ...]]]:
-    """Of each alternative: its type, that without parameters, its parameters, its marks."""
-    parts = [(unannotated(arm), marks_of(arm)) for arm in union_members(hint)]
-    return [(kind, typing.get_origin(kind), typing.get_args(kind), m) for kind, m in parts]
+def _read(hint: Any) -> list[tuple[Any, list[Any], bool]]:
+    """Of each alternative its type, its limits, and whether it may be infinite."""
+    found = []
+    for arm in union_members(hint):
+        marks = [mark for mark in marks_of(arm) if not isinstance(mark, OrInfinite)]
+        if unknown := [mark for mark in marks if type(mark) not in _LIMITS]:
+            raise TypeError(f"options know no mark {unknown[0]!r}; take limits such as Ge(0)")
+        found.append((unannotated(arm), marks, len(marks) < len(marks_of(arm))))
+    return found
 
 
-def _fits_arm(
-    kind: Any, origin: Any, inner: tuple[Any, ...], marks: tuple[Any, ...], value: Any
-) -> bool:
+def _of_kind(kind: Any, infinite: bool, value: Any) -> Any:
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:
-        return dataclasses.is_dataclass(value)
+        return value
     if origin is Literal:
-        return any(type(value) is type(word) and value == word for word in inner)
-    if origin is tuple and type(value) is tuple and not marks:
-        if inner[-1] is Ellipsis:
-            inner = inner[:1] * len(value)
-        return len(inner) == len(value) and all(map(_fits, inner, value))
-    if kind not in (str, bool, int, float, types.NoneType) or type(value) is not kind:
-        return False
-    if (kind is str and not value.isascii()) or (kind is float and not math.isfinite(value)):
-        return False
-    return all(type(mark) in _BOUNDS and _BOUNDS[type(mark)](value, mark) for mark in marks)
+        same = (word for word in inner if type(value) is type(word) and value == word)
+        return next(same, _NO)
+    if kind is float and type(value) in (int, float) and abs(value) <= sys.float_info.max:
+        return float(value)
+    if kind is float:
+        return value if infinite and type(value) is float else _NO
+    if kind is str:
+        return str.__str__(value) if isinstance(value, str) else _NO
+    if kind in (int, bool):
+        return value if type(value) is kind else _NO
+    if origin in (tuple, list):
+        return _items(origin, inner, value)
+    if origin in (dict, Mapping) and isinstance(value, Mapping):
+        found = {_taken(inner[0], key): _taken(inner[1], value[key]) for key in value}
+        return _NO if any(item is _NO for pair in found.items() for item in pair) else found
+    return value if isinstance(value, origin or kind) else _NO
 
 
-@functools.cache
-def _validator(hint: Any) -> Any:
-    """The TypeAdapter of an option's values, other classes of options aside."""
-    from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
-
-    others = tuple(arm for arm in union_members(hint) if not dataclasses.is_dataclass(arm))
-    if len(others) < len(union_members(hint)):
-        hint = Union[others]  # noqa: UP007  of what is found at run time
-    infinite = any(isinstance(mark, OrInfinite) for mark in marks_of(hint))
-    settings = ConfigDict(strict=True, allow_inf_nan=infinite, arbitrary_types_allowed=True)
-    return TypeAdapter(hint, config=settings)
+def _items(kind: type[Any], inner: tuple[Any, ...], value: Any) -> Any:
+    """The items of a list that is given as a tuple, each as it is declared."""
+    if not isinstance(value, list | tuple):
+        return _NO
+    hints = inner[:1] * len(value) if kind is list or inner[-1] is Ellipsis else inner
+    found = [_taken(*pair) for pair in zip(hints, value, strict=False)]
+    fits = len(hints) == len(value) and not any(item is _NO for item in found)
+    return kind(found) if fits else _NO
 
 
-def _sequences(value: Any, kind: type[Any]) -> Any:
-    """The value with all its lists and tuples of one kind, and no numbers of NumPy."""
+def _as_tuples(value: Any) -> Any:
+    """The value with tuples for its lists, and no numbers of NumPy."""
     if isinstance(value, list | tuple):
-        return kind(_sequences(item, kind) for item in value)
+        return tuple(map(_as_tuples, value))
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
         return value.item()
     return value

@@ -14,7 +14,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, learn_method
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.unary.list_learning import RAREST_FIRST
+from pgm_places.unary.list_learning import RAREST_FIRST, Rows
 from pgm_places.unary.scan_model import ScanModel
 
 N_FOLDS = 4
@@ -119,14 +119,13 @@ def learned(
     buildings = list(dict.fromkeys(item.building for item in table.drives))
     sizes = [len(item.labels) for item in table.drives]
     fold = [buildings.index(item.building) % N_FOLDS for item in table.drives]
-    examples = Examples(
+    rows = Rows(
         np.concatenate(table.features),
         np.concatenate([item.labels for item in table.drives]),
         np.repeat(fold, sizes).astype(np.int64),
-        (),
-        tuple(np.arange(size) for size in sizes),
         None if composition is None else np.repeat(composition(table.drives), sizes),
     )
+    examples = Examples(rows, (), tuple(np.arange(size) for size in sizes))
     labeler = TrajectoryLabeler(
         NAMES, sensor=SENSOR, beams=BEAMS, classifier=unfitted or classifier()
     )

@@ -88,9 +88,6 @@ def _run() -> None:
     gc.set_threshold(100_000, 50, 50)
     # Skip the final garbage collection; the OS reclaims the memory.
     atexit.register(gc.freeze)
-    # No plugin of pydantic is wanted; to look for some is to read what every installed package says
-    # of itself.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         importlib.import_module("pgm_places.cli.app").run(sys.argv[1:])
         sys.exit()

@@ -286,7 +286,7 @@ def test_where_imports_nothing_that_it_does_not_need(places: Path) -> None:
         "from pgm_places.cli.app import run\n"
         "try: run(['where', sys.argv[1], '-1000', '-1000'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'pydantic', 'importlib.metadata', 'scipy', 'rich', 'numpy.ma'}\n"
+        "heavy = {'importlib.metadata', 'scipy', 'rich', 'numpy.ma'}\n"
         "print(*(heavy & set(sys.modules)) - before)"
     )
     command = [sys.executable, "-c", code, str(places)]

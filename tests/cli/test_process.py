@@ -110,7 +110,7 @@ def test_without_streams_files_are_written_as_with_them(building: Path) -> None:
 
 
 def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
-    for name in ("numpy", "pydantic", "yaml"):
+    for name in ("numpy", "yaml"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('a stranger ran')")
     ended = subprocess.run(
         [*COMMAND[:1], "-m", "pgm_places", "--help"],

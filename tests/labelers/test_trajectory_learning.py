@@ -17,6 +17,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.list_average import list_average
 from pgm_places.trajectories.segments import Segments
+from pgm_places.unary.list_learning import Rows
 
 NAMES = ("room", "corridor", "doorway")
 TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
@@ -28,21 +29,22 @@ def examples() -> Examples:
     features = rng.normal(size=(90, n_columns(()))).astype(np.float32)
     features[:, 0] += truth
     domain = np.repeat([0, 1, -1], 30)
-    return Examples(features, truth, np.arange(90) % 2, (), (np.arange(90),), domain)
+    return Examples(Rows(features, truth, np.arange(90) % 2, domain), (), (np.arange(90),))
 
 
 def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
     given = examples()
     model, scores = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), given)
-    assert given.domain is not None
+    rows = given.rows
+    assert rows.domain is not None and rows.groups is not None
     expected = np.empty_like(scores)
     for fold in (0, 1):
-        held_out = given.groups == fold
+        held_out = rows.groups == fold
         parts = [
-            TREES.fit(given.features[some], given.truth[some]).boosted_list_
-            for some in (~held_out & (given.domain != number) for number in (0, 1))
+            TREES.fit(rows.features[some], rows.truth[some]).boosted_list_
+            for some in (~held_out & (rows.domain != number) for number in (0, 1))
         ]
-        expected[held_out] = list_average(parts).log_histogram(given.features[held_out])
+        expected[held_out] = list_average(parts).log_histogram(rows.features[held_out])
     np.testing.assert_array_equal(scores, expected)
     assert [item.n_rounds for item in model.classifier.classifiers] == [6, 6]
 
