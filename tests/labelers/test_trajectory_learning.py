@@ -68,8 +68,9 @@ def test_simulated_runs_are_as_many_and_drawn_as_asked(monkeypatch: pytest.Monke
 
 def test_without_domains_there_is_one_list() -> None:
     given = examples()
-    plain = replace(given, rows=replace(given.rows, domain=None))
-    model, _ = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), plain)
+    plain = replace(given.rows, domain=None)
+    alone_learned = replace(given, rows=plain)
+    model, _ = learn_list(TrajectoryLabeler(NAMES, classifier=TREES), alone_learned)
     alone = TREES.fit(plain.features, plain.truth).boosted_list_
     np.testing.assert_array_equal(
         model.classifier.log_histogram(plain.features), alone.log_histogram(plain.features)
