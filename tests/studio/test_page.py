@@ -193,18 +193,6 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     assert (kept / "train.toml").exists()
 
 
-def test_a_doorway_is_two_clicks_from_wall_to_wall(
-    opened: Open, running: StudioProcess, map_yaml: Path
-) -> None:
-    page = opened(running)
-    page.keyboard.press("d")
-    click(page, 25.5, 14.3)
-    click(page, 25.5, 15.7)
-    wait_revision(page, 1)
-    running.stop()
-    assert (painted(map_yaml).labels[13:17, 25] == 2).all()
-
-
 def test_a_region_is_split_by_a_doorway_and_merged_with_another(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
@@ -303,88 +291,6 @@ def press(page: Any, key: str, code: str, **modifiers: bool) -> None:
     )
 
 
-def test_keys_are_those_that_other_keyboards_type(opened: Open, running: StudioProcess) -> None:
-    page = opened(running)
-    page.keyboard.press("1")
-    drag(page, (8, 8), (18, 12))
-    wait_revision(page, 1)
-    press(page, "z", "KeyY", ctrlKey=True)  # QWERTZ
-    wait_revision(page, 2)
-    assert page.evaluate("studio.state.painted") == 0
-    press(page, "y", "KeyZ", ctrlKey=True)
-    wait_revision(page, 3)
-    press(page, "z", "KeyW", ctrlKey=True)  # AZERTY
-    wait_revision(page, 4)
-    assert page.evaluate("studio.state.painted") == 0
-    press(page, "Я", "KeyZ", ctrlKey=True, shiftKey=True)  # letters that are not Latin
-    wait_revision(page, 5)
-    assert page.evaluate("studio.state.painted") > 0
-    before = page.evaluate("studio.tools.radius")
-    press(page, "]", "Digit9", ctrlKey=True, altKey=True, modifierAltGraph=True)  # AltGr 9
-    assert page.evaluate("studio.tools.radius") == pytest.approx(1.25 * before)
-    press(page, "[", "Digit8", altKey=True)  # Option 8
-    assert page.evaluate("studio.tools.radius") == pytest.approx(before)
-    assert page.evaluate("studio.label") == 0  # neither has chosen a class
-
-
-def test_a_corner_is_taken_back_before_an_edit(opened: Open, running: StudioProcess) -> None:
-    page = opened(running)
-    page.keyboard.press("1")
-    drag(page, (8, 8), (18, 12))
-    wait_revision(page, 1)
-    page.keyboard.press("p")
-    for x in (28, 38, 39, 40):
-        click(page, x, 10)
-    page.keyboard.press("Backspace")
-    page.keyboard.press("Control+z")
-    assert page.evaluate("studio.tools.points.length") == 2
-    assert page.evaluate("studio.state.revision") == 1
-    click(page, 38, 20)
-    page.keyboard.press("Enter")
-    wait_revision(page, 2)
-    click(page, 28, 10)
-    page.keyboard.press("Escape")
-    page.keyboard.press("Backspace")  # nothing is drawn: nothing happens
-    page.keyboard.press("Control+z")
-    wait_revision(page, 3)
-
-
-def test_escape_closes_why_and_its_scan(opened: Open, running: StudioProcess) -> None:
-    page = opened(running)
-    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
-        page.keyboard.press(key)
-        page.keyboard.press("r")
-        drag(page, first, last)
-    wait_taught(page, 2)
-    page.keyboard.press("v")
-    click(page, 20.5, 20.5)
-    page.wait_for_selector("#panel-why .scan-legend")
-    seen = page.evaluate("studio.why.showsScan")
-    page.get_by_role("switch", name="What its scan sees").click()
-    assert seen and not page.evaluate("studio.why.showsScan")
-    page.keyboard.press("Escape")
-    assert page.evaluate("[studio.asked, studio.why.cell, studio.chosen]") == [None, None, None]
-    assert page.locator("#panel-why .note").count() == 0
-
-
-def test_a_doorway_is_shown_where_it_will_end_and_warns_where_it_parts_nothing(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    page.keyboard.press("d")
-    click(page, 25.5, 14.3)
-    page.mouse.move(*at(page, 25.5, 15.7))
-    until(page, "studio.tools.line")
-    ends = page.evaluate("studio.tools.line.map((end) => studio.frame.toCells(end)[1])")
-    assert sorted(ends) == pytest.approx([13.5, 16.5], abs=0.6)
-    page.keyboard.press("Escape")
-    assert page.evaluate("studio.tools.line") is None
-    click(page, 10.5, 9)
-    click(page, 10.5, 12)
-    page.wait_for_selector("#toast.bad")
-    assert "parts nothing" in page.inner_text("#toast")
-
-
 def test_what_is_read_of_a_cell_is_never_that_of_another(
     opened: Open, running: StudioProcess
 ) -> None:
@@ -406,20 +312,6 @@ def test_what_is_read_of_a_cell_is_never_that_of_another(
     before = page.inner_text("#readout")
     page.keyboard.press("+")  # another cell is under the pointer now
     until(page, f"document.getElementById('readout').textContent !== {before!r}")
-
-
-def test_a_doorway_is_shown_in_its_own_colour_before_it_is_painted(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    page.keyboard.press("d")
-    click(page, 10.5, 10.5)
-    page.mouse.move(*at(page, 10.5, 20.5))
-    seen = []
-    for digit in "12":
-        page.keyboard.press(digit)
-        seen += colours_of_panes(page, 10.5, 15.5)
-    assert seen[0] == seen[1] != colours_of_panes(page, 16.5, 15.5)[0]
 
 
 def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
@@ -466,53 +358,6 @@ def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
     assert (labels[9:13, 31:39] == 0).all() and (labels[:, :26] == -1).all()
 
 
-def test_the_middle_of_two_panes_stays_as_the_window_changes(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    page.keyboard.press("Shift+S")
-    until(page, "studio.view.panes === 2")
-    middle = "Object.values(studio.view.toMap(studio.view.width / 2, studio.view.height / 2))"
-    before = page.evaluate(middle)
-    page.set_viewport_size({"width": 1000, "height": 640})
-    canvas = "document.getElementById('stage').querySelector('canvas')"
-    until(page, f"innerWidth === 1000 && {canvas}.width === {canvas}.clientWidth")
-    assert page.evaluate(middle) == pytest.approx(before, abs=0.01)
-
-
-def test_on_a_phone_the_lower_labelling_is_named_above_the_readout(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    page.set_viewport_size({"width": 390, "height": 780})
-    page.keyboard.press("Shift+S")
-    until(page, "document.getElementById('stage').dataset.panes === 'stacked'")
-    shows_metres = "document.getElementById('readout').textContent.includes(' m')"
-    deadline = time.monotonic() + PATIENCE_S
-    while not page.evaluate(shows_metres):  # the panes may still be moving under the mouse
-        assert time.monotonic() < deadline
-        page.mouse.move(*at(page, 10, 10))
-        page.mouse.move(*at(page, 11, 10))
-        page.wait_for_timeout(30)
-    title, readout = (
-        page.locator(f"#{name}").bounding_box() for name in ("right-title", "readout")
-    )
-    assert title["y"] + title["height"] <= readout["y"]
-
-
-def test_two_methods_of_a_model_are_compared(opened: Open, map_yaml: Path) -> None:
-    options = ("--model", "generated", "--out", map_yaml.parent / "kept")
-    with studio(map_yaml, *options) as process:
-        page = opened(process)
-        until(page, "studio.state.relabelling && !studio.state.learner.working")
-        page.click("#tab-layers")
-        page.get_by_label("Compare", exact=True).select_option("Side by side")
-        page.get_by_label("Second labelling").select_option("Method relaxation")
-        colours_of_panes(page, 10, 10)
-        kept = page.evaluate("[...studio.stage.layer('labels-method:relaxation').kept.values()]")
-        assert kept and all(entry["image"] is not None for entry in kept)
-
-
 def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
     opened: Open, map_yaml: Path
 ) -> None:
@@ -545,6 +390,12 @@ def test_labels_open_the_list_of_what_is_in_doubt_and_one_press_answers(
         page.get_by_role("button", name="Teach from this").click()
         until(page, "studio.state.learns")
         page.get_by_role("button", name="Stop teaching").wait_for()
+        page.click("#tab-layers")
+        page.get_by_label("Compare", exact=True).select_option("Side by side")
+        page.get_by_label("Second labelling").select_option("Method relaxation")
+        colours_of_panes(page, 10, 10)
+        kept = page.evaluate("[...studio.stage.layer('labels-method:relaxation').kept.values()]")
+        assert kept and all(entry["image"] is not None for entry in kept)
 
 
 SAYS_THAT_MUCH_CHANGED = """() => {
@@ -557,25 +408,6 @@ SAYS_THAT_MUCH_CHANGED = """() => {
     };
 }"""
 """Whether anything changes elsewhere on so small a map depends on what is learned."""
-
-
-def test_what_changes_elsewhere_is_said_and_undone_by_one_press(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
-        page.keyboard.press(key)
-        page.keyboard.press("r")
-        drag(page, first, last)
-    wait_taught(page, 2)
-    page.evaluate(SAYS_THAT_MUCH_CHANGED)
-    page.keyboard.press("r")
-    drag(page, (27, 14), (35, 20))
-    page.wait_for_selector("#toast >> text=25.0 m² became room.")
-    assert page.evaluate("studio.flash") is not None
-    page.locator("#toast").get_by_role("button", name="Undo").click()
-    wait_revision(page, 4)
-    assert page.locator("#toast").get_by_role("button", name="Undo").count() == 0
 
 
 def test_several_maps_are_listed_and_each_leads_back(
@@ -678,22 +510,6 @@ def test_tool_layers_and_comparison_survive_a_reload(opened: Open, running: Stud
     assert seen == ["polygon", 1, 1, "side"]
 
 
-def test_a_class_is_renamed_and_deleted_in_place(opened: Open, running: StudioProcess) -> None:
-    page = opened(running)
-    page.get_by_role("button", name="Rename doorway").click()
-    page.get_by_label("New name of doorway").fill("gate")
-    page.keyboard.press("Enter")
-    until(page, "studio.state.classes[2].name === 'gate'")
-    page.get_by_role("button", name="Rename gate").click()
-    page.get_by_label("New name of gate").fill("other")
-    page.keyboard.press("Escape")
-    page.get_by_role("button", name="gate", exact=True).wait_for()
-    assert page.evaluate("studio.state.revision") == 1
-    page.get_by_role("button", name="Delete gate").click()
-    until(page, "studio.state.classes.length === 2")
-    assert page.get_by_role("button", name="Delete room").count() == 0  # two must be left
-
-
 def test_nothing_is_lost_by_a_reload_or_a_kill(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
@@ -714,71 +530,6 @@ def test_nothing_is_lost_by_a_reload_or_a_kill(
         page.keyboard.press("Control+z")
         wait_revision(page, 3)
         assert page.evaluate("studio.state.painted") == 0
-
-
-def test_a_stroke_after_the_studio_has_ended_is_refused_in_words(
-    opened: Open, running: StudioProcess, map_yaml: Path
-) -> None:
-    page = opened(running)
-    running.kill()
-    page.wait_for_selector("#status.failed")
-    page.keyboard.press("r")
-    drag(page, (8, 8), (18, 12))
-    page.wait_for_selector("#toast.bad")
-    assert "does not answer, so this was not kept" in page.inner_text("#toast")
-    assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
-        "status failed"
-    )
-    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
-    assert "this tab cannot know where" in page.inner_text("#notices")
-    assert (painted(map_yaml).labels == -1).all()
-
-
-def test_after_a_restart_an_old_tab_leads_to_the_new_one(
-    opened: Open, running: StudioProcess, map_yaml: Path
-) -> None:
-    old = opened(running)
-    running.kill()
-    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
-        old.wait_for_selector("#notices >> text=cannot know its address")
-        opened(again)
-        old.click("text=Go on in the new one.")
-        until(old, "window.studio?.state")
-        assert old.url == again.address
-
-
-def test_a_colour_is_changed_and_the_change_undone_by_keys(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
-    before = page.evaluate("studio.state.classes[1].colour")
-    swatch = page.get_by_label("Colour of room")
-    swatch.focus()
-    swatch.fill("#aa2244")
-    wait_revision(page, 1)
-    assert page.evaluate("studio.state.classes[1].colour") == "#aa2244"
-    page.keyboard.press("Control+z")
-    wait_revision(page, 2)
-    assert page.evaluate("studio.state.classes[1].colour") == before
-    until(page, f"document.querySelector('[aria-label=\"Colour of room\"]').value === '{before}'")
-
-
-def test_a_second_tab_is_noticed_and_sees_the_same(opened: Open, running: StudioProcess) -> None:
-    first, second = opened(running), opened(running)
-    first.wait_for_selector("text=open in 2 tabs")
-    first.keyboard.press("1")
-    drag(first, (8, 8), (18, 12))
-    wait_revision(second, 1)
-    second.close()
-    first.wait_for_selector("text=open in 2 tabs", state="detached")
-
-
-def test_a_changed_map_is_noticed(opened: Open, running: StudioProcess, map_yaml: Path) -> None:
-    page = opened(running)
-    map_yaml.write_text(map_yaml.read_text() + "\n")
-    page.keyboard.press("1")
-    drag(page, (8, 8), (10, 8))
-    page.wait_for_selector("text=was changed on the disk")
 
 
 def test_a_large_map_is_moved_and_zoomed_by_keys_and_wheel(browser: Any, tmp_path: Path) -> None:
@@ -836,3 +587,198 @@ def test_a_place_is_cut_by_two_clicks_and_undone(
     until(page, "studio.places.regions.length === 2")
     running.stop()
     assert painted(map_yaml).cuts == ()
+
+
+def test_a_doorway_is_shown_in_its_colour_where_it_will_end_and_painted_by_two_clicks(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("d")
+    click(page, 10.5, 10.5)
+    page.mouse.move(*at(page, 10.5, 20.5))
+    seen = []
+    for digit in "12":
+        page.keyboard.press(digit)
+        seen += colours_of_panes(page, 10.5, 15.5)
+    assert seen[0] == seen[1] != colours_of_panes(page, 16.5, 15.5)[0]
+    page.keyboard.press("Escape")
+    page.keyboard.press("d")
+    click(page, 25.5, 14.3)
+    page.mouse.move(*at(page, 25.5, 15.7))
+    until(page, "studio.tools.line")
+    ends = page.evaluate("studio.tools.line.map((end) => studio.frame.toCells(end)[1])")
+    assert sorted(ends) == pytest.approx([13.5, 16.5], abs=0.6)
+    page.keyboard.press("Escape")
+    assert page.evaluate("studio.tools.line") is None
+    click(page, 10.5, 9)
+    click(page, 10.5, 12)
+    page.wait_for_selector("#toast.bad")
+    assert "parts nothing" in page.inner_text("#toast")
+    click(page, 25.5, 14.3)
+    click(page, 25.5, 15.7)
+    wait_revision(page, 1)
+    running.stop()
+    assert (painted(map_yaml).labels[13:17, 25] == 2).all()
+
+
+def test_a_class_is_coloured_renamed_and_deleted_in_place(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    before = page.evaluate("studio.state.classes[1].colour")
+    swatch = page.get_by_label("Colour of room")
+    swatch.focus()
+    swatch.fill("#aa2244")
+    wait_revision(page, 1)
+    assert page.evaluate("studio.state.classes[1].colour") == "#aa2244"
+    page.keyboard.press("Control+z")
+    wait_revision(page, 2)
+    assert page.evaluate("studio.state.classes[1].colour") == before
+    until(page, f"document.querySelector('[aria-label=\"Colour of room\"]').value === '{before}'")
+    page.get_by_role("button", name="Rename doorway").click()
+    page.get_by_label("New name of doorway").fill("gate")
+    page.keyboard.press("Enter")
+    until(page, "studio.state.classes[2].name === 'gate'")
+    page.get_by_role("button", name="Rename gate").click()
+    page.get_by_label("New name of gate").fill("other")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="gate", exact=True).wait_for()
+    assert page.evaluate("studio.state.revision") == 3
+    page.get_by_role("button", name="Delete gate").click()
+    until(page, "studio.state.classes.length === 2")
+    assert page.get_by_role("button", name="Delete room").count() == 0  # two must be left
+
+
+def test_a_second_tab_and_a_changed_map_are_noticed(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    first, second = opened(running), opened(running)
+    first.wait_for_selector("text=open in 2 tabs")
+    first.keyboard.press("1")
+    drag(first, (8, 8), (18, 12))
+    wait_revision(second, 1)
+    second.close()
+    first.wait_for_selector("text=open in 2 tabs", state="detached")
+    map_yaml.write_text(map_yaml.read_text() + "\n")
+    drag(first, (8, 8), (10, 8))
+    first.wait_for_selector("text=was changed on the disk")
+
+
+def test_strokes_after_the_studio_has_ended_are_refused_and_its_tab_leads_to_the_next(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    running.kill()
+    page.wait_for_selector("#status.failed")
+    page.keyboard.press("r")
+    drag(page, (8, 8), (18, 12))
+    page.wait_for_selector("#toast.bad")
+    assert "does not answer, so this was not kept" in page.inner_text("#toast")
+    assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
+        "status failed"
+    )
+    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
+    assert "this tab cannot know where" in page.inner_text("#notices")
+    assert (painted(map_yaml).labels == -1).all()
+    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
+        page.wait_for_selector("#notices >> text=cannot know its address")
+        opened(again)
+        page.click("text=Go on in the new one.")
+        until(page, "window.studio?.state")
+        assert page.url == again.address
+
+
+def test_two_panes_keep_their_middle_and_are_stacked_on_a_phone(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("Shift+S")
+    until(page, "studio.view.panes === 2")
+    middle = "Object.values(studio.view.toMap(studio.view.width / 2, studio.view.height / 2))"
+    before = page.evaluate(middle)
+    page.set_viewport_size({"width": 1000, "height": 640})
+    canvas = "document.getElementById('stage').querySelector('canvas')"
+    until(page, f"innerWidth === 1000 && {canvas}.width === {canvas}.clientWidth")
+    assert page.evaluate(middle) == pytest.approx(before, abs=0.01)
+    page.set_viewport_size({"width": 390, "height": 780})
+    until(page, "document.getElementById('stage').dataset.panes === 'stacked'")
+    shows_metres = "document.getElementById('readout').textContent.includes(' m')"
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(shows_metres):  # the panes may still be moving under the mouse
+        assert time.monotonic() < deadline
+        page.mouse.move(*at(page, 10, 10))
+        page.mouse.move(*at(page, 11, 10))
+        page.wait_for_timeout(30)
+    title, readout = (
+        page.locator(f"#{name}").bounding_box() for name in ("right-title", "readout")
+    )
+    assert title["y"] + title["height"] <= readout["y"]
+
+
+def test_keys_of_other_keyboards_are_understood_and_a_corner_is_taken_back(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("1")
+    drag(page, (8, 8), (18, 12))
+    wait_revision(page, 1)
+    press(page, "z", "KeyY", ctrlKey=True)  # QWERTZ
+    wait_revision(page, 2)
+    assert page.evaluate("studio.state.painted") == 0
+    press(page, "y", "KeyZ", ctrlKey=True)
+    wait_revision(page, 3)
+    press(page, "z", "KeyW", ctrlKey=True)  # AZERTY
+    wait_revision(page, 4)
+    assert page.evaluate("studio.state.painted") == 0
+    press(page, "Я", "KeyZ", ctrlKey=True, shiftKey=True)  # letters that are not Latin
+    wait_revision(page, 5)
+    assert page.evaluate("studio.state.painted") > 0
+    before = page.evaluate("studio.tools.radius")
+    press(page, "]", "Digit9", ctrlKey=True, altKey=True, modifierAltGraph=True)  # AltGr 9
+    assert page.evaluate("studio.tools.radius") == pytest.approx(1.25 * before)
+    press(page, "[", "Digit8", altKey=True)  # Option 8
+    assert page.evaluate("studio.tools.radius") == pytest.approx(before)
+    assert page.evaluate("studio.label") == 0  # neither has chosen a class
+    page.keyboard.press("p")
+    for x in (28, 38, 39, 40):
+        click(page, x, 10)
+    page.keyboard.press("Backspace")
+    page.keyboard.press("Control+z")
+    assert page.evaluate("studio.tools.points.length") == 2
+    assert page.evaluate("studio.state.revision") == 5
+    click(page, 38, 20)
+    page.keyboard.press("Enter")
+    wait_revision(page, 6)
+    click(page, 28, 10)
+    page.keyboard.press("Escape")
+    page.keyboard.press("Backspace")  # nothing is drawn: nothing happens
+    page.keyboard.press("Control+z")
+    wait_revision(page, 7)
+
+
+def test_why_is_closed_by_escape_and_what_changes_elsewhere_is_undone_by_one_press(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
+        page.keyboard.press(key)
+        page.keyboard.press("r")
+        drag(page, first, last)
+    wait_taught(page, 2)
+    page.keyboard.press("v")
+    click(page, 20.5, 20.5)
+    page.wait_for_selector("#panel-why .scan-legend")
+    seen = page.evaluate("studio.why.showsScan")
+    page.get_by_role("switch", name="What its scan sees").click()
+    assert seen and not page.evaluate("studio.why.showsScan")
+    page.keyboard.press("Escape")
+    assert page.evaluate("[studio.asked, studio.why.cell, studio.chosen]") == [None, None, None]
+    assert page.locator("#panel-why .note").count() == 0
+    page.evaluate(SAYS_THAT_MUCH_CHANGED)
+    page.keyboard.press("r")
+    drag(page, (27, 14), (35, 20))
+    page.wait_for_selector("#toast >> text=25.0 m² became room.")
+    assert page.evaluate("studio.flash") is not None
+    page.locator("#toast").get_by_role("button", name="Undo").click()
+    wait_revision(page, 4)
+    assert page.locator("#toast").get_by_role("button", name="Undo").count() == 0
