@@ -2,9 +2,10 @@
 
 ``python -m experiments.routes FOLDER... [--robot-radius 0.2]`` prints a row per labelled map: over
 all pairs of rooms, from anchor to anchor, the length in the graph divided by that of the shortest
-way for the same robot over cells in eight directions; and the same between 40 random poses, as Nav2
-drives: to the nearest node, along the graph, and on from the last node, against the shortest way in
-32 directions. A folder is what 'pgm-places label' writes.
+way for the same robot over cells in eight directions; and between 100 random poses, against the
+shortest in 32 directions, the way from pose to node, along the graph, and from the last node on.
+Once as Nav2 drives (``experiments/nav2_route_server.py``), once from nearest node to nearest node.
+A folder is what 'pgm-places label' writes, for a map that is still where it was.
 """
 
 import argparse
@@ -19,14 +20,23 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from experiments.nav2_route_server import (
+    MOST_STEPS_FROM_START,
+    NEAREST_NODES,
+    Costmap,
+    entry,
+    pruned,
+)
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.topology_files import load_named_topology
+from pgm_places.labelling.files import labelled_map
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
 ROOM = "room"
-N_POSES = 40
+N_POSES = 100
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 ANY_ANGLE = tuple(
     (down, right)
@@ -39,10 +49,11 @@ ANY_ANGLE = tuple(
 def cell_lengths(
     topology: TopologicalMap,
     radius_m: float,
-    points_m: Sequence[tuple[float, float]],
+    points: NDArray[np.float64],
+    goals: NDArray[np.float64],
     steps: Sequence[tuple[int, int]] = STEPS,
 ) -> NDArray[np.float64]:
-    """(P, P) shortest ways in metres between points over the cells that the robot fits into."""
+    """(P, G) shortest ways in metres from points to goals over cells that the robot fits into."""
     side_m = topology.grid.resolution_m
     margin = max(max(abs(down), abs(right)) for down, right in steps)
     fits = np.pad(where_it_fits(topology, radius_m), margin)
@@ -60,10 +71,17 @@ def cell_lengths(
     pairs = (np.concatenate(first), np.concatenate(second))
     n = int(fits.sum())
     graph = coo_array((np.concatenate(lengths), pairs), (n, n)).tocsr()
-    cells = topology.grid.cells_at_m(points_m) + margin
-    at = number[cells[:, 0], cells[:, 1]]
-    found: NDArray[np.float64] = dijkstra(graph, directed=False, indices=at)[:, at]
-    return found
+
+    def numbers(at_m: NDArray[np.float64]) -> NDArray[np.int32]:
+        cells = topology.grid.cells_at_m(at_m) + margin
+        if not fits[cells[:, 0], cells[:, 1]].all():
+            raise ValueError("a point lies where the robot does not fit")
+        return np.asarray(number[cells[:, 0], cells[:, 1]])
+
+    at = numbers(goals)
+    return np.array(
+        [dijkstra(graph, directed=False, indices=start)[at] for start in numbers(points)]
+    )
 
 
 def where_it_fits(topology: TopologicalMap, radius_m: float) -> NDArray[np.bool_]:
@@ -73,26 +91,51 @@ def where_it_fits(topology: TopologicalMap, radius_m: float) -> NDArray[np.bool_
     return np.asarray((topology.region > 0) & (squared >= (radius_m / side_m + 0.5) ** 2 - 1e-9))
 
 
-def from_poses(topology: TopologicalMap, found: RouteGraph, n: int) -> NDArray[np.float64]:
-    """The same ratios between random poses, as Nav2 drives: pose, nearest node, route, node, pose.
+def from_poses(
+    topology: TopologicalMap, found: RouteGraph, occupied: NDArray[np.bool_], n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same ratios between random poses, as Nav2 drives and between their nearest nodes.
 
     Shortest ways go in 32 directions, between ``n`` poses at least 2 m apart in the largest part.
+    ``occupied`` (H, W) are the obstacles of the map.
     """
     fits = where_it_fits(topology, found.robot_radius_m)
     cells = np.argwhere(connected_components(fits).largest)
     cells = cells[np.random.default_rng(0).choice(len(cells), min(n, len(cells)), replace=False)]
     poses = topology.grid.cell_centres_m(cells)
     nodes = np.array([node.point_m for node in found.nodes])
-    nearest = cKDTree(nodes).query(poses)[1]
-    places = [*map(tuple, poses.tolist()), *map(tuple, nodes[nearest].tolist())]
-    over_cells = cell_lengths(topology, found.robot_radius_m, places, ANY_ANGLE)
-    values = []
+    points = np.vstack([poses, nodes])
+    over_cells = cell_lengths(topology, found.robot_radius_m, poses, points, ANY_ANGLE)
+    between, miles = over_cells[:, : len(poses)], over_cells[:, len(poses) :]
+    ends = np.array([(edge.first, edge.second) for edge in found.edges]).reshape(-1, 2).T
+    lengths = np.array([edge.length_m for edge in found.edges])
+    along, before = dijkstra(
+        coo_array((lengths, ends), (len(nodes), len(nodes))).tocsr(),
+        directed=False,
+        return_predecessors=True,
+    )
+    nearest = cKDTree(nodes).query(poses, min(NEAREST_NODES, len(nodes)))[1].reshape(len(poses), -1)
+    node_cells = topology.grid.cells_at_m(nodes)
+    costmap = Costmap(occupied, found.robot_radius_m / topology.grid.resolution_m)
+    starts, goals = (
+        [entry(costmap, cells[k], nearest[k], node_cells, most) for k in range(len(poses))]
+        for most in (MOST_STEPS_FROM_START, np.inf)
+    )
+
+    def ratio(i: int, j: int, first: int, last: int) -> float:
+        whole = miles[i, first] + along[first, last] + miles[j, last]
+        return float(whole / between[i, j])
+
+    as_nav2, plain = [], []
     for i, j in itertools.combinations(range(len(poses)), 2):
-        if 2.0 <= over_cells[i, j] < np.inf:
-            along = nx.shortest_path_length(found.graph, nearest[i], nearest[j], weight="length_m")
-            miles = over_cells[i, len(poses) + i] + over_cells[j, len(poses) + j]
-            values.append((miles + along) / over_cells[i, j])
-    return np.array(values)
+        if 2.0 <= between[i, j] < np.inf:
+            path = [goals[j]]
+            while path[0] != starts[i]:
+                path.insert(0, int(before[starts[i], path[0]]))
+            route = pruned(path, nodes, poses[i], poses[j])
+            as_nav2.append(ratio(i, j, route[0], route[-1]))
+            plain.append(ratio(i, j, nearest[i, 0], nearest[j, 0]))
+    return np.array(as_nav2), np.array(plain)
 
 
 def ratios(topology: TopologicalMap, found: RouteGraph) -> NDArray[np.float64]:
@@ -105,8 +148,8 @@ def ratios(topology: TopologicalMap, found: RouteGraph) -> NDArray[np.float64]:
         for k, node in enumerate(found.nodes)
         if node.is_anchor and topology.place(node.region).label == ROOM
     ]
-    points = [found.nodes[k].point_m for k in rooms]
-    shortest = cell_lengths(topology, found.robot_radius_m, points)
+    points = np.array([found.nodes[k].point_m for k in rooms]).reshape(-1, 2)
+    shortest = cell_lengths(topology, found.robot_radius_m, points, points)
     values = []
     for i, j in itertools.combinations(range(len(rooms)), 2):
         if np.isfinite(shortest[i, j]):
@@ -117,22 +160,41 @@ def ratios(topology: TopologicalMap, found: RouteGraph) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def row(name: str, topology: TopologicalMap, radius_m: float) -> str:
+def row(folder: Path, radius_m: float) -> str:
     """A row of the table."""
+    topology = load_named_topology(folder)
     found = route_graph(topology, robot_radius_m=radius_m)
+    path = labelled_map(folder)
+    if path is None:
+        raise SystemExit(f"{folder}: the map that was labelled is not where it was")
+    poses = from_poses(topology, found, load_map(path).grid.occupied, N_POSES)
     values = ratios(topology, found)
     named = [topology.place(number).name for number in found.unreachable]
+    cells = [
+        f"{np.quantile(part, share):.3f}" if len(part) else "-"
+        for part, shares in (
+            (values, (0.5, 0.99, 1.0)),
+            (poses[0], (0.5, 0.99)),
+            (poses[1], (0.5, 0.99)),
+        )
+        for share in shares
+    ]
     least_m = min((edge.clearance_m for edge in found.edges), default=np.nan)
-    if len(values):
-        middle, high, worst = np.quantile(values, [0.5, 0.99, 1.0])
-    else:
-        middle = high = worst = np.nan
-    from_middle, from_high = np.quantile(from_poses(topology, found, N_POSES), [0.5, 0.99])
-    return (
-        f"| {name} | {len(found.nodes)} | {len(found.edges)} | {len(values)} | {middle:.3f} "
-        f"| {high:.3f} | {worst:.3f} | {from_middle:.3f} | {from_high:.3f} | {least_m:.3f} "
-        f"| {', '.join(named) or '-'} |"
-    )
+    counts = (len(found.nodes), len(found.edges), n_near(found), len(values))
+    return " | ".join(
+        ["", folder.name, *map(str, counts), *cells, f"{least_m:.3f}", ", ".join(named) or "-", ""]
+    ).strip()
+
+
+def n_near(found: RouteGraph, within_m: float = 1.0) -> int:
+    """How many nodes that stand for no place have a shorter edge than that."""
+    near = {
+        end
+        for edge in found.edges
+        for end in (edge.first, edge.second)
+        if edge.length_m < within_m and not found.nodes[end].is_anchor
+    }
+    return len(near)
 
 
 def main() -> None:
@@ -142,12 +204,12 @@ def main() -> None:
     parser.add_argument("--robot-radius", type=float, default=0.2)
     arguments = parser.parse_args()
     print(
-        "| map | nodes | edges | pairs of rooms | median | 99 % | worst | poses: median | 99 % "
-        "| least clearance m | not reached |"
+        "| map | nodes | edges | under 1 m apart | pairs of rooms | median | 99 % | worst "
+        "| Nav2: median | 99 % | nearest node: median | 99 % | least clearance m | not reached |"
     )
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    print("|---" * 14 + "|")
     for folder in arguments.folder:
-        print(row(folder.name, load_named_topology(folder), arguments.robot_radius))
+        print(row(folder, arguments.robot_radius), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,18 @@
 """Driving graph: where a robot can drive, from the skeleton of a space to a few edges."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from pgm_places._core import needed_edges, segment_clearances, stays_between
+from pgm_places._core import cover_cells, segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
+from pgm_places.maps.components import connected_components
+from pgm_places.topology.plane_spanner import keep_needed
 from pgm_places.topology.skeleton import skeleton_of
 from pgm_places.topology.topological_map import TopologicalMap
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 
 class RouteSpace:
@@ -80,40 +78,41 @@ ROOM_M = 0.3
 AS_FAR_AS_ENDS = 0.9
 """How much of the clearance of its ends a shortcut keeps: a door is left at a slant."""
 
-NEAREST_M, FARTHEST_M = 0.4, 2.0
+NEAREST_M, FARTHEST_M = 0.6, 2.0
 """Nodes on a way are as far apart as the way is from obstacles, within these bounds."""
 
-LONGEST_M = 4.0
-"""Nodes between which a straight way is as good as any are left out up to this length."""
-
-SIGHT_M = 8.0
-"""Shortcuts are not longer than this."""
-
-STRETCH = 1.05
-"""No way from node to node is longer than this times the shortest over any shortcuts."""
-
-MERGED_M = 0.3
-"""Of two nodes nearer to each other than this, one is left out if the other can stand in."""
-
-COVERED_M = 4.0
-"""Ways lead at least this near to everywhere that the skeleton goes."""
+COVERED_M = 2.0
+"""A node is at most this far from everywhere, in steps to neighbouring cells."""
 
 
 def roads_through(space: RouteSpace) -> "Roads":
-    """Nodes on the skeleton of a space, and the edges that ways between its places need."""
+    """Nodes from which all of a space is near, and straight edges that make short ways."""
     targets = space.targets()
-    skeleton = skeleton_of(space.fits, space.squared, targets)
+    cover = cells_near_all(space, targets)
+    skeleton = skeleton_of(space.fits, space.squared, np.vstack([targets, cover]))
     roads = Roads(space, len(targets))
     for point in skeleton.points:
         roads.add(point)
     for way in skeleton.ways:
         roads.add_way(way)
-    roads.merge(MERGED_M, roads.stands_in)
-    roads.connect()
-    stops = roads.stops()
-    roads.keep_ways(stops)
-    roads.simplify(stops)
+    keep_needed(roads, len(targets) + len(cover))
     return roads
+
+
+def cells_near_all(space: RouteSpace, targets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(K, 2) further cells: with the targets, one is near every cell that has a way to them.
+
+    Those with the most room come first.
+    """
+    piece = connected_components(space.fits).piece
+    with_way = space.fits & np.isin(piece, piece[targets[:, 0], targets[:, 1]])
+    cells = np.flatnonzero(with_way)
+    cells = cells[np.argsort(-space.squared.ravel()[cells], kind="stable")]
+    order = np.concatenate([targets @ [space.fits.shape[1], 1], cells])
+    taken = np.empty(len(order), np.bool_)
+    cover_cells(space.fits, order, len(targets), round(1000 * COVERED_M / space.side_m), taken)
+    chosen = order[len(targets) :][taken[len(targets) :]]
+    return np.stack(np.divmod(chosen, space.fits.shape[1]), axis=1)
 
 
 class Roads:
@@ -151,11 +150,6 @@ class Roads:
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
-
-    def part(self, a: int, b: int) -> None:
-        """Take the edge between two nodes away."""
-        self.links[a].discard(b)
-        self.links[b].discard(a)
 
     def room(self, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
         """(M,) how much clearance, in cells, edges between pairs of nodes (M, 2) are to have."""
@@ -196,34 +190,6 @@ class Roads:
         ends = np.array([[*cells[0], *cells[-1]]], np.float64)
         return bool(space.are_good(ends, np.array([room]))[0])
 
-    def merge(self, within_m: float, stands_in: Callable[[int, int], bool]) -> None:
-        """Leave out nodes beside others that can stand in for them; nodes of places stay.
-
-        ``stands_in(node, other)`` says whether another node can take over the edges of a node.
-        """
-        near = within_m / self.space.side_m
-        at = self.at
-        for node in np.argsort(self.clear, kind="stable").tolist():
-            if node < self.n_targets or node not in self.links:
-                continue
-            others = sorted(
-                (other for other in self.links[node] if np.hypot(*(at[node] - at[other])) < near),
-                key=lambda other: (
-                    other >= self.n_targets,
-                    float(np.hypot(*(at[node] - at[other]))),
-                ),
-            )
-            for other in others:
-                if stands_in(node, other):
-                    for end in self.drop(node):
-                        self.join(other, end)
-                    break
-
-    def stands_in(self, node: int, other: int) -> bool:
-        """Whether another node has good edges to all that a node is linked to."""
-        pairs = np.array([[other, end] for end in self.links[node] - {other}], np.int64)
-        return bool(self.are_good(pairs.reshape(-1, 2)).all())
-
     def drop(self, node: int) -> set[int]:
         """Take a node away; those that it was linked to."""
         others = self.links.pop(node)
@@ -231,80 +197,10 @@ class Roads:
             self.links[other].discard(node)
         return others
 
-    def connect(self) -> None:
-        """Replace the edges by those, shortcuts included, without which ways would be longer."""
-        from scipy.spatial import cKDTree
-
-        kept = np.array(sorted(self.links), np.int64)
-        tree = cKDTree(self.at[kept])
-        pairs = kept[tree.query_pairs(SIGHT_M / self.space.side_m, output_type="ndarray")]
-        pairs = np.vstack([pairs[self.are_good(pairs)], self.joined()])
-        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-        # Whole numbers, so that equal lengths are equal on every machine.
-        length = np.rint(1000 * np.hypot(*np.diff(self.at[pairs], axis=1)[:, 0].T)).astype(np.int64)
-        order = np.argsort(length, kind="stable")
-        needed = np.empty(len(pairs), np.bool_)
-        needed_edges(pairs[order], length[order], STRETCH, len(self.at), needed)
-        self.links = {node: set() for node in kept.tolist()}
-        for a, b in pairs[order][needed].tolist():
-            self.join(a, b)
-
-    def stops(self) -> list[int]:
-        """The nodes that ways are wanted between: those of places, and some on long detours."""
-        from scipy.sparse.csgraph import dijkstra
-
-        lengths, found = self._lengths(), list(range(self.n_targets))
-        while found:
-            away = dijkstra(lengths, directed=False, indices=found, min_only=True)
-            far = np.where(np.isfinite(away), away, 0.0)
-            if far.max() * self.space.side_m <= COVERED_M:
-                break
-            found.append(int(far.argmax()))
-        return found
-
-    def keep_ways(self, stops: list[int]) -> None:
-        """Keep the edges on the shortest ways between all stops."""
-        from scipy.sparse.csgraph import dijkstra
-
-        lengths, used = self._lengths(), set()
-        for start in stops:
-            _, [before] = dijkstra(
-                lengths, directed=False, indices=[start], return_predecessors=True
-            )
-            passed = {start}
-            for stop in stops:
-                node = stop
-                while node not in passed and before[node] >= 0:
-                    passed.add(node)
-                    used.add((int(before[node]), node))
-                    node = int(before[node])
-        self.links = {node: set() for node in self.links}
-        for a, b in sorted(used):
-            self.join(a, b)
-
-    def _lengths(self) -> "csr_array[np.float64]":
-        """(N, N) the lengths of the edges in cells."""
-        from scipy.sparse import csr_array
-
-        pairs = self.joined()
-        length = np.hypot(*np.diff(self.at[pairs], axis=1)[:, 0].T)
-        ends = pairs.T.astype(np.int32)  # Dijkstra of SciPy before 1.13 takes no others
-        return csr_array((length, ends), (len(self.at), len(self.at)))
-
     def joined(self) -> NDArray[np.int64]:
         """(E, 2) the nodes that are joined, the smaller number first."""
         pairs = sorted((a, b) for a, others in self.links.items() for b in others if a < b)
         return np.array(pairs, np.int64).reshape(-1, 2)
-
-    def simplify(self, stops: list[int]) -> None:
-        """Leave out nodes that nothing leads to, and those that only divide a straight way."""
-        for node in sorted(set(self.links) - {*stops}, reverse=True):
-            others = sorted(self.links[node])
-            if not others:
-                self.drop(node)
-            elif len(others) == 2 and self._is_straight(*others):
-                self.drop(node)
-                self.join(*others)
 
     def keep_largest(self) -> None:
         """Leave out all parts but the one whose places have the most area."""
@@ -321,10 +217,3 @@ class Roads:
         largest = max(parts, key=area_of) if parts else set()
         for node in set(self.links) - largest:
             self.drop(node)
-
-    def _is_straight(self, a: int, b: int) -> bool:
-        """Whether an edge between the only neighbours of a node is as good as the node."""
-        too_long = np.hypot(*(self.at[a] - self.at[b])) * self.space.side_m > LONGEST_M
-        if too_long or b in self.links[a]:
-            return False
-        return bool(self.are_good(np.array([[a, b]]))[0])

@@ -9,7 +9,6 @@ import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.topology.driving_graph import Roads, RouteSpace, roads_through
-from pgm_places.topology.planar_graph import make_planar
 from pgm_places.topology.topological_map import TopologicalMap
 
 if TYPE_CHECKING:
@@ -141,7 +140,6 @@ def route_graph(
         raise InputError(f"robot_radius_m must be metres from 0, got {robot_radius_m}")
     space = RouteSpace(topology, robot_radius_m, closed)
     roads = roads_through(space)
-    make_planar(roads)
     roads.keep_largest()
     return _in_metres(roads, tuple(sorted(closed)))
 

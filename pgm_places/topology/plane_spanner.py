@@ -1,0 +1,162 @@
+"""A plane spanner of roads: few nodes and edges without crossings, and ways that stay short."""
+
+from collections.abc import Collection, Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._core import leave_out_nodes, plane_spanner
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from pgm_places.topology.driving_graph import Roads
+
+SIGHT_M = 8.0
+"""Edges are not longer than this."""
+
+STRETCH = 1.15
+"""There is an edge wherever the way would else be longer than this times a straight one."""
+
+DETOUR, SLACK_M, NEAR_M = 1.2, 0.3, 6.0
+"""No way up to ``NEAR_M`` becomes longer than ``DETOUR`` times what it was, and ``SLACK_M``."""
+
+APART_M = 1.0
+"""Of two nodes nearer to each other than this, one is left out where no way gets too long."""
+
+_MOST_ROUNDS = 8
+_SOURCES = 256
+"""How many nodes ways are searched from at a time: memory stays small."""
+
+
+class Detour(NamedTuple):
+    """Two nodes between which the way is too long, and the shortest; or that no way joins."""
+
+    shortest: float
+    path: list[int]
+    is_cut: bool
+
+
+class PlaneSpanner:
+    """Which nodes of dense roads are chosen, and the edges between them.
+
+    Lengths are whole thousandths of a cell, so that equal ones are equal on every machine.
+    """
+
+    def __init__(self, roads: "Roads", chosen: Collection[int]) -> None:
+        self.roads, self.unit_m = roads, roads.space.side_m / 1000
+        pairs = _in_sight(roads)
+        lengths = np.rint(1000 * np.hypot(*np.diff(roads.at[pairs], axis=1)[:, 0].T))
+        order = np.argsort(lengths, kind="stable")
+        self.pairs, self.lengths = pairs[order], lengths[order].astype(np.int64)
+        self.chosen = np.zeros(len(roads.at), np.bool_)
+        self.chosen[[*chosen]] = True
+        self.first: set[tuple[int, int]] = set()
+        self.dense = self._graph(np.ones(len(pairs), np.bool_))
+
+    def edges(self) -> NDArray[np.bool_]:
+        """(M,) which pairs are edges of the greedy plane spanner of the nodes that are chosen."""
+        nodes = np.flatnonzero(self.chosen)
+        inside = np.flatnonzero(self.chosen[self.pairs].all(axis=1))
+        if self.first:
+            is_late = [tuple(pair) not in self.first for pair in self.pairs[inside].tolist()]
+            inside = inside[np.argsort(is_late, kind="stable")]
+        taken = np.empty(len(inside), np.bool_)
+        at = np.rint(self.roads.at[nodes]).astype(np.int64)
+        ends = np.searchsorted(nodes, self.pairs[inside])
+        plane_spanner(at, ends, self.lengths[inside], STRETCH, taken)
+        found = np.zeros(len(self.pairs), np.bool_)
+        found[inside[taken]] = True
+        return found
+
+    def add_nodes(self) -> None:
+        """Choose nodes on shorter ways until no way is too long.
+
+        The edges of a way that crossing ones would cut come before shorter edges.
+        """
+        for _ in range(_MOST_ROUNDS):
+            added: set[int] = set()
+            first: set[tuple[int, int]] = set()
+            for detour in sorted(self.detours(self.edges())):
+                missing = [node for node in detour.path if not self.chosen[node]]
+                if added.isdisjoint(missing):
+                    added.update(missing)
+                if not missing and detour.is_cut:
+                    first |= {(min(ends), max(ends)) for ends in pairwise(detour.path)}
+            if added:
+                self.chosen[[*added]] = True
+            elif first - self.first:
+                self.first |= first
+            else:
+                break
+
+    def without_near_nodes(self, n_kept: int) -> NDArray[np.bool_]:
+        """(M,) the edges when nodes beside others are left out; the first ``n_kept`` stay.
+
+        Those with the least room are tried first.
+        """
+        at = np.rint(self.roads.at).astype(np.int64)
+        nodes = np.flatnonzero(self.chosen)
+        nodes = nodes[nodes >= n_kept]
+        order = nodes[np.argsort(self.roads.clear[nodes], kind="stable")]
+        taken, kept = self.edges(), self.chosen.copy()
+        apart, slack = round(APART_M / self.unit_m), round(SLACK_M / self.unit_m)
+        leave_out_nodes(
+            at, self.pairs, self.lengths, order, apart, STRETCH, DETOUR, slack, taken, kept
+        )
+        self.chosen = kept
+        return taken
+
+    def detours(self, edges: NDArray[np.bool_]) -> Iterator[Detour]:
+        """Pairs of chosen nodes near each other between which ways over edges are too long."""
+        from scipy.sparse.csgraph import connected_components, dijkstra
+
+        near, slack = NEAR_M / self.unit_m, SLACK_M / self.unit_m
+        nodes, sparse = np.flatnonzero(self.chosen), self._graph(edges)
+        part = connected_components(sparse, directed=False)[1]
+        for begin in range(0, len(nodes), _SOURCES):
+            sources = nodes[begin : begin + _SOURCES]
+            short, before = dijkstra(
+                self.dense, directed=False, indices=sources, limit=near, return_predecessors=True
+            )
+            longer = dijkstra(sparse, directed=False, indices=sources, limit=DETOUR * near + slack)
+            most = np.where(np.isfinite(short), DETOUR * short + slack, np.inf)[:, nodes]
+            for row, column in np.argwhere(longer[:, nodes] > most).tolist():
+                source, node = int(sources[row]), int(nodes[column])
+                if source < node:
+                    path = [node]
+                    while path[-1] != source:
+                        path.append(int(before[row, path[-1]]))
+                    is_cut = bool(part[source] != part[node])
+                    yield Detour(float(short[row, node]), path, is_cut)
+
+    def _graph(self, edges: NDArray[np.bool_]) -> "csr_array[np.float64]":
+        """(N, N) lengths of edges (M,)."""
+        from scipy.sparse import csr_array
+
+        ends = self.pairs[edges].T.astype(np.int32)  # Dijkstra of SciPy before 1.13 takes no others
+        n = len(self.chosen)
+        return csr_array((self.lengths[edges].astype(np.float64), ends), (n, n))
+
+
+def keep_needed(roads: "Roads", n_chosen: int) -> None:
+    """Keep of dense roads the first nodes, and the others and the edges that short ways need."""
+    spanner = PlaneSpanner(roads, range(n_chosen))
+    spanner.add_nodes()
+    edges = spanner.without_near_nodes(roads.n_targets)
+    roads.links = {int(node): set() for node in np.flatnonzero(spanner.chosen)}
+    for a, b in spanner.pairs[edges].tolist():
+        roads.join(a, b)
+
+
+def _in_sight(roads: "Roads") -> NDArray[np.int64]:
+    """(M, 2) nodes that may have an edge, the smaller number first."""
+    from scipy.spatial import cKDTree
+
+    kept = np.array(sorted(roads.links), np.int64)
+    near = cKDTree(roads.at[kept]).query_pairs(SIGHT_M / roads.space.side_m, output_type="ndarray")
+    pairs = kept[near]
+    pairs = np.vstack([pairs[roads.are_good(pairs)], roads.joined()])
+    return np.unique(np.sort(pairs, axis=1), axis=0)
