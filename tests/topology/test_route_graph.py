@@ -9,10 +9,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from shapely import LineString
 
-from experiments.routes import cell_lengths, ratios
-from pgm_places._core import needed_edges, segment_clearances, stays_between
+from experiments.routes import cell_lengths, ratios, where_it_fits
+from pgm_places._core import (
+    cover_cells,
+    leave_out_nodes,
+    plane_spanner,
+    segment_clearances,
+    stays_between,
+)
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
@@ -20,11 +25,17 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.driving_graph import AS_FAR_AS_ENDS, ROOM_M
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.planar_graph import crossings
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.real_data import real_data_folder
-from tests.reference.routes import segment_clearance, spanner
+from tests.reference.routes import (
+    covering_cells,
+    meet,
+    segment_clearance,
+    spanner,
+    steps_between,
+    without_near_nodes,
+)
 from tests.topology.floors import NAMES, floor_grid, floor_map
 
 
@@ -56,37 +67,13 @@ def check(topology: TopologicalMap, found: RouteGraph) -> None:
     assert not found.nodes or nx.is_connected(found.graph)
 
 
-def meeting(
-    at: np.ndarray, pairs: list[tuple[int, int]]
-) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Pairs of edges without a common node that meet, by shapely."""
-    lines = [LineString(at[[a, b]]) for a, b in pairs]
+def meeting(at: np.ndarray, pairs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Positions of pairs that meet elsewhere than in a common node, by shapely."""
     return [
-        (pairs[i], pairs[j])
+        (i, j)
         for i, j in itertools.combinations(range(len(pairs)), 2)
-        if not {*pairs[i]} & {*pairs[j]} and lines[i].distance(lines[j]) < 1e-9
+        if meet(at, pairs[i], pairs[j])
     ]
-
-
-@settings(max_examples=200, deadline=None)
-@given(points=arrays(np.int64, (8, 2), elements=st.integers(0, 6), unique=False), data=st.data())
-def test_crossings_are_those_of_lines(points: np.ndarray, data: st.DataObject) -> None:
-    at = np.unique(points, axis=0).astype(np.float64)
-    every = np.array(list(itertools.combinations(range(len(at)), 2)), np.int64).reshape(-1, 2)
-    edges = every[data.draw(arrays(np.bool_, len(every)))]
-    found, shares = crossings(at, edges, edges)
-    pairs = [(first, second) for first, second in edges.tolist()]
-    wanted = {frozenset(pair) for pair in meeting(at, pairs)}
-    on_a_line = {
-        frozenset((pairs[e], pairs[f]))
-        for e, f in itertools.combinations(range(len(pairs)), 2)
-        if np.linalg.matrix_rank(np.diff(at[[*pairs[e], *pairs[f]]], axis=0)) < 2
-    }
-    got = {frozenset((pairs[e], pairs[f])) for e, f in found.tolist()}
-    assert got == wanted - on_a_line
-    for (e, _), share in zip(found.tolist(), shares, strict=True):
-        assert 0 <= share <= 1
-        assert e < len(edges)
 
 
 def test_crossing_shortcuts_of_a_hall_meet_in_nodes() -> None:
@@ -149,13 +136,10 @@ def test_shortcuts_past_pillars_keep_most_of_the_clearance_of_their_ends() -> No
     labels[12::19, 12::19] = labels[21::19, 21::19] = -1
     topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES)
     found = route_graph(topology, robot_radius_m=0.1)
-    ends_m = [
-        min(found.nodes[e.first].clearance_m, found.nodes[e.second].clearance_m)
-        for e in found.edges
-    ]
     assert len(found.edges) > 10
-    assert min(ends_m) * AS_FAR_AS_ENDS > ROOM_M
-    assert min(edge.clearance_m for edge in found.edges) >= ROOM_M - 1e-9
+    for edge in found.edges:
+        ends_m = (found.nodes[edge.first].clearance_m, found.nodes[edge.second].clearance_m)
+        assert edge.clearance_m >= min(AS_FAR_AS_ENDS * min(ends_m), ROOM_M) - 1e-9
 
 
 def test_an_anchor_that_lies_in_another_place_is_no_target() -> None:
@@ -235,27 +219,96 @@ def test_edges_stay_in_the_places_of_their_ends() -> None:
     assert found.tolist() == [True, True, False, True]
 
 
-@settings(max_examples=40, deadline=None)
-@given(points=arrays(np.int64, (9, 2), elements=st.integers(0, 40)), data=st.data())
-def test_needed_edges_are_those_of_a_greedy_spanner(
+def some_edges(points: np.ndarray, data: st.DataObject) -> tuple[np.ndarray, ...]:
+    """Different nodes (N, 2), edges between them in order of length, and their lengths."""
+    at = np.unique(points, axis=0)
+    pairs = np.array(list(itertools.combinations(range(len(at)), 2)), np.int64).reshape(-1, 2)
+    pairs = pairs[data.draw(arrays(np.bool_, len(pairs)))]
+    length = np.rint(1000 * np.hypot(*(at[pairs[:, 0]] - at[pairs[:, 1]]).T)).astype(np.int64)
+    order = np.argsort(length, kind="stable")
+    return at, pairs[order], length[order]
+
+
+NODES = arrays(np.int64, (9, 2), elements=st.integers(0, 12))
+
+
+@settings(max_examples=200, deadline=None)
+@given(points=NODES, data=st.data())
+def test_the_spanner_is_greedy_and_plane(points: np.ndarray, data: st.DataObject) -> None:
+    at, edges, length = some_edges(points, data)
+    taken = np.empty(len(edges), np.bool_)
+    plane_spanner(at, edges, length, 1.3, taken)
+    np.testing.assert_array_equal(taken, spanner(at, edges, length, 1.3))
+    assert not meeting(at, edges[taken].tolist())
+
+
+@settings(max_examples=200, deadline=None)
+@given(points=NODES, data=st.data())
+def test_nodes_are_left_out_where_no_way_gets_too_long(
     points: np.ndarray, data: st.DataObject
 ) -> None:
-    pairs = np.array(list(itertools.combinations(range(9), 2)))
-    pairs = pairs[data.draw(arrays(np.bool_, len(pairs)))]
-    length = np.rint(1000 * np.hypot(*(points[pairs[:, 0]] - points[pairs[:, 1]]).T))
-    order = np.argsort(length, kind="stable")
-    edges, sorted_length = pairs[order], length[order].astype(np.int64)
-    needed = np.empty(len(edges), np.bool_)
-    needed_edges(edges, sorted_length, 1.3, 9, needed)
-    np.testing.assert_array_equal(needed, spanner(edges, sorted_length, 1.3, 9))
+    at, edges, length = some_edges(points, data)
+    taken = spanner(at, edges, length, 1.3)
+    order = np.array(data.draw(st.permutations(range(2, len(at)))), np.int64)
+    kept, wanted = np.ones(len(at), np.bool_), np.ones(len(at), np.bool_)
+    limits = (5000, 1.3, 1.5, 1000)  # apart, stretch, detour, slack
+    wanted_edges = without_near_nodes(at, edges, length, order, limits, taken, wanted)
+    leave_out_nodes(at, edges, length, order, *limits, taken, kept)
+    np.testing.assert_array_equal(kept, wanted)
+    np.testing.assert_array_equal(taken, wanted_edges)
+    assert kept[edges[taken]].all()
+    assert not meeting(at, edges[taken].tolist())
+
+
+@settings(max_examples=100, deadline=None)
+@given(inside=arrays(np.bool_, (7, 9)), reach=st.sampled_from([0, 1000, 2500]), data=st.data())
+def test_cells_that_are_taken_cover_all_others(
+    inside: np.ndarray, reach: int, data: st.DataObject
+) -> None:
+    inside = np.pad(inside, 1)
+    cells = np.flatnonzero(inside)
+    order = np.array(data.draw(st.permutations(cells.tolist())), np.int64)
+    n_given = min(1, len(order))
+    taken = np.empty(len(order), np.bool_)
+    cover_cells(inside, order, n_given, reach, taken)
+    assert order[taken].tolist() == covering_cells(inside, order.tolist(), n_given, reach)
+
+
+def test_everywhere_is_near_a_node_also_at_dead_ends() -> None:
+    """A corridor with a bend behind which there is no place: earlier graphs did not go there."""
+    labels = np.full((120, 140), -1, np.int16)
+    labels[50:64, 2:138] = 0
+    labels[2:64, 124:138] = 0
+    labels[2:16, 40:138] = 0
+    labels[70:110, 2:42] = 1
+    labels[64:70, 15:27] = 2
+    topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES, correct=False)
+    found = route_graph(topology)
+    check(topology, found)
+    fits = np.pad(where_it_fits(topology, found.robot_radius_m), 1)
+    cells = topology.grid.cells_at_m([node.point_m for node in found.nodes]) + 1
+    away = steps_between(fits, [(int(r), int(c)) for r, c in cells])
+    # A node that was left out had another at most 1 m away.
+    assert max(away.values()) * 0.1 / 1000 < 2.0 + 1.0 + 0.2
+    assert len(away) == fits.sum()
+
+
+def test_a_corridor_has_one_line_of_edges() -> None:
+    labels = np.full((24, 200), -1, np.int16)
+    labels[2:22, 2:198] = 0
+    topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES)
+    found = route_graph(topology)
+    assert nx.is_tree(found.graph)
+    assert max(degree for _, degree in found.graph.degree) <= 2
+    assert all(edge.length_m >= 1.0 for edge in found.edges)
 
 
 def test_the_lengths_compared_with_are_those_over_cells() -> None:
     topology = topological_map(
         OccupancyGrid(np.zeros((1, 8), np.int8), 0.5), np.array([[1] * 4 + [0] * 4]), NAMES
     )
-    points = [(0.25, 0.25), (3.75, 0.25)]
-    assert cell_lengths(topology, 0.2, points)[0, 1] == pytest.approx(3.5)
+    points = np.array([(0.25, 0.25), (3.75, 0.25)])
+    assert cell_lengths(topology, 0.2, points[:1], points).tolist() == [[0.0, pytest.approx(3.5)]]
 
 
 @pytest.mark.real_data
