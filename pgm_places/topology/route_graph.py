@@ -108,10 +108,15 @@ def route_graph(
 ) -> RouteGraph:
     """Ways through all places that a disc can drive.
 
-    Nodes lie on the skeleton of the space: in the middle of corridors, at junctions, in the middle
-    of doorways, at the anchors of places. Straight edges join them wherever the way would else be
-    noticeably longer; where two of them cross there is a node. What belongs to no place is an
+    Nodes lie on the skeleton of the space (in the middle of corridors, at junctions, in the middle
+    of doorways), at the anchors of places, and so that all space is about 2 m from a node or less.
+    Straight edges join them as a plane spanner: the shortest come first, each is there only if the
+    way is more than 15 % longer without it, and none crosses another. Of two nodes within a metre,
+    one is left out where the ways between its neighbours stay short. What belongs to no place is an
     obstacle. The graph is connected: parts that are cut off from the largest are left out.
+
+    Source: I. Althöfer, G. Das, D. Dobkin, D. Joseph, J. Soares, On sparse spanners of weighted
+    graphs, Discrete & Computational Geometry 9, 1993 (the greedy spanner).
 
     Parameters
     ----------
