@@ -10,7 +10,6 @@ from scipy.ndimage import binary_dilation
 from pgm_places._core import cover_cells, segment_clearances, stays_between
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.plane_spanner import keep_needed
 from pgm_places.topology.skeleton import skeleton_of
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -85,17 +84,16 @@ COVERED_M = 2.0
 """A node is at most this far from everywhere, in steps to neighbouring cells."""
 
 
-def roads_through(space: RouteSpace) -> "Roads":
-    """Nodes from which all of a space is near, and straight edges that make short ways."""
+def dense_roads(space: RouteSpace) -> "Roads":
+    """Nodes along the skeleton of a space, which leads to all places and near everywhere."""
     targets = space.targets()
     cover = cells_near_all(space, targets)
     skeleton = skeleton_of(space.fits, space.squared, np.vstack([targets, cover]))
-    roads = Roads(space, len(targets))
+    roads = Roads(space, len(targets), len(targets) + len(cover))
     for point in skeleton.points:
         roads.add(point)
     for way in skeleton.ways:
         roads.add_way(way)
-    keep_needed(roads, len(targets) + len(cover))
     return roads
 
 
@@ -116,10 +114,13 @@ def cells_near_all(space: RouteSpace, targets: NDArray[np.int64]) -> NDArray[np.
 
 
 class Roads:
-    """Nodes and edges as they are found; nodes are numbers, those of places first."""
+    """Nodes and edges as they are found; nodes are numbers.
 
-    def __init__(self, space: RouteSpace, n_targets: int) -> None:
-        self.space, self.n_targets = space, n_targets
+    Those of places come first, then those from which all of the space is near: ``n_chosen`` in all.
+    """
+
+    def __init__(self, space: RouteSpace, n_targets: int, n_chosen: int) -> None:
+        self.space, self.n_targets, self.n_chosen = space, n_targets, n_chosen
         self.points: list[tuple[float, float]] = []
         self.number: dict[tuple[float, float], int] = {}
         self.links: dict[int, set[int]] = {}

@@ -1,6 +1,6 @@
 """A plane spanner of roads: few nodes and edges without crossings, and ways that stay short."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import leave_out_nodes, plane_spanner
+from pgm_places.topology.driving_graph import Roads
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from pgm_places.topology.driving_graph import Roads
 
 SIGHT_M = 8.0
 """Edges are not longer than this."""
@@ -45,14 +44,13 @@ class PlaneSpanner:
     Lengths are whole thousandths of a cell, so that equal ones are equal on every machine.
     """
 
-    def __init__(self, roads: "Roads", chosen: Collection[int]) -> None:
+    def __init__(self, roads: Roads) -> None:
         self.roads, self.unit_m = roads, roads.space.side_m / 1000
         pairs = _in_sight(roads)
         lengths = np.rint(1000 * np.hypot(*np.diff(roads.at[pairs], axis=1)[:, 0].T))
         order = np.argsort(lengths, kind="stable")
         self.pairs, self.lengths = pairs[order], lengths[order].astype(np.int64)
-        self.chosen = np.zeros(len(roads.at), np.bool_)
-        self.chosen[[*chosen]] = True
+        self.chosen = np.arange(len(roads.at)) < roads.n_chosen
         self.first: set[tuple[int, int]] = set()
         self.dense = self._graph(np.ones(len(pairs), np.bool_))
 
@@ -141,9 +139,9 @@ class PlaneSpanner:
         return csr_array((self.lengths[edges].astype(np.float64), ends), (n, n))
 
 
-def keep_needed(roads: "Roads", n_chosen: int) -> None:
-    """Keep of dense roads the first nodes, and the others and the edges that short ways need."""
-    spanner = PlaneSpanner(roads, range(n_chosen))
+def keep_needed(roads: Roads) -> None:
+    """Keep of dense roads the nodes chosen, and the others and the edges that short ways need."""
+    spanner = PlaneSpanner(roads)
     spanner.add_nodes()
     edges = spanner.without_near_nodes(roads.n_targets)
     roads.links = {int(node): set() for node in np.flatnonzero(spanner.chosen)}
@@ -151,7 +149,7 @@ def keep_needed(roads: "Roads", n_chosen: int) -> None:
         roads.join(a, b)
 
 
-def _in_sight(roads: "Roads") -> NDArray[np.int64]:
+def _in_sight(roads: Roads) -> NDArray[np.int64]:
     """(M, 2) nodes that may have an edge, the smaller number first."""
     from scipy.spatial import cKDTree
 

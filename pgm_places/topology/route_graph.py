@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pgm_places.errors import InputError
-from pgm_places.topology.driving_graph import Roads, RouteSpace, roads_through
+from pgm_places.topology.driving_graph import Roads, RouteSpace, dense_roads
+from pgm_places.topology.plane_spanner import keep_needed
 from pgm_places.topology.topological_map import TopologicalMap
 
 if TYPE_CHECKING:
@@ -139,12 +140,13 @@ def route_graph(
     >>> grid = OccupancyGrid(np.zeros(labels.shape, np.int8), 1.0)
     >>> found = route_graph(topological_map(grid, labels, ["room", "hall"]))
     >>> [node.point_m for node in found.nodes], found.edges[0].clearance_m
-    ([(0.5, 0.5), (4.5, 0.5)], 0.5)
+    ([(0.5, 0.5), (4.5, 0.5), (7.5, 0.5)], 0.5)
     """
     if not 0 <= robot_radius_m < np.inf:
         raise InputError(f"robot_radius_m must be metres from 0, got {robot_radius_m}")
     space = RouteSpace(topology, robot_radius_m, closed)
-    roads = roads_through(space)
+    roads = dense_roads(space)
+    keep_needed(roads)
     roads.keep_largest()
     return _in_metres(roads, tuple(sorted(closed)))
 
