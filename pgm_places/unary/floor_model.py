@@ -26,6 +26,10 @@ from pgm_places.unary.local_space_features import square_around
 
 _LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
 
+_WIDE_M, _WIDE_LOG_ODDS = 2.0, 2.5
+"""What wider gates must be surer than to be doorways; chosen on buildings held out
+(docs/notes/tried.md)."""
+
 _HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")
 
 
@@ -99,7 +103,8 @@ class FloorModel:
 
         The networks' word on a gate is the probability of a doorway that a fifth of the cells in
         its rectangle exceed, at least 0.4 m deep. At cuts it is the only one: the list knows gates
-        where passages narrow.
+        where passages narrow. Gates over 2 m wide, few of which are doorways, lose 2.5 of their
+        log-odds.
         """
         share = np.where(gates.at_cuts, 1.0, self.gate_share)
         odds = (1 - share) * _log_odds(probability)
@@ -109,6 +114,7 @@ class FloorModel:
             cells = gates[g].cells(grid, deeper_m=deeper_m)
             log_p = seen.of(cells)[:, LABELS.index("doorway")] if len(cells) else np.zeros(1)
             odds[g] += share[g] * _log_odds(np.exp(np.quantile(log_p, _AT_LEAST)))
+        odds -= np.where(gates.width_m > _WIDE_M, _WIDE_LOG_ODDS, 0.0)
         return np.asarray(1 / (1 + np.exp(-odds)))
 
 

@@ -14,7 +14,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelling.label import label_map
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.spaces.gates import gate_candidates
@@ -196,3 +196,16 @@ def test_gates_are_judged_by_the_list_and_by_what_networks_see_there() -> None:
     np.testing.assert_allclose(
         FloorModel((), gate_share=0.0).judged(seen, gates, given), given, rtol=0, atol=1e-9
     )
+
+
+@pytest.mark.parametrize(("low", "high", "less"), [(8, 12, 0.0), (6, 15, 0.0), (5, 16, 2.5)])
+def test_gates_over_two_metres_must_be_surer(low: int, high: int, less: float) -> None:
+    cells = np.full((20, 42), FREE, np.int8)
+    cells[:, 20:22], cells[low:high, 20:22] = OCCUPIED, FREE
+    gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, 0.2)))
+    assert gates.width_m == pytest.approx([0.2 * (high - low)])
+    rows, columns = (holders(n, 0.2) for n in cells.shape)
+    log_p = np.full((rows[-1] + 1, columns[-1] + 1, 4), np.log(0.25), np.float16)
+    seen = FloorScores(log_p, np.zeros(log_p.shape[:2], np.float16), rows, columns)
+    [found] = FloorModel((), gate_share=0.0).judged(seen, gates, np.array([0.9])).tolist()
+    assert np.log(found / (1 - found)) == pytest.approx(np.log(9) - less)
