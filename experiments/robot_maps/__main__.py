@@ -5,10 +5,12 @@ shipped model never saw these buildings, its networks saw some: ``--lists-alone`
 networks, ``--held-out`` leaves out those that learned the building of a map, and ``--maps unseen``
 measures the maps whose building is in no training. ``--maps floors`` and ``--maps real`` measure
 the drawn floors and the other real maps, which the shipped model has learned from. Halls count as
-corridors. ``--evidence MODULE:NAME`` puts log-probabilities of a map's cells in the place of the
-model's, before the method smooths them; see ``experiments/robot_maps/sources.py``. The means of a
-kind weigh maps by how sure their labels are; counts of doors and spaces are sums. ``--out FILE``
-keeps the figures of each map as CSV. PGM_PLACES_DATA names the folder of the real maps,
+corridors; the next column leaves out the cells that are halls in truth. ``--evidence MODULE:NAME``
+puts log-probabilities of a map's cells in the place of the model's, before the method smooths them;
+see ``experiments/robot_maps/sources.py``. The means of a kind weigh maps by how sure their labels
+are; counts of doors and spaces are sums. ``--out FILE`` keeps the figures of each map as CSV,
+``--sheets FOLDER`` draws all maps beside their truth, and ``--reliability`` prints how often cells,
+places and doors of one confidence are right. PGM_PLACES_DATA names the folder of the real maps,
 ``../shared/data`` by default.
 """
 
@@ -16,10 +18,11 @@ import argparse
 from pathlib import Path
 
 from experiments.floor_network.held_out import shipped_without
-from experiments.floor_network.sheets import LabelledPair, write_sheet
+from experiments.floor_network.sheets import LabelledPair, write_sheet, write_sheets
 from experiments.paper.setting import data_folder
 from experiments.robot_maps.catalogue import GROUPS, chosen_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
+from experiments.robot_maps.reliability import Reliability
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.cli.terminal import LineProgress
 from pgm_places.trained import DEFAULT, trained_labeler
@@ -45,6 +48,8 @@ def main(argv: list[str] | None = None) -> None:
         help="label each map of DATA/robots without the shipped networks trained on its building",
     )
     parser.add_argument("--worst", type=Path, help="a picture of the six worst maps")
+    parser.add_argument("--sheets", type=Path, help="a folder for pictures of all maps, by kind")
+    parser.add_argument("--reliability", action="store_true", help="confidence and what is right")
     given = parser.parse_args(argv)
     evidence = None if given.evidence is None else evidence_named(given.evidence)
     labeler = trained_labeler(given.model)
@@ -55,18 +60,26 @@ def main(argv: list[str] | None = None) -> None:
     maps = list(chosen_maps(data, given.maps))
     figures: list[MapFigures] = []
     pairs: list[LabelledPair] = []
+    reliability = Reliability()
     with LineProgress().stage("maps") as stage:
         for known, weight in maps:
             source = Source(of_map(known.item.name), given.method, evidence)
             found = source.label(known.item.grid)
             figures.append(measured(known, weight, found))
             pairs.append(LabelledPair(known, found.labels, figures[-1].cells.accuracy))
+            if given.reliability:
+                reliability.add(known, found)
             stage.update(len(figures) / len(maps), known.item.name)
     print(table(figures))
+    if given.reliability:
+        print(f"\n{reliability.table()}")
     if given.out is not None:
         write_figures(given.out, figures)
     if given.worst is not None:
         write_sheet(given.worst, sorted(pairs, key=lambda pair: pair.accuracy)[:_WORST])
+    if given.sheets is not None:
+        given.sheets.mkdir(parents=True, exist_ok=True)
+        write_sheets(given.sheets, pairs)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ HEADER = (
     "maps",
     "number",
     "accuracy / balanced / doorway F1",
+    "halls not counted",
     "worst",
     "painted doors: recall / precision",
     "gates: recall / precision",
@@ -41,6 +42,8 @@ class MapFigures:
     weight : float
         What it counts in the mean of its kind.
     cells : Evaluation
+    no_halls : Evaluation
+        Of the cells that are no halls in truth.
     painted, gates : DoorScores
         Door by door: of doorways as they are painted, and of accepted gates.
     cut, spaces : int
@@ -51,6 +54,7 @@ class MapFigures:
     known: KnownMap
     weight: float
     cells: Evaluation
+    no_halls: Evaluation
     painted: DoorScores
     gates: DoorScores
     cut: int
@@ -72,6 +76,7 @@ class MapFigures:
             "accuracy": f"{self.cells.accuracy:.4f}",
             "balanced_accuracy": f"{self.cells.balanced_accuracy:.4f}",
             "doorway_f1": _text(self.cells.f1["doorway"]),
+            "accuracy_without_halls": f"{self.no_halls.accuracy:.4f}" if self.no_halls.n else "",
             "confidence_error": _text(self.cells.expected_calibration_error),
             **counts,
             "cut": self.cut,
@@ -83,13 +88,14 @@ def measured(known: KnownMap, weight: float, found: Found) -> MapFigures:
     """The figures of a map that a source has labelled."""
     item, doorways = known.item, found.doorways
     on_cells = found.labels >= 0
-    cells = evaluate(
-        item.labels[on_cells], found.labels[on_cells], NAMES, beliefs=found.labeling.beliefs
+    cells, no_halls = (
+        evaluate(truth[on_cells], found.labels[on_cells], NAMES, beliefs=found.labeling.beliefs)
+        for truth in (item.labels, np.where(known.finer == len(NAMES), -1, item.labels))
     )
     painted = match_painted(found.labels, item.grid, item.labels, DOORWAY)
     gates = match_gates(doorways.gates if doorways else (), item.grid, item.labels, DOORWAY)
     cut, spaces = cut_spaces(item, found.labels)
-    return MapFigures(known, weight, cells, _all_of(painted), _all_of(gates), cut, spaces)
+    return MapFigures(known, weight, cells, no_halls, _all_of(painted), _all_of(gates), cut, spaces)
 
 
 def cut_spaces(item: LabelledMap, labels: NDArray[np.int64]) -> tuple[int, int]:
@@ -110,19 +116,15 @@ def cut_spaces(item: LabelledMap, labels: NDArray[np.int64]) -> tuple[int, int]:
 
 def row(name: str, maps: Sequence[MapFigures]) -> str:
     """A kind's line: means of maps by their weight; counts of doors and spaces added up."""
-    weight = np.array([item.weight for item in maps])
-    doorway = [item.cells.f1["doorway"] for item in maps]
-    means = [
-        np.average([item.cells.accuracy for item in maps], weights=weight),
-        np.average([item.cells.balanced_accuracy for item in maps], weights=weight),
-        _mean([(v, w) for v, w in zip(doorway, weight, strict=True) if v is not None]),
-    ]
+    every = _means([(item.cells, item.weight) for item in maps])
+    no_halls = _means([(item.no_halls, item.weight) for item in maps if item.no_halls.n])
     worst = min(maps, key=lambda item: item.cells.accuracy)
     error = Evaluation.merged([item.cells for item in maps]).expected_calibration_error
     entries = [
         name,
         str(len(maps)),
-        " / ".join(f"{100 * value:.1f}" for value in means),
+        every,
+        no_halls,
         f"{100 * worst.cells.accuracy:.1f} ({worst.known.item.name})",
         _doors([item.painted for item in maps]),
         _doors([item.gates for item in maps]),
@@ -149,6 +151,17 @@ def write_figures(path: Path, figures: Sequence[MapFigures]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def _means(maps: Sequence[tuple[Evaluation, float]]) -> str:
+    """Accuracy, balanced accuracy and F1 of doorways, as means of maps by their weight."""
+    doorway = [(cells.f1["doorway"], weight) for cells, weight in maps]
+    means = (
+        _mean([(cells.accuracy, weight) for cells, weight in maps]),
+        _mean([(cells.balanced_accuracy, weight) for cells, weight in maps]),
+        _mean([(f1, weight) for f1, weight in doorway if f1 is not None]),
+    )
+    return " / ".join(f"{100 * value:.1f}" for value in means)
 
 
 def _all_of(match: DoorMatch) -> DoorScores:

@@ -13,6 +13,7 @@ from experiments.floor_network.held_out import shipped_without
 from experiments.robot_maps import __main__ as command
 from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
+from experiments.robot_maps.reliability import Bins, Reliability
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
@@ -145,11 +146,15 @@ def test_the_command_prints_the_table(
     monkeypatch.setattr(command, "chosen_maps", lambda *_: iter([(known_map(), 1.0)]))
     monkeypatch.setattr(command, "trained_labeler", lambda _: places())
     picture = tmp_path / "worst.png"
-    command.main(["--out", str(tmp_path / "figures.csv"), "--worst", str(picture)])
+    sheets = tmp_path / "sheets"
+    written = ["--out", str(tmp_path / "figures.csv"), "--worst", str(picture)]
+    command.main([*written, "--reliability", "--sheets", str(sheets)])
     assert picture.read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
     assert "| homes, robots' maps | 1 |" in printed
     assert "| **all** | 1 |" in printed
+    assert "| confidence | cells | without halls | places | doors |" in printed
+    assert (sheets / "robots_homes.png").is_file()
     assert len((tmp_path / "figures.csv").read_text().splitlines()) == 2
 
 
@@ -183,3 +188,38 @@ def test_a_map_of_the_training_has_the_one_network_that_did_not_learn_its_buildi
 
 def weights(network: FloorNetwork) -> bytes:
     return b"".join(np.asarray(network.weights[name]).tobytes() for name in sorted(network.weights))
+
+
+def test_reliability_compares_confidence_with_what_is_right() -> None:
+    known = known_map()
+    found = Source(places(), evidence=lambda *_: truth_of(known)).label(known.item.grid)
+    beliefs = found.labeling.beliefs
+    assert beliefs is not None
+    reliability = Reliability()
+    reliability.add(known, found)
+    label = found.labels[found.labels >= 0]
+    truth = known.item.labels[found.labels >= 0]
+    cells = reliability.cells
+    assert cells.number.sum() == (truth >= 0).sum()
+    assert cells.right.sum() == (label == truth)[truth >= 0].sum()
+    sure = np.take_along_axis(beliefs, label[:, None], axis=1)[truth >= 0, 0]
+    assert cells.confidence.sum() == pytest.approx(sure.sum())
+    assert reliability.no_halls.number.sum() == cells.number.sum()  # this map has none
+    assert reliability.places.right.sum() == pytest.approx(reliability.places.number.sum(), rel=0.1)
+    assert "| error |" in reliability.table()
+
+
+def test_bins_have_the_error_of_their_means() -> None:
+    bins = Bins()
+    bins.add([0.55, 0.55, 0.97, 1.0], [1, 0, 1, 1])
+    assert bins.error == pytest.approx((2 * 0.05 + 0.03) / 4)
+
+
+def test_halls_can_be_left_out_of_the_figures() -> None:
+    known = known_map()
+    halls = known.item.labels == CORRIDOR
+    found = Source(places(), evidence=lambda *_: truth_of(known)).label(known.item.grid)
+    wrong = replace(found, labels=np.where(found.labels == CORRIDOR, ROOM, found.labels))
+    figures = measured(replace(known, halls=halls), 1.0, wrong)
+    assert figures.cells.accuracy < 0.9 < figures.no_halls.accuracy
+    assert figures.no_halls.n == figures.cells.n - int((halls & (wrong.labels >= 0)).sum())
