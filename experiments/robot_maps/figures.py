@@ -42,8 +42,8 @@ class MapFigures:
     weight : float
         What it counts in the mean of its kind.
     cells : Evaluation
-    no_halls : Evaluation
-        Of the cells that are no halls in truth.
+    no_halls : Evaluation or None
+        Of the cells that are no halls in truth; None without any.
     painted, gates : DoorScores
         Door by door: of doorways as they are painted, and of accepted gates.
     cut, spaces : int
@@ -54,7 +54,7 @@ class MapFigures:
     known: KnownMap
     weight: float
     cells: Evaluation
-    no_halls: Evaluation
+    no_halls: Evaluation | None
     painted: DoorScores
     gates: DoorScores
     cut: int
@@ -76,7 +76,7 @@ class MapFigures:
             "accuracy": f"{self.cells.accuracy:.4f}",
             "balanced_accuracy": f"{self.cells.balanced_accuracy:.4f}",
             "doorway_f1": _text(self.cells.f1["doorway"]),
-            "accuracy_without_halls": f"{self.no_halls.accuracy:.4f}" if self.no_halls.n else "",
+            "accuracy_without_halls": _text(self.no_halls and self.no_halls.accuracy),
             "confidence_error": _text(self.cells.expected_calibration_error),
             **counts,
             "cut": self.cut,
@@ -88,10 +88,11 @@ def measured(known: KnownMap, weight: float, found: Found) -> MapFigures:
     """The figures of a map that a source has labelled."""
     item, doorways = known.item, found.doorways
     on_cells = found.labels >= 0
-    cells, no_halls = (
-        evaluate(truth[on_cells], found.labels[on_cells], NAMES, beliefs=found.labeling.beliefs)
-        for truth in (item.labels, np.where(known.finer == len(NAMES), -1, item.labels))
-    )
+    truth, label, beliefs = item.labels[on_cells], found.labels[on_cells], found.labeling.beliefs
+    cells, no_halls = evaluate(truth, label, NAMES, beliefs=beliefs), None
+    truth = np.where(known.finer[on_cells] == len(NAMES), -1, truth)
+    if (truth >= 0).any():
+        no_halls = evaluate(truth, label, NAMES, beliefs=beliefs)
     painted = match_painted(found.labels, item.grid, item.labels, DOORWAY)
     gates = match_gates(doorways.gates if doorways else (), item.grid, item.labels, DOORWAY)
     cut, spaces = cut_spaces(item, found.labels)
@@ -117,7 +118,7 @@ def cut_spaces(item: LabelledMap, labels: NDArray[np.int64]) -> tuple[int, int]:
 def row(name: str, maps: Sequence[MapFigures]) -> str:
     """A kind's line: means of maps by their weight; counts of doors and spaces added up."""
     every = _means([(item.cells, item.weight) for item in maps])
-    no_halls = _means([(item.no_halls, item.weight) for item in maps if item.no_halls.n])
+    no_halls = _means([(item.no_halls, item.weight) for item in maps if item.no_halls is not None])
     worst = min(maps, key=lambda item: item.cells.accuracy)
     error = Evaluation.merged([item.cells for item in maps]).expected_calibration_error
     entries = [

@@ -221,5 +221,9 @@ def test_halls_can_be_left_out_of_the_figures() -> None:
     found = Source(places(), evidence=lambda *_: truth_of(known)).label(known.item.grid)
     wrong = replace(found, labels=np.where(found.labels == CORRIDOR, ROOM, found.labels))
     figures = measured(replace(known, halls=halls), 1.0, wrong)
+    assert figures.no_halls is not None
     assert figures.cells.accuracy < 0.9 < figures.no_halls.accuracy
     assert figures.no_halls.n == figures.cells.n - int((halls & (wrong.labels >= 0)).sum())
+    only = replace(known, halls=np.ones_like(halls))
+    assert measured(only, 1.0, wrong).no_halls is None
+    assert "nan / nan / nan" in table([measured(only, 1.0, wrong)])
