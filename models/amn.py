@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Annotated, Literal, Self
+from functools import cache, partial
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from pgm_places.models.amn_learning import (
     held_out_path,
     learn,
     learn_hidden,
+    learning_record,
     resolved_learner,
     weighted,
 )
@@ -39,26 +40,34 @@ from pgm_places.models.labelled_examples import (
     labelled_weights,
     penalties_of,
 )
-from pgm_places.models.learning_record import LearningRecord, warn_of_gap
+from pgm_places.models.learning_record import warn_of_gap
 from pgm_places.models.linear_features import (
+    OFFSET,
     edge_feature_count,
     edge_features,
     edge_sizes,
     node_features,
+    node_offset,
     parse_node_features,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.models.observed_labels import with_observed
 from pgm_places.models.prepared_problems import PreparedProblems
 from pgm_places.options import Positive, Whole
-from pgm_places.solvers.margin_solution import REACHED, LearnedWeights, OnStep, reached
+from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.max_oracle import certify_weights
+from pgm_places.solvers.potts_margin import PottsMarginProblem
 
 # What C="auto" tries, and what it is where nothing can be held out.
 AUTO_PENALTIES = (10.0, 100.0, 1000.0)
 PENALTY = 100.0
+
+# The same beside an offset.
+OFFSET_PENALTIES = (0.01, 1.0, 10.0, 100.0)
+OFFSET_PENALTY = 10.0
+
+parse_parts = partial(parse_node_features, with_offset=True)
 
 _REMEDIES = "take a smaller C{}, or method 'crf' where neighbours do not only agree"
 
@@ -84,10 +93,14 @@ class AssociativeMarkovNetwork(LinearModel):
         The price of the mean hinge against the size of the weights; it means the same for maps of
         any size. Several values, or ``auto`` for 10, 100, 1000, are compared by the mean of
         accuracy and balanced accuracy on held-out maps, or on held-out blocks of a single one.
-        ``auto`` is 100 where labels are being completed.
+        With an offset ``auto`` is one of 0.01, which hardly changes the unary's labels, 1 and 10,
+        no less accurate there than the unary alone, or 100, if it is better by a point. It is 100
+        where labels are being completed.
     node_features : str
-        Parts joined by ``+``. ``auto`` is what the problem has of ``logz`` and ``raw``; with both,
-        ``raw`` is taken only if it labels held-out parts better by a point.
+        Parts joined by ``+``. ``offset`` adds the log-probabilities of the unary, as they are, to
+        what is learned, which then corrects them. ``auto`` is what the problem has of ``logz`` and
+        ``raw``, with the offset where C is ``auto``, too; ``raw`` is taken beside ``logz`` only if
+        it labels held-out parts better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, ``raw-difference`` where the problem has node
         features, and ``given`` where it has edge features.
@@ -122,6 +135,8 @@ class AssociativeMarkovNetwork(LinearModel):
     >>> network.summary["status"]
     'within_tolerance'
     """
+
+    _has_offset: ClassVar[bool] = True
 
     learner: Learner = "auto"
     inference: Decoder = "graph-cut"
@@ -178,6 +193,11 @@ class AssociativeMarkovNetwork(LinearModel):
                 "sample_weight needs unlabelled='dropped': labels are being completed, and "
                 "completed nodes have a weight of their own"
             )
+        if hidden and OFFSET in parse_parts(self.node_features):
+            raise InputError(
+                "an offset needs unlabelled='dropped': labels are being completed by what is "
+                "learned; leave offset out of node_features"
+            )
         if hidden and self._goes_on:
             raise InputError(
                 "warm_start needs unlabelled='dropped': where labels are being completed, learning "
@@ -195,7 +215,8 @@ class AssociativeMarkovNetwork(LinearModel):
         ready, task = prepared(node_parts)
         task = replace(task, penalty=penalty)
         options, reason = self._learner_options(task, hidden)
-        of_weights = ready.sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        alike, k = task.offset is not None, task.n_labels
+        of_weights = ready.sizes.of_weights(task.n_weights, k, 1 if alike else k)
         start, objectives = time.perf_counter(), None
         if hidden:
             completed = learn_hidden(
@@ -203,10 +224,10 @@ class AssociativeMarkovNetwork(LinearModel):
             )
             solution, objectives = completed.solution, completed.objectives
         else:
-            begin = self._weights_to_begin_with("edge_weights", of_weights, task.n_labels)
+            begin = self._weights_to_begin_with("edge_weights", of_weights, k, alike=alike)
             solution = learn(task, options, start=begin, on_iteration=on_iteration)
-        record = self._record(task, solution, len(examples), time.perf_counter() - start)
-        record = replace(record, learner=options.learner, reason=reason)
+        seconds = time.perf_counter() - start
+        record = learning_record(task, solution, len(examples), seconds, options, reason)
         other = "" if options.learner == "qp" else ", learner='qp'"
         warn_of_gap(record, self.scale, _REMEDIES.format(other))
         weights_now = solution.weights / of_weights
@@ -230,8 +251,11 @@ class AssociativeMarkovNetwork(LinearModel):
         choices = self._node_choices([problem for problem, _ in examples])
         if self._goes_on and self.C == "auto" and self.learning is not None:
             return choices[0], float(self.summary["penalty"]), None
-        n, penalties = self.n_validation_blocks, penalties_of(self.C, AUTO_PENALTIES)
-        usual = PENALTY if self.C == "auto" else penalties[0]
+        n, of_offset = self.n_validation_blocks, OFFSET in parse_parts(choices[0])
+        auto = OFFSET_PENALTIES if of_offset else AUTO_PENALTIES
+        middle = OFFSET_PENALTY if of_offset else PENALTY
+        penalties = penalties_of(self.C, auto)
+        usual = middle if self.C == "auto" else penalties[0]
         if hidden and (self.C == "auto" or len(penalties) == 1):
             return self._node_parts, usual, None
         if len(choices) * len(penalties) == 1:
@@ -249,15 +273,10 @@ class AssociativeMarkovNetwork(LinearModel):
             return held_out_path(prepared(name)[1], part, options)
 
         kinds = choices, ("cutting-plane",)
-        found = choose(
-            task.labels,
-            task.loss > 0,
-            held_out_parts(examples, n),
-            kinds,
-            penalties,
-            PENALTY,
-            begin,
-        )
+        parts = held_out_parts(examples, n)
+        alone = None if task.offset is None else task.offset.argmax(axis=1)
+        asked = task.loss > 0
+        found = choose(task.labels, asked, parts, kinds, penalties, middle, begin, alone)
         if found.weights is None:  # nothing could be held out
             return choices[-1], usual, found.table
         return found.best.node_features, found.best.penalty, found.table
@@ -278,7 +297,8 @@ class AssociativeMarkovNetwork(LinearModel):
         self, ready: PreparedProblems, penalty: float, counts: NDArray[np.float64] | None = None
     ) -> MaxMarginProblem:
         """All maps as one problem, each node with its count; unknown labels are 0, at no loss."""
-        task = MaxMarginProblem(
+        kind = MaxMarginProblem if ready.offset is None else PottsMarginProblem
+        task = kind(
             ready.nodes,
             ready.edges.astype(np.int32),
             ready.edge_features,
@@ -289,11 +309,19 @@ class AssociativeMarkovNetwork(LinearModel):
             ready.sets,
             ready.observed,
             self._costs(ready.n_labels),
+            ready.offset,
         )
         return task if counts is None else weighted(task, counts)
 
     def _node_columns(self, problem: LabelingProblem, parts: str) -> NDArray[np.float64]:
-        return node_features(problem, parse_node_features(parts))
+        return node_features(problem, parse_parts(parts))
+
+    def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
+        found = super()._node_choices(problems)
+        is_open = self.node_features == self.C == "auto" and not self._goes_on
+        if not is_open or any(each.unary is None for each in problems):
+            return found
+        return tuple(f"offset+{name}" for name in (found if len(found) > 1 else ("logz",)))
 
     def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
         features = edge_features(problem, self.edge_features)
@@ -322,32 +350,6 @@ class AssociativeMarkovNetwork(LinearModel):
         )
         return options, reason
 
-    def _record(
-        self, task: MaxMarginProblem, solution: LearnedWeights, n_maps: int, seconds: float
-    ) -> LearningRecord:
-        start = time.perf_counter()
-        certified = solution.certified if self.certify_learning else None
-        is_local = solution.status == "local_optimum"  # of a bounded step, not of the whole
-        if self.certify_learning and certified is None and not is_local:
-            certified = certify_weights(task, solution.weights).objective
-        status = solution.status
-        tolerance = max(self.learning_tolerance, self.certified_tolerance)
-        if certified is not None and status in (*REACHED, "inaccurate"):
-            status = reached(certified, solution.lower_bound, tolerance)
-        return LearningRecord(
-            status=status,
-            penalty=task.penalty,
-            objective=solution.objective,
-            lower_bound=solution.lower_bound,
-            certified_objective=certified,
-            iterations=solution.iterations,
-            seconds=seconds,
-            certificate_seconds=time.perf_counter() - start,
-            n_nodes=task.n_nodes,
-            n_edges=len(task.edges),
-            n_maps=n_maps,
-        )
-
     # ------------------------------------------------------------------ use
 
     @in_learned_order
@@ -368,7 +370,8 @@ class AssociativeMarkovNetwork(LinearModel):
         require_edge_features(edge_feature_count(problem, self.edge_features), len(edge_weights))
         nodes = self._scaling().apply(self._node_columns(problem, self._node_parts))
         edges = self._edge_columns(problem)
-        unary = problem.with_evidence(nodes @ node_weights)
+        scores, offset = nodes @ node_weights, node_offset(problem, parse_parts(self._node_parts))
+        unary = problem.with_evidence(scores if offset is None else scores + offset)
         return Potentials(unary, agreement=edges @ edge_weights)
 
     @in_learned_order

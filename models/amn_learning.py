@@ -1,5 +1,6 @@
 """How an associative Markov network is trained: learners by name, the choice of C."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -18,9 +19,9 @@ from pgm_places.models.completion import (
     smooth_completion,
 )
 from pgm_places.models.held_out_choice import Path
-from pgm_places.models.learning_record import REASONS
+from pgm_places.models.learning_record import REASONS, LearningRecord
 from pgm_places.solvers.adjacency import adjacency, part_means
-from pgm_places.solvers.margin_solution import Cut, LearnedWeights, OnStep
+from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights, OnStep, reached
 from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
@@ -145,6 +146,8 @@ def _labels_at(
 ) -> NDArray[np.int64]:
     """The labels that an oracle gives a problem at some weights."""
     unary, agreement = problem.potentials(weights)
+    if problem.offset is not None:
+        unary[: problem.n_nodes, : problem.n_labels] += problem.offset
     return oracle(keep_known(unary, problem.observed), agreement)
 
 
@@ -167,6 +170,40 @@ def learn_hidden(
         lambda now, cuts: learn(now, quick, cuts=cuts, on_iteration=on_iteration),
         problem_oracle(problem),
         lambda now: learn(now, options, on_iteration=on_iteration),
+    )
+
+
+def learning_record(
+    task: MaxMarginProblem,
+    solution: LearnedWeights,
+    n_maps: int,
+    seconds: float,
+    options: LearningOptions,
+    reason: str,
+) -> LearningRecord:
+    """How learning went, with a certificate of the objective where it is asked for."""
+    start, tolerance = time.perf_counter(), options.certified_tolerance
+    certified = None if tolerance is None else solution.certified
+    is_local = solution.status == "local_optimum"  # of a bounded step, not of the whole
+    if tolerance is not None and certified is None and not is_local:
+        certified = certify_weights(task, solution.weights).objective
+    status = solution.status
+    if tolerance is not None and certified is not None and status in (*REACHED, "inaccurate"):
+        status = reached(certified, solution.lower_bound, max(options.tolerance, tolerance))
+    return LearningRecord(
+        status=status,
+        penalty=task.penalty,
+        objective=solution.objective,
+        lower_bound=solution.lower_bound,
+        certified_objective=certified,
+        iterations=solution.iterations,
+        seconds=seconds,
+        certificate_seconds=time.perf_counter() - start,
+        n_nodes=task.n_nodes,
+        n_edges=len(task.edges),
+        n_maps=n_maps,
+        learner=options.learner,
+        reason=reason,
     )
 
 
@@ -211,11 +248,14 @@ def weighed_terms(
     """
     joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
     share = part_means(terms.n_nodes, joins, weight)
-    return {
+    found = {
         "node_features": times_rows(terms.node_features, share),
         "edge_features": times_rows(terms.edge_features, share[edges[:, 0]]),
         "sets": None if terms.sets is None else terms.sets.times(share),
     }
+    if getattr(terms, "offset", None) is not None:
+        found["offset"] = times_rows(terms.offset, share)
+    return found
 
 
 def terms_among(
@@ -243,4 +283,5 @@ def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMargin
         labels=problem.labels[keep],
         loss=problem.loss[keep],
         observed=None if problem.observed is None else problem.observed[keep],
+        offset=None if problem.offset is None else problem.offset[keep],
     )

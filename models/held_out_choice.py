@@ -10,13 +10,17 @@ from pgm_places._checks import learned_number, number_array
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 
-NODE_CHOICES = ("auto", "logz", "logz+raw")
-"""Node features that are compared, the simpler ones first; ``auto`` where there is no choice."""
+NODE_CHOICES = ("auto", "logz", "logz+raw", "offset+logz", "offset+logz+raw")
+"""Node features that are compared, of two the simpler first; ``auto`` where there is no choice.
+Learned arrays hold their places here, so new ones come last."""
 
 LEARNERS = (
     "cutting-plane", "qp", "likelihood", "pseudo-likelihood", "piecewise", "max-margin",
 )  # fmt: skip
 """Learners by name; learned arrays hold their places here, so new ones come last."""
+
+TOLERANCE = 0.001
+"""Held-out accuracy that a better balance of the labels may cost."""
 
 WORTH = 0.01
 """By how much a richer set of features must label held-out parts better than a simpler one: its
@@ -59,6 +63,7 @@ def choose(
     penalties: Sequence[float],
     usual: float,
     begin: Callable[[NDArray[np.bool_], str, str], Path],
+    alone: NDArray[np.int64] | None = None,
 ) -> Choice:
     """The node features, learner and C that label held-out parts best.
 
@@ -67,7 +72,9 @@ def choose(
     all examples of a label. C rises from the one below the usual, or below the middle, each going
     on from the one before, until it labels worse by :data:`WORTH`, and falls from there while the
     least of them labels best. Other learners are compared at the best C, richer features there and
-    one C below.
+    one C below. What is chosen is no less accurate than the labels of nodes ``alone`` by more than
+    :data:`TOLERANCE`, and with a C above the usual more accurate by :data:`WORTH`: it gains rare
+    labels at the cost of frequent ones, and new maps repeat that gain less surely.
 
     Parameters
     ----------
@@ -83,6 +90,8 @@ def choose(
     usual : float
     begin : callable
         The mask (N,) of a part, node features and a learner -> the path of C.
+    alone : (N,) int, optional
+        The labels that a classifier gives nodes without their neighbours.
     """
     held_out = [
         parts == part
@@ -96,6 +105,10 @@ def choose(
         none = {Candidate(features[0], learners[0], C): (np.nan, np.nan) for C in rising}
         return Choice(next(iter(none)), _table(none), None)
     truth = np.concatenate([labels[part & asked] for part in held_out])
+    least = dict.fromkeys(rising, 0.0)
+    if alone is not None:
+        right = float((np.concatenate([alone[p & asked] for p in held_out]) == truth).mean())
+        least = {C: right + (WORTH if usual < C else -TOLERANCE) for C in rising}
     paths: dict[tuple[str, str], list[Path]] = {}
     scores: dict[Candidate, tuple[float, float]] = {}
     weights: dict[Candidate, NDArray[np.float64]] = {}
@@ -120,23 +133,28 @@ def choose(
             break
     for penalty in rising[:start][::-1]:
         lower = rising[rising.index(penalty) + 1]
-        if best_candidate(scores).penalty != lower or most == 1.0:
+        best = best_candidate(scores, least)
+        if scores[best][0] >= least[best.penalty] and (best.penalty != lower or most == 1.0):
             break
         score(features[0], learners[0], penalty)
-    at = rising.index(best_candidate(scores).penalty)
+    at = rising.index(best_candidate(scores, least).penalty)
     for learner in learners[1:]:
         score(features[0], learner, rising[at])
     for name in features[1:]:
         for penalty in rising[max(at - 1, 0) : at + 1]:
-            score(name, best_candidate(scores).learner, penalty)
-    best = best_candidate(scores)
+            score(name, best_candidate(scores, least).learner, penalty)
+    best = best_candidate(scores, least)
     return Choice(best, _table(scores), weights[best])
 
 
-def best_candidate(scores: Mapping[Candidate, tuple[float, float]]) -> Candidate:
+def best_candidate(
+    scores: Mapping[Candidate, tuple[float, float]], least: Mapping[float, float] | None = None
+) -> Candidate:
     """The candidate of the largest mean of accuracy and balanced accuracy on held-out parts.
 
     The smaller C wins among equals, and richer features only where they bring :data:`WORTH` more.
+    Where there is a ``least`` accuracy for each C, the best of those that reach it is taken, or
+    that of the smallest C where none does.
 
     Examples
     --------
@@ -144,9 +162,12 @@ def best_candidate(scores: Mapping[Candidate, tuple[float, float]]) -> Candidate
     >>> best_candidate({large: (0.9, 0.9), small: (1.0, 0.8)}).penalty
     1.0
     """
+    accurate = [each for each in scores if not least or scores[each][0] >= least[each.penalty]]
+    if not accurate:
+        return min(scores, key=lambda each: (each.penalty, -scores[each][0]))
     best: Candidate | None = None
-    for group in sorted({node_choice(each.node_features) for each in scores}):
-        members = [each for each in scores if node_choice(each.node_features) == group]
+    for group in sorted({node_choice(each.node_features) for each in accurate}):
+        members = [each for each in accurate if node_choice(each.node_features) == group]
         first = max(members, key=lambda each: (sum(scores[each]), -each.penalty))
         if best is None or sum(scores[first]) > sum(scores[best]) + 2 * WORTH:
             best = first

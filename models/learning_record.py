@@ -35,6 +35,9 @@ REASONS = (
 )
 """Why a learner was taken; records hold their places here, so new ones come last."""
 
+NEGLIGIBLE = 1e-4
+"""A gap so small against C is none: beside an offset, the least objective may be 0."""
+
 LARGE_GAP = 0.1
 """A certified gap above this is warned of: the weights may label badly."""
 
@@ -126,6 +129,9 @@ def warn_of_gap(record: LearningRecord, scale: str, remedies: str) -> None:
     """Say that learning ended too early, or that better weights may well exist; and what to do."""
     gap = record.certified_gap
     rescale = "take scale='auto', after which the units of features do not matter"
+    reached = record.certified_objective or record.objective
+    if reached - record.lower_bound <= NEGLIGIBLE * record.penalty:
+        return
     if record.status != "stalled":
         if gap is not None and gap > LARGE_GAP and record.status not in _NO_GAP:
             warnings.warn(
@@ -136,7 +142,6 @@ def warn_of_gap(record: LearningRecord, scale: str, remedies: str) -> None:
                 stacklevel=3,
             )
         return
-    reached = record.certified_objective or record.objective
     remedy = rescale if scale == "none" else f"take a smaller C than {record.penalty:g}"
     warnings.warn(
         f"learning stalled {100 * relative_gap(reached, record.lower_bound):.2g} % above its lower "

@@ -16,6 +16,9 @@ NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
 probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
 
+OFFSET = "offset"
+"""A part that is no feature: the log-probabilities as scores, to which learned ones are added."""
+
 EDGE_FEATURES = (
     "auto", "constant", "diagonal", "kind", "unary-difference", "raw-difference", "given",
 )  # fmt: skip
@@ -26,15 +29,16 @@ EDGE_FEATURES = (
 LOG_FLOOR = -15.0
 
 
-def parse_node_features(text: str) -> tuple[str, ...]:
-    """The parts of ``"logz+raw"``.
+def parse_node_features(text: str, *, with_offset: bool = False) -> tuple[str, ...]:
+    """The parts of ``"logz+raw"``; ``offset`` may be one of them where a model has offsets.
 
     Raises
     ------
     ConfigError
         An unknown or repeated part.
     """
-    return _checked_parts("node_features", tuple(text.split("+")), NODE_FEATURES)
+    known = (*NODE_FEATURES, OFFSET) if with_offset else NODE_FEATURES
+    return _checked_parts("node_features", tuple(text.split("+")), known)
 
 
 def parse_edge_features(names: str | Sequence[str]) -> tuple[str, ...]:
@@ -66,10 +70,12 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
     InputError
         A part needs the problem's unary or node features, and there are none.
     """
-    columns = []
+    columns: list[Any] = []
     there = {"logz": problem.unary is not None, "raw": problem.node_features is not None}
     for part in with_auto(parts, there):
-        if part == "raw":
+        if part == OFFSET:
+            columns.append(np.zeros((problem.graph.n_nodes, 0)))
+        elif part == "raw":
             if problem.node_features is None:
                 raise InputError(
                     "node_features='raw' needs the problem's node features; it has none. "
@@ -84,6 +90,11 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
 
     beside: Any = sp.hstack([sp.csr_array(part) for part in columns], format="csr")
     return beside
+
+
+def node_offset(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64] | None:
+    """(N, K) the scores that are not learned, where ``parts`` have the offset; None otherwise."""
+    return _probabilities(problem, OFFSET, logarithm=True) if OFFSET in parts else None
 
 
 def field_features(problem: LabelingProblem, names: str) -> NDArray[np.float64]:

@@ -45,6 +45,8 @@ from pgm_places.models.held_out_choice import (
 from pgm_places.models.labelled_examples import ClassWeight, Example, node_losses
 from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
+    OFFSET,
+    node_offset,
     parse_edge_features,
     parse_node_features,
     resolved_edges,
@@ -110,6 +112,8 @@ class LinearModel(LearnedNames):
         sees_parts_alone=True, labelling_options=("inference", "max_iterations", "certify")
     )
 
+    _has_offset: ClassVar[bool] = False
+
     n_validation_blocks: Annotated[int, Ge(2)] = 4
     loss: Literal["class-weighted", "hamming"] | tuple[tuple[AtLeastZero, ...], ...] = (
         "class-weighted"
@@ -138,7 +142,7 @@ class LinearModel(LearnedNames):
 
     def __post_init__(self) -> None:
         check_options(self)
-        parse_node_features(self.node_features)
+        parse_node_features(self.node_features, with_offset=self._has_offset)
         if not isinstance(self.loss, str):
             checked_costs(self.loss, len(self.loss))
         set_frozen(self, edge_features=parse_edge_features(self.edge_features))
@@ -188,7 +192,7 @@ class LinearModel(LearnedNames):
         if self._goes_on:
             return (self._node_parts,)
         both = all(p.unary is not None and p.node_features is not None for p in problems)
-        return NODE_CHOICES[1:] if self.node_features == "auto" and both else (self.node_features,)
+        return NODE_CHOICES[1:3] if self.node_features == "auto" and both else (self.node_features,)
 
     @property
     def _goes_on(self) -> bool:
@@ -272,15 +276,24 @@ class LinearModel(LearnedNames):
             observed,
             loss_of,
             problems[0].n_labels,
+            self._offset(problems, parts),
         )
 
+    def _offset(
+        self, problems: Sequence[LabelingProblem], parts: str
+    ) -> NDArray[np.float64] | None:
+        """(N, K) the scores of all nodes that are not learned, None without an offset."""
+        names = parse_node_features(parts, with_offset=True)
+        found = [node_offset(problem, names) for problem in problems]
+        return np.concatenate([x for x in found if x is not None]) if OFFSET in names else None
+
     def _weights_to_begin_with(
-        self, of_edges: str, sizes: NDArray[np.float64], n_labels: int
+        self, of_edges: str, sizes: NDArray[np.float64], n_labels: int, *, alike: bool = False
     ) -> NDArray[np.float64] | None:
         """The learned weights, those of nodes first, as the vector that learning goes on from.
 
         They are multiplied by the sizes (n_weights,) that features are divided by now; None where
-        learning begins anew.
+        learning begins anew. Those of edges may be ``alike`` for all labels, and are then one.
 
         Raises
         ------
@@ -290,6 +303,7 @@ class LinearModel(LearnedNames):
         if not self._goes_on:
             return None
         parts = self._learned("node_weights", of_edges)
+        parts[1] = parts[1][:, :1] if alike else parts[1]
         of_cliques = [] if self.clique_weights is None else [self.clique_weights]
         weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
         if len(weights) != len(sizes) or parts[0].shape[1] != n_labels:

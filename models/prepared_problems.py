@@ -49,3 +49,5 @@ class PreparedProblems(NamedTuple):
     loss_of: LossOf
     """What a wrong label costs at nodes of given labels, once the unknown ones are known."""
     n_labels: int
+    offset: NDArray[np.float64] | None = None
+    """(N, K) scores of the nodes that are not learned."""

@@ -49,6 +49,7 @@ class MarginProblem(ABC):
     ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
     ``penalty`` is C, and every labelling keeps the ``observed`` labels (N,), -1 elsewhere.
     With ``costs`` (K, K) it is ``loss`` times the cost of the label taken for the true one.
+    An ``offset`` (N, K) belongs to the score, but not to the features: no weight is learned for it.
     """
 
     labels: NDArray[np.int64]
@@ -56,6 +57,7 @@ class MarginProblem(ABC):
     penalty: float
     observed: NDArray[np.int64] | None
     costs: NDArray[np.float64] | None
+    offset: NDArray[np.float64] | None = None
 
     @property
     @abstractmethod
@@ -95,9 +97,11 @@ class MarginProblem(ABC):
             set_frozen(self, costs=checked_costs(self.costs, n_labels))
 
     def node_costs(self, n_labels: int) -> NDArray[np.float64]:
-        """(N, K) what each label costs at each node, 0 for the true one."""
+        """(N, K) what each label costs at each node, and how far the offset has it ahead."""
         costs = 1.0 - np.eye(n_labels) if self.costs is None else self.costs
         found: NDArray[np.float64] = self.loss[:, None] * costs[self.labels]
+        if self.offset is not None:
+            found += self.offset - self.offset[np.arange(self.n_nodes), self.labels][:, None]
         return found
 
     @cached_property
@@ -110,17 +114,20 @@ class MarginProblem(ABC):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The potentials of score plus loss: what it costs is added to every label of a node."""
         unary, pairs = self.potentials(weights)
-        if self.costs is None:
+        if self.costs is None and self.offset is None:
             unary[: self.n_nodes] += self.loss[:, None]
             unary[np.arange(self.n_nodes), self.labels] -= self.loss
         else:  # nodes never take the label that sets have beside these
-            k = len(self.costs)
+            k = next(len(part.T) for part in (self.costs, self.offset) if part is not None)
             unary[: self.n_nodes, :k] += self.node_costs(k)
         return keep_known(unary, self.observed), pairs
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
-        if self.costs is None:
+        if self.offset is not None:
+            costs = self.node_costs(self.offset.shape[1])
+            wrong = float(costs[np.arange(self.n_nodes), labels].sum())
+        elif self.costs is None:
             wrong = float(self.loss[labels != self.labels].sum())
         else:
             wrong = float(self.loss @ self.costs[self.labels, labels])
@@ -159,6 +166,8 @@ class MaxMarginProblem(MarginProblem):
     costs : (K, K) float, optional
         What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all pairs by
         default, the (weighted) Hamming loss.
+    offset : (N, K) float, optional
+        Scores of the nodes that are added to what weights give.
     """
 
     node_features: NDArray[np.float64]
@@ -171,6 +180,7 @@ class MaxMarginProblem(MarginProblem):
     sets: SetTerms | None = None
     observed: NDArray[np.int64] | None = None
     costs: NDArray[np.float64] | None = None
+    offset: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, "N")
@@ -184,6 +194,8 @@ class MaxMarginProblem(MarginProblem):
         self._check_truth(self.n_labels)
         if self.sets is not None:
             self.sets.check_fits(n_nodes, self.n_labels)
+        if self.offset is not None:
+            finite_array("offset", self.offset, (n_nodes, self.n_labels))
         set_frozen(self, node_features=nodes, edges=edges.astype(np.int32), edge_features=features)
 
     @property
@@ -227,6 +239,10 @@ class MaxMarginProblem(MarginProblem):
         shape = (-1, self.n_labels)
         return weights[:start].reshape(shape), weights[start:end].reshape(shape)
 
+    def edge_part(self, by_label: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums of edge features by label (F, K), flat like the edge weights."""
+        return by_label.ravel()
+
     def set_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Clique weights (G, K) of a flat weight vector, G = 0 without sets; a view."""
         return weights[self.n_pair_weights :].reshape(-1, self.n_labels)
@@ -257,7 +273,7 @@ class MaxMarginProblem(MarginProblem):
         agreed = np.where(first == second, first, self.n_labels)
         parts = [
             _sums_by_label(self.node_features, labels, self.n_labels).ravel(),
-            _sums_by_label(self.edge_features, agreed, self.n_labels).ravel(),
+            self.edge_part(_sums_by_label(self.edge_features, agreed, self.n_labels)),
         ]
         if self.sets is not None:
             parts.append(self.sets.joint_features(labels))
@@ -287,7 +303,7 @@ class MaxMarginProblem(MarginProblem):
 
 
 def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
-    """Several training maps as one problem of separate blocks.
+    """Several training maps, without offsets, as one problem of separate blocks.
 
     The maximum over labellings splits over blocks, so the hinge is the sum of the maps' own,
     weighted by their numbers of nodes.
@@ -376,9 +392,8 @@ def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64
     scale = problem.penalty / problem.n_nodes
     loss = scale * float((problem.node_costs(problem.n_labels) * m).sum())
     edge_marginals = np.minimum(m[problem.edges[:, 0]], m[problem.edges[:, 1]])
-    expected = np.concatenate(
-        [(problem.node_features.T @ m).ravel(), (problem.edge_features.T @ edge_marginals).ravel()]
-    )
+    of_edges = problem.edge_part(problem.edge_features.T @ edge_marginals)
+    expected = np.concatenate([(problem.node_features.T @ m).ravel(), of_edges])
     weights = scale * (problem.truth_features - expected)
     start = problem.n_free
     weights[start:] = np.maximum(weights[start:], 0.0)

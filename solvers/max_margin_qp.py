@@ -197,22 +197,25 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
     n_rows = max(n_edges, 1)  # cvxpy before 1.9 has no empty variables: a row that touches no node
     tails, heads = (_incidence(problem, end, n_rows) for end in (0, 1))
     node_weights = cp.Variable((problem.node_features.shape[1], k))
-    edge_weights = cp.Variable((n_edge_features, k), nonneg=True)
+    first = problem.n_free
+    # 1 where labels earn alike, or K
+    width = (problem.n_pair_weights - first) // max(n_edge_features, 1)
+    edge_weights = cp.Variable((n_edge_features, width), nonneg=True)
+    by_label = edge_weights if width == k else edge_weights @ np.ones((1, k))
     split = cp.Variable((n_rows, k))
     node_duals = cp.Variable((n, 1))
     loss = problem.node_costs(k)
     padded = np.zeros((n_rows, n_edge_features))
     padded[:n_edges] = problem.edge_features
     features = sp.csr_array(padded)
-    half = 0.5 * (features @ edge_weights)
+    half = 0.5 * (features @ by_label)
     # (tails + heads) half is assembled as a node feature: one product instead of two.
     at_nodes = 0.5 * ((tails + heads) @ features)
-    flow = at_nodes @ edge_weights + (tails - heads) @ split
+    flow = at_nodes @ by_label + (tails - heads) @ split
     node_rows = node_duals @ np.ones((1, k)) - flow >= problem.node_features @ node_weights + loss
     truth = problem.truth_features
-    first = problem.n_free
     score = cp.sum(cp.multiply(node_weights, truth[:first].reshape(-1, k)))
-    score += cp.sum(cp.multiply(edge_weights, truth[first:].reshape(-1, k)))
+    score += cp.sum(cp.multiply(edge_weights, truth[first:].reshape(-1, width)))
     size = 0.5 * (cp.sum_squares(node_weights) + cp.sum_squares(edge_weights))
     # multiplied by N/C: every node dual has price 1, which conditions all solvers better
     goal = size * (n / problem.penalty) + cp.sum(node_duals) - score
@@ -286,6 +289,7 @@ def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
         node_features=problem.node_features / feature,
         edge_features=problem.edge_features / feature,
         loss=problem.loss / loss,
+        offset=None if problem.offset is None else problem.offset / loss,
         penalty=problem.penalty * feature**2 / loss,
     )
 

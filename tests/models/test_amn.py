@@ -165,7 +165,12 @@ def test_several_maps_are_the_union_of_their_blocks() -> None:
         np.concatenate([first.unary, second.unary]),
         np.concatenate([first.node_features, second.node_features]),
     )
-    network = AssociativeMarkovNetwork(edge_features=("unary-difference",), learning_tolerance=1e-4)
+    network = AssociativeMarkovNetwork(
+        C=100.0,
+        node_features="logz+raw",
+        edge_features=("unary-difference",),
+        learning_tolerance=1e-4,
+    )
     apart = network.fit([first, second], [truth1, truth2])
     together = network.fit([union], [np.concatenate([truth1, truth2])])
     assert apart.summary["objective"] == pytest.approx(together.summary["objective"], rel=1e-9)
@@ -315,10 +320,10 @@ def test_auto_tries_the_listed_penalties() -> None:
     assert AssociativeMarkovNetwork().C == "auto"
 
 
-def test_without_a_block_that_can_be_held_out_c_is_what_it_was() -> None:
+def test_without_a_block_that_can_be_held_out_c_is_the_usual() -> None:
     problem, truth = sample(seed=15)
     fitted = AssociativeMarkovNetwork(n_validation_blocks=3).fit([problem], [truth])
-    assert fitted.summary["penalty"] == 100.0
+    assert fitted.summary["penalty"] == 10.0
     assert {row["balanced_accuracy"] for row in fitted.summary["held_out"]} == {None}
 
 
@@ -336,15 +341,95 @@ def with_noise(n_noise: int, looks: float) -> tuple[LabelingProblem, NDArray[np.
 def test_features_join_the_scores_only_where_they_help() -> None:
     noise, truth = with_noise(60, 0.0)
     network = AssociativeMarkovNetwork(edge_features="constant").fit([noise], [truth])
-    assert network.summary["node_features"] == "logz"
+    assert network.summary["node_features"] == "offset+logz"
     clear, truth = with_noise(0, 6.0)
     network = AssociativeMarkovNetwork(edge_features="constant").fit([clear], [truth])
-    assert network.summary["node_features"] == "logz+raw"
+    assert network.summary["node_features"] == "offset+logz+raw"
     names = {row["node_features"] for row in network.summary["held_out"]}
-    assert names == {"logz", "logz+raw"}
+    assert names == {"offset+logz", "offset+logz+raw"}
     arrays: dict[str, Any] = dict(learned_arrays(network))
     again = replace(AssociativeMarkovNetwork(edge_features="constant"), **arrays)
     np.testing.assert_array_equal(again.infer(clear).labels, network.infer(clear).labels)
+
+
+def test_an_offset_is_the_classifier_until_something_is_learned() -> None:
+    problem, truth = sample(6, 20, seed=21)
+    assert problem.unary is not None
+    network = AssociativeMarkovNetwork(C=1e-6, node_features="offset+logz")
+    found = network.fit([problem], [truth]).infer(problem).labels
+    np.testing.assert_array_equal(found, problem.unary.argmax(axis=1))
+    learned = replace(network, C=100.0).fit([problem], [truth])
+    assert (learned.infer(problem).labels == truth).mean() > (found == truth).mean()
+
+
+def test_an_offset_is_what_a_column_with_weights_of_one_would_be() -> None:
+    problem, truth = sample(5, 8, seed=22)
+    network = AssociativeMarkovNetwork(C=20.0, node_features="offset+raw", scale="none")
+    fitted = network.fit([problem], [truth])
+    arrays = dict(learned_arrays(fitted))
+    node_weights, k = arrays["node_weights"], problem.n_labels
+    assert problem.unary is not None
+    columns = np.concatenate([problem.node_features, np.maximum(problem.unary, -15.0)], axis=1)
+    beside = replace(problem, unary=None, node_features=columns)
+    ones = np.concatenate([node_weights[:-1], np.eye(k), node_weights[-1:]])
+    d = columns.shape[1]
+    changed: dict[str, Any] = {
+        **arrays,
+        "node_weights": ones,
+        "feature_columns": np.arange(d),
+        "feature_mean": np.zeros(d),
+        "feature_scale": np.ones(d),
+        "n_features": np.array([d]),
+        "node_choice": np.array([0]),
+    }
+    same = replace(AssociativeMarkovNetwork(node_features="raw", scale="none"), **changed)
+    mine, other = fitted.potentials(problem), same.potentials(beside)
+    np.testing.assert_allclose(mine.unary, other.unary, rtol=1e-9, atol=1e-9)
+
+
+def test_beside_an_offset_labels_earn_alike() -> None:
+    problem, truth = sample(6, 20, seed=21)
+    network = AssociativeMarkovNetwork(C=100.0, node_features="offset+logz")
+    fitted = network.fit([problem], [truth])
+    weights = fitted.edge_weights
+    assert weights is not None
+    assert weights.max() > 0
+    np.testing.assert_array_equal(weights, np.repeat(weights[:, :1], problem.n_labels, axis=1))
+    again = replace(fitted, warm_start=True).fit([problem], [truth])
+    assert again.summary["iterations"] <= fitted.summary["iterations"]
+    assert again.summary["objective"] == pytest.approx(fitted.summary["objective"], rel=1e-2)
+
+
+def test_an_offset_gives_up_no_held_out_accuracy() -> None:
+    rng = np.random.default_rng(3)
+    graph = LabelGraph.from_grid(np.ones((8, 60), np.bool_))
+    truth = rng.integers(0, 2, graph.n_nodes)  # neighbours say nothing
+    lead = np.where(truth, 1.0, -1.0) * rng.uniform(0.5, 4.0, size=len(truth))
+    lead[rng.random(len(truth)) < 0.1] *= -1
+    unary = -np.logaddexp(0.0, np.column_stack([lead, -lead]))
+    network = AssociativeMarkovNetwork().fit([LabelingProblem(graph, NAMES[:2], unary)], [truth])
+    alone = (unary.argmax(axis=1) == truth).mean()
+    [chosen] = [row for row in network.summary["held_out"] if row["chosen"]]
+    assert chosen["accuracy"] >= alone - 0.001
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"unlabelled": "hidden"}, "an offset needs unlabelled='dropped'"),
+    ],
+)
+def test_where_there_is_no_offset(options: dict[str, Any], message: str) -> None:
+    problem, truth = sample(5, 8, seed=22)
+    truth = np.where(np.arange(len(truth)) % 3 == 0, -1, truth)
+    network = AssociativeMarkovNetwork(C=10.0, node_features="offset+logz", **options)
+    with pytest.raises(InputError, match=message):
+        network.fit([problem], [truth])
+
+
+def test_fields_know_no_offset() -> None:
+    with pytest.raises(ConfigError, match="unknown part 'offset'"):
+        build("crf", node_features="offset+logz")
 
 
 def test_several_problems_are_held_out_whole(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -435,7 +520,7 @@ def test_records_survive_as_arrays(status: str, certified: float | None) -> None
         ("learning", np.zeros(3), "learning must hold 13 numbers"),
         ("penalty_search", np.zeros(5), "penalty_search must be a table"),
         ("penalty_search", np.array([["room"] * 5]), "penalty_search must"),
-        ("penalty_search", np.array([[3.0, 0, 1, 1, 1]]), "penalty_search must hold 0 to 2"),
+        ("penalty_search", np.array([[5.0, 0, 1, 1, 1]]), "penalty_search must hold 0 to 4"),
         ("penalty_search", np.array([[0, 1e300, 1, 1, 1]]), "penalty_search must hold 0 to 5"),
         ("penalty_search", np.array([[0, np.nan, 1, 1, 1]]), "penalty_search must hold 0 to 5"),
         ("feature_mean", None, "has not learned"),
@@ -562,3 +647,13 @@ def test_costs_follow_their_labels_whatever_the_order_inside() -> None:
     again = replace(network, loss=tuple(tuple(table[i][j] for j in turn) for i in turn))
     second = again.fit([turned], [np.argsort(turn)[truth]])
     assert second.summary["objective"] == pytest.approx(first.summary["objective"], rel=1e-9)
+
+
+def test_nothing_left_to_learn_is_no_gap(recwarn: pytest.WarningsRecorder) -> None:
+    graph = LabelGraph.from_trajectory(np.arange(80.0).reshape(40, 2))
+    truth = (np.arange(40) >= 30).astype(np.int64)
+    sure = LabelingProblem(graph, NAMES[:2], np.log(np.where(np.eye(2)[truth], 0.99, 0.01)))
+    fitted = AssociativeMarkovNetwork().fit([sure], [truth])
+    assert fitted.summary["objective"] < 1e-3
+    np.testing.assert_array_equal(fitted.infer(sure).labels, truth)
+    assert not recwarn.list
