@@ -185,17 +185,18 @@ def _label_far(task: MapTask, here: Path) -> Outcome:
     near = replace(near, folder=folder, target=address_of(task.folder))
     with _between_machines():
         far = RemoteFolder.at(task.folder, OutputError)
-        _look_at(far, near.folder, far.names())
+        there = far.names()
+        _look_at(far, near.folder, there)
     outcome = label_one(replace(near, only_look=True))
     if isinstance(outcome, LabelledRow):
         return outcome
     with _between_machines():
-        _fetch_all(far, near.folder)
+        _fetch_all(far, near.folder, there)
         before = written_names(near.folder)
     outcome = label_one(near)
     if isinstance(outcome, LabelledRow):
         with _between_machines():
-            _put_result(near.folder, far, before)
+            _put_result(near.folder, far, before, there)
     return outcome
 
 
@@ -252,19 +253,18 @@ def _look_at(far: RemoteFolder, here: Path, names: Collection[str]) -> None:
             (here / name).touch()
 
 
-def _fetch_all(far: RemoteFolder, here: Path) -> None:
+def _fetch_all(far: RemoteFolder, here: Path, names: Collection[str]) -> None:
     """What an earlier run left; of a result that it did not complete only what the user gave."""
-    names = far.names()
     if RECORD_FILE in names and not set(names).intersection(_MANIFESTS):
         names = [name for name in names if name in (NAMES_FILE, RECORD_FILE)]
     for name in names:
         far.fetch(name, here / name)
 
 
-def _put_result(here: Path, far: RemoteFolder, before: set[str]) -> None:
+def _put_result(here: Path, far: RemoteFolder, before: set[str], there: Collection[str]) -> None:
     """Copy a result, and remove what only an earlier one had; files of the user's own stay."""
     ours = written_names(here)
-    far.remove(_MANIFESTS, OutputError)
+    far.remove([MANIFEST_FILE, *set(_MANIFESTS[1:]).intersection(there)], OutputError)
     far.put(here, [RECORD_FILE], OutputError)
     far.at_once(lambda name: far.put(here, [name], OutputError), sorted(ours - {MANIFEST_FILE}))
     far.put(here, [MANIFEST_FILE], OutputError)

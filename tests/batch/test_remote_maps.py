@@ -6,6 +6,7 @@ import io
 import json
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -339,15 +340,15 @@ class Clock:
     """How long requests of 100 ms would take, as many at once as there are threads."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, system: Any) -> None:
-        self.now_s, self.n_requests = 0.0, 0
+        self.now_s, self.requests = 0.0, Counter[str]()
         for name in ("find", "exists", "isdir", "get_file", "put_file", "cat_file", "rm_file"):
-            monkeypatch.setattr(type(system), name, self._timed(getattr(type(system), name)))
+            monkeypatch.setattr(type(system), name, self._timed(name, getattr(type(system), name)))
         monkeypatch.setattr(RemoteFolder, "at_once", self._at_once)
 
-    def _timed(self, request: Callable[..., Any]) -> Callable[..., Any]:
+    def _timed(self, name: str, request: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*given: Any, **named: Any) -> Any:
             self.now_s += 0.1
-            self.n_requests += 1
+            self.requests[name] += 1
             before = self.now_s
             found = request(*given, **named)
             self.now_s = before  # what memory does by another request is one elsewhere
@@ -390,6 +391,15 @@ def test_what_is_done_is_found_with_many_requests_at_once(
     assert done.n_kept == 120
     assert clock.now_s <= 2.0
     assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
+
+
+def test_a_new_map_costs_no_request_for_an_earlier_result(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock(monkeypatch, bucket)
+    label_anywhere(task_of(model, "memory://maps/floor1/map.yaml"))
+    assert clock.requests["find"] == 1
+    assert clock.requests["rm_file"] == 1  # the manifest: another run may have put it meanwhile
 
 
 def test_requests_are_made_at_once_where_the_system_can_do_that(bucket: Any) -> None:
