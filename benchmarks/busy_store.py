@@ -12,22 +12,25 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import fsspec
 import psutil
 
 from benchmarks.many_maps import write_maps, write_model
 from pgm_places.io.output_set import RECORD_FILE
 
 STORE, SCHEDULER = 15666, 18790
+THREADS = "4"
+"""Of each worker: requests of one map are waited for while others are labelled."""
 MARKS = (100, 1_000, 2_500, 5_000, 7_500, 10_000)
 """Numbers of maps at which a row of the table is printed; and at the end."""
 
@@ -144,32 +147,42 @@ def label_near(folder: Path, n_maps: int, label: list[str]) -> None:
 
 def label_far(folder: Path, n_maps: int, label: list[str], busy: float, node: Path) -> None:
     """Label the maps of the store."""
-    store, counts = folder / "store", folder / "counts.json"
-    words = ["node", str(Path(__file__).with_suffix(".js")), str(store), str(STORE)]
+    store, counts = folder / "store", folder / "counts"
+    words = [
+        "node",
+        "--openssl-legacy-provider",
+        str(Path(__file__).with_suffix(".js")),
+        str(store),
+        str(STORE),
+    ]
     found = {"env": {**ENVIRONMENT, "NODE_PATH": str(node / "node_modules")}}
-    store.mkdir(exist_ok=True)
-    if not (folder / "put").exists():
-        with started([*words, "0", str(counts)], **found):
-            time.sleep(5)
-            far = fsspec.filesystem("s3", key="S3RVER", secret="S3RVER", endpoint_url=ENDPOINT)
-            if not far.exists("fleet"):
-                far.mkdir("fleet")
-            for site in sorted((folder / "maps").iterdir()):
-                far.put(str(site), f"fleet/maps/{site.name}", recursive=True)
-        (folder / "put").touch()
+    for source in sorted((folder / "maps").glob("*/*")):
+        target = store / "fleet" / source.relative_to(folder).with_name(f"{source.name}{OBJECT}")
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
     out = store / "fleet" / "out"
     before = sum(1 for _ in out.glob(f"*/*/details/manifest.json{OBJECT}"))
-    counts.write_text('{"done": 0}', encoding="utf-8")
+    shutil.rmtree(counts, ignore_errors=True)
+    counts.mkdir()
 
-    def n_done() -> int:
-        text = counts.read_text(encoding="utf-8")  # empty while it is written
-        return before + (json.loads(text)["done"] if text else 0)
+    def counted() -> Counter[str]:
+        found = (json.loads(path.read_text(encoding="utf-8")) for path in counts.glob("*.json"))
+        return sum(map(Counter, found), Counter[str]())
 
     address = f"tcp://127.0.0.1:{SCHEDULER}"
     dask = [sys.executable, "-P", "-m", "distributed.cli.dask_"]
     listen = ["--host", "127.0.0.1", "--no-dashboard"]
     scheduler = [*dask[:-1], f"{dask[-1]}scheduler", "--port", str(SCHEDULER), *listen]
-    worker = [*dask[:-1], f"{dask[-1]}worker", address, "--nthreads", "1", "--no-nanny", *listen]
+    worker = [
+        *dask[:-1],
+        f"{dask[-1]}worker",
+        address,
+        "--nthreads",
+        THREADS,
+        "--no-nanny",
+        *listen,
+    ]
     with (
         started([*words, str(busy), str(counts)], **found),
         started(scheduler, env=ENVIRONMENT),
@@ -180,12 +193,12 @@ def label_far(folder: Path, n_maps: int, label: list[str], busy: float, node: Pa
         watched(
             ["label", "s3://fleet/maps", "-o", "s3://fleet/out", "--scheduler", address, *label],
             n_maps,
-            n_done,
+            lambda: before + counted()["done"],
             lambda: sum(1 for _ in files_below(out, OBJECT)),
             (one, other),
         )
         time.sleep(2)
-    print(counts.read_text(encoding="utf-8"), flush=True)
+    print(dict(counted()), flush=True)
 
 
 def main() -> None:

@@ -31,26 +31,7 @@ from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelling.files import WrittenMap, write_labelled
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
-from tests.batch.tasks import hang_on
-
-
-class Here:
-    """Workers that are this process."""
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        return ((task, function(task)) for task in tasks)
-
-
-class Dying:
-    """Workers that die on every task."""
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        return ((task, None) for task in tasks)
-
+from tests.batch.tasks import Dying, Here, hang_on
 
 Batch = Callable[..., LabelledBatch]
 

@@ -25,7 +25,8 @@ from pgm_places.io.remote_files import MOST_AT_ONCE, RemoteFolder, address_of
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.test_label_batch import Here, failures
+from tests.batch.tasks import Here
+from tests.batch.test_label_batch import failures
 
 fsspec = pytest.importorskip("fsspec")
 
