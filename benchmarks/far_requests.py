@@ -20,7 +20,7 @@ from benchmarks.many_maps import TOGETHER, write_maps, write_model
 from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.found_maps import FoundMaps, find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
-from pgm_places.io.far_files import MOST_AT_ONCE, FarFolder
+from pgm_places.io.remote_files import MOST_AT_ONCE, RemoteFolder
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
 from tests.batch.tasks import Here
@@ -42,7 +42,7 @@ class Clock:
         ours = {"find": _find, "get_file": _get_file}
         requests = ours | {name: getattr(MemoryFileSystem, name) for name in _OTHERS}
         timed = {name: self._timed(name, request) for name, request in requests.items()}
-        at_once = patch.object(FarFolder, "at_once", self._at_once)
+        at_once = patch.object(RemoteFolder, "at_once", self._at_once)
         with patch.multiple(MemoryFileSystem, **timed), at_once:
             yield
 
