@@ -70,7 +70,8 @@ def cell_lengths(
         lengths.append(np.full(len(first[-1]), side_m * np.hypot(down, right)))
     pairs = (np.concatenate(first), np.concatenate(second))
     n = int(fits.sum())
-    graph = coo_array((np.concatenate(lengths), pairs), (n, n)).tocsr()
+    forward = coo_array((np.concatenate(lengths), pairs), (n, n)).tocsr()
+    graph = forward + forward.T  # once, not for each start
 
     def numbers(at_m: NDArray[np.float64]) -> NDArray[np.int32]:
         cells = topology.grid.cells_at_m(at_m) + margin
@@ -79,9 +80,7 @@ def cell_lengths(
         return np.asarray(number[cells[:, 0], cells[:, 1]])
 
     at = numbers(goals)
-    return np.array(
-        [dijkstra(graph, directed=False, indices=start)[at] for start in numbers(points)]
-    )
+    return np.array([dijkstra(graph, indices=start)[at] for start in numbers(points)])
 
 
 def where_it_fits(topology: TopologicalMap, radius_m: float) -> NDArray[np.bool_]:

@@ -293,6 +293,14 @@ def test_everywhere_is_near_a_node_also_at_dead_ends() -> None:
     assert len(away) == fits.sum()
 
 
+def test_a_graph_is_the_same_each_time() -> None:
+    made = generate_building(3, size="small")
+    topology = topological_map(made.grid, made.labels, made.label_names)
+    one, other = route_graph(topology), route_graph(topology)
+    assert one.nodes == other.nodes
+    assert one.edges == other.edges
+
+
 def test_a_corridor_has_one_line_of_edges() -> None:
     labels = np.full((24, 200), -1, np.int16)
     labels[2:22, 2:198] = 0
