@@ -7,7 +7,6 @@ from pgm_places._checks import ROWS_AT_ONCE, freeze
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.open_places import with_open_places_decided
 from pgm_places.labelers.space_consistency import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
@@ -156,8 +155,7 @@ def apply_space_evidence(
 ) -> LabelingProblem:
     """The problem with doorways at gates alone, and with whole spaces, where these are seen.
 
-    ``doorway`` is the label to keep to gates, None for none. Where doorways are kept to gates, open
-    places between them are decided as a whole.
+    ``doorway`` is the label to keep to gates, None for none.
     """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
@@ -165,13 +163,10 @@ def apply_space_evidence(
     if doorway is not None:
         unary = doorways_at_gates(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
     if whole_spaces and scores.segments is not None:
-        names, known, place = tuple(problem.label_names), problem.known, None
-        has_gates = scores.doorways is not None or scores.spaces is not None
-        if has_gates and (known is not None or doorway is not None):
+        place, has_gates = None, scores.doorways is not None or scores.spaces is not None
+        if problem.known is not None and has_gates:
             place = layout.from_raster(scores.accepted_gates.place)
         unary = smooth_over_spaces(
-            unary, scores.segments, layout, names, known, None if known is None else place
+            unary, scores.segments, layout, tuple(problem.label_names), problem.known, place
         )
-        if place is not None and doorway is not None:
-            unary = with_open_places_decided(unary, place, layout, names, known)
     return problem if unary is problem.unary else problem.with_unary(freeze(unary))
