@@ -13,7 +13,7 @@ const tables = new ResizeObserver((boxes) => {
   for (const { target } of boxes) {
     const before = target.previousElementSibling;
     const marked = before?.classList.contains("scrolls-sideways");
-    const wide = target.scrollWidth > target.clientWidth + 1;
+    const wide = target.scrollWidth > target.clientWidth + 8;
     if (wide && !marked) {
       const line = document.createElement("p");
       line.className = "scrolls-sideways";
