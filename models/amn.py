@@ -35,10 +35,11 @@ from pgm_places.models.held_out_choice import Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
     Example,
-    held_out_parts,
     labelled_parts,
     labelled_weights,
+    linked_steps,
     penalties_of,
+    searched_parts,
 )
 from pgm_places.models.learning_record import warn_of_gap
 from pgm_places.models.linear_features import (
@@ -273,10 +274,18 @@ class AssociativeMarkovNetwork(LinearModel):
             return held_out_path(prepared(name)[1], part, options)
 
         kinds = choices, ("cutting-plane",)
-        parts = held_out_parts(examples, n)
         alone = None if task.offset is None else task.offset.argmax(axis=1)
-        asked = task.loss > 0
-        found = choose(task.labels, asked, parts, kinds, penalties, middle, begin, alone)
+        found = choose(
+            task.labels,
+            task.loss > 0,
+            searched_parts(examples, n),
+            kinds,
+            penalties,
+            middle,
+            begin,
+            alone,
+            steps=np.concatenate([linked_steps(problem.graph) for problem, _ in examples]),
+        )
         if found.weights is None:  # nothing could be held out
             return choices[-1], usual, found.table
         return found.best.node_features, found.best.penalty, found.table

@@ -40,7 +40,9 @@ from pgm_places.models.labelled_examples import (
     held_out_parts,
     labelled_parts,
     labelled_weights,
+    linked_steps,
     penalties_of,
+    searched_parts,
 )
 from pgm_places.models.learning_record import REASONS, LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
@@ -272,12 +274,19 @@ class ConditionalRandomField(LinearModel):
             return held_out_path(prepared(name)[1], part, self._options(learner))
 
         kinds = choices if len(penalties) > 1 else (plain,), learners
-        parts = held_out_parts(examples, self.n_validation_blocks)
-        found = choose(task.labels, task.loss > 0, parts, kinds, penalties, PENALTY, begin)
+        found = choose(
+            task.labels,
+            task.loss > 0,
+            searched_parts(examples, self.n_validation_blocks),
+            kinds,
+            penalties,
+            PENALTY,
+            begin,
+            steps=np.concatenate([linked_steps(problem.graph) for problem, _ in examples]),
+        )
         if found.weights is None:
             return usual, REASONS[6] if len(learners) > 1 else reason, found.table, None
-        smooth = found.best.learner != "max-margin" and not hides
-        return found.best, reason, found.table, found.weights if smooth else None
+        return found.best, reason, found.table, None if hides else found.weights
 
     def _parts_to_hold_out(self, examples: Sequence[Example]) -> NDArray[np.int64]:
         if any((truth < 0).any() for _, truth in examples):

@@ -1,6 +1,6 @@
 """The choice of a learner's options by how they label held-out parts of the training problems."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,6 +64,8 @@ def choose(
     usual: float,
     begin: Callable[[NDArray[np.bool_], str, str], Path],
     alone: NDArray[np.int64] | None = None,
+    *,
+    steps: NDArray[np.bool_],
 ) -> Choice:
     """The node features, learner and C that label held-out parts best.
 
@@ -83,7 +85,7 @@ def choose(
     asked : (N,) bool
         Whose labels count.
     parts : (N,) int
-        Which nodes are held out together.
+        Which nodes are held out together, -1 where they never are.
     kinds : pair of sequences of str
         Node features, the simpler ones first, and learners.
     penalties : sequence of float
@@ -92,10 +94,13 @@ def choose(
         The mask (N,) of a part, node features and a learner -> the path of C.
     alone : (N,) int, optional
         The labels that a classifier gives nodes without their neighbours.
+    steps : (N,) bool
+        Steps that are linked to cells. Both scores are means over these and the other nodes: the
+        few steps of a drive count as much as the many cells of its map.
     """
     held_out = [
         parts == part
-        for part in np.unique(parts)
+        for part in np.unique(parts[parts >= 0])
         if (asked & (parts == part)).any()
         and len(np.unique(labels[(parts != part) & (labels >= 0)])) == labels.max() + 1
     ]
@@ -104,10 +109,17 @@ def choose(
     if not held_out:
         none = {Candidate(features[0], learners[0], C): (np.nan, np.nan) for C in rising}
         return Choice(next(iter(none)), _table(none), None)
-    truth = np.concatenate([labels[part & asked] for part in held_out])
+    asked_nodes = np.concatenate([np.flatnonzero(part & asked) for part in held_out])
+    truth, on_steps = labels[asked_nodes], steps[asked_nodes]
+
+    def scores_of(found: NDArray[np.int64]) -> tuple[float, float]:
+        k = int(labels.max()) + 1
+        kinds_of_nodes = (~on_steps, on_steps)
+        return mean_scores([confusion_matrix(truth[on], found[on], k) for on in kinds_of_nodes])
+
     least = dict.fromkeys(rising, 0.0)
     if alone is not None:
-        right = float((np.concatenate([alone[p & asked] for p in held_out]) == truth).mean())
+        right, _ = scores_of(alone[asked_nodes])
         least = {C: right + (WORTH if usual < C else -TOLERANCE) for C in rising}
     paths: dict[tuple[str, str], list[Path]] = {}
     scores: dict[Candidate, tuple[float, float]] = {}
@@ -118,9 +130,8 @@ def choose(
             paths[name, learner] = [begin(part, name, learner) for part in held_out]
         found = [path(penalty) for path in paths[name, learner]]
         answers = [mine[asked[part]] for (mine, _), part in zip(found, held_out, strict=True)]
-        counts = confusion_matrix(truth, np.concatenate(answers))
         candidate = Candidate(name, learner, penalty)
-        scores[candidate] = np.trace(counts) / counts.sum(), float(balanced_accuracy(counts))
+        scores[candidate] = scores_of(np.concatenate(answers))
         weights[candidate] = np.mean([w for _, w in found], axis=0)
         return sum(scores[candidate]) / 2
 
@@ -173,6 +184,16 @@ def best_candidate(
             best = first
     assert best is not None  # there are candidates
     return best
+
+
+def mean_scores(tables: Iterable[NDArray[np.int64] | NDArray[np.float64]]) -> tuple[float, float]:
+    """Accuracy and balanced accuracy: means over the kinds of nodes that there are.
+
+    ``tables`` (K, K) are counts of truth and label, one for each kind.
+    """
+    some = [table for table in tables if table.any()]
+    accuracy = float(np.mean([np.trace(table) / table.sum() for table in some]))
+    return accuracy, float(np.mean([balanced_accuracy(table) for table in some]))
 
 
 def _table(scores: Mapping[Candidate, tuple[float, float]]) -> NDArray[np.float64]:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, LabelError, nearest_name
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.options import Positive
 
@@ -52,6 +54,9 @@ def best_value(
 WeightRule = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 ClassWeight = WeightRule | Mapping[str, Positive]
 """What a label costs when it is missed: a rule of its share, or a weight by name, 1 elsewhere."""
+
+MANY = 100
+"""From so many problems on, options are compared on half of the parts alone."""
 
 # A problem and the true label (N,) of every node.
 Example = tuple[LabelingProblem, NDArray[np.int64]]
@@ -154,3 +159,21 @@ def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int6
     n = min(n_parts, len(examples))
     number = [m * n // len(examples) for m in range(len(examples))]
     return np.repeat(number, [len(truth) for _, truth in examples])
+
+
+def linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:
+    """(N,) nodes of edges in time, in a graph that links them to others; none elsewhere."""
+    steps = np.zeros(graph.n_nodes, np.bool_)
+    kinds = graph.edge_kind
+    if kinds is not None and (kinds == EdgeKind.LINK).any():
+        steps[graph.edges[(kinds == EdgeKind.TIME) | (kinds == EdgeKind.LOOP)]] = True
+    return steps
+
+
+def searched_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
+    """(N,) :func:`held_out_parts`, the second half of them -1 (never held out) with many problems.
+
+    Half of :data:`MANY` problems or more is enough to compare a few options by.
+    """
+    parts = held_out_parts(examples, n_parts)
+    return np.where(parts < max(n_parts // 2, 1), parts, -1) if len(examples) >= MANY else parts

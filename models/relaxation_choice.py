@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
-from pgm_places.graph.edge_kind import EdgeKind
-from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.evaluation.confusion import confusion_matrix
 from pgm_places.inference.problem import evident_unary
 from pgm_places.models.evidence import divided_share
-from pgm_places.models.held_out_choice import TOLERANCE, WORTH, held_out_words
-from pgm_places.models.labelled_examples import Example, held_out_parts
+from pgm_places.models.held_out_choice import TOLERANCE, WORTH, held_out_words, mean_scores
+from pgm_places.models.labelled_examples import Example, held_out_parts, linked_steps
 
 ITERATIONS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50)
 """Numbers of iterations that are compared; the last where nothing can be held out."""
@@ -59,7 +57,7 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
     k = examples[0][0].n_labels
     rows = [(0, 0.0), *product(ITERATIONS, shares)]
     counts = {row: np.zeros((2, k, k)) for row in rows}
-    steps = [_linked_steps(problem.graph) for problem, _ in examples]
+    steps = [linked_steps(problem.graph) for problem, _ in examples]
     plain = replace(method, max_iterations=ITERATIONS[-1], evidence=0.0, tolerance=0.0)
     for part in range(N_PARTS):
         rest = _among(examples, [where != part for where in parts])
@@ -84,7 +82,7 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
                         counts[n, share] += _by_kind(kind, truth, labels, k)
     if not counts[0, 0.0].any():
         return None
-    scores = [_mean_scores(tables) for tables in counts.values()]
+    scores = [mean_scores(tables) for tables in counts.values()]
     return np.array([(*row, *score) for row, score in zip(rows, scores, strict=True)])
 
 
@@ -136,27 +134,11 @@ def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> l
     ]
 
 
-def _linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:
-    """(N,) nodes of edges in time, in a graph that links them to others; none elsewhere."""
-    steps = np.zeros(graph.n_nodes, np.bool_)
-    kinds = graph.edge_kind
-    if kinds is not None and (kinds == EdgeKind.LINK).any():
-        steps[graph.edges[(kinds == EdgeKind.TIME) | (kinds == EdgeKind.LOOP)]] = True
-    return steps
-
-
 def _by_kind(
     steps: NDArray[np.bool_], truth: NDArray[np.int64], labels: NDArray[np.int64], k: int
 ) -> NDArray[np.int64]:
     """(2, K, K) counts of truth and label: of cells, and of the steps that are linked to them."""
     return np.stack([confusion_matrix(truth[on], labels[on], k) for on in (~steps, steps)])
-
-
-def _mean_scores(tables: NDArray[np.float64]) -> tuple[float, float]:
-    """Accuracy and balanced accuracy, each the mean over the kinds of nodes that there are."""
-    some = [table for table in tables if table.any()]
-    accuracy = float(np.mean([np.trace(table) / table.sum() for table in some]))
-    return accuracy, float(np.mean([balanced_accuracy(table) for table in some]))
 
 
 def _adds(
