@@ -1,6 +1,6 @@
-"""Run the experiments on real buildings: python -m experiments prints the tables of results.md.
+"""Run the paper's sections on real buildings: prints, or renews, the tables of results.md.
 
-The paper's sections are those of ``python -m experiments.paper``.
+The sections are those of ``python -m experiments.paper``; ``python -m experiments 7.5`` runs one.
 ``--write-docs`` keeps what each section found in ``experiments/sections`` and renews docs/.
 """
 
@@ -10,69 +10,20 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from experiments.page_tables import show_table, text_of, with_write_docs, write_table
-from experiments.paper.figures import BORDER_M, away_from_borders, percent
+from experiments.page_tables import with_write_docs, write_table
 from experiments.paper.markdown import markdown_section
 from experiments.paper.run import RECORD, finished_section, reproduce
-from experiments.paper.section import Section, Table
+from experiments.paper.section import Section
 from experiments.paper.sections import SECTIONS as SECTIONS_OF_THE_PAPER
 from experiments.paper.sections import chosen_sections
 from experiments.section_tables import OVERVIEW_TABLE, SUMMARY, paper_table, section_tables
 from pgm_places.cli.terminal import LineProgress
-from pgm_places.evaluation.evaluation import Evaluation
-from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.config import load_config
-from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import compare
 
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each experiment found last
 REPRODUCED = FOLDER / "reproduced"  # sections with pictures, and what they keep: not committed
 OF_THE_PAPER = {key: SECTIONS_OF_THE_PAPER[key] for key in chosen_sections(())}
-MAPS = {
-    "seen": "building79_spaces.toml",
-    "without_79": "default_models/without_79.toml",
-    "without_52": "default_models/without_52.toml",
-    "without_saarbruecken": "default_models/without_saarbruecken.toml",
-    "generated_to_real": "default_models/generated_to_real.toml",
-}
-"""Configurations whose comparison is a table."""
-
-TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER, *MAPS)
-
-
-def comparison_table(comparison: Comparison) -> Table:
-    """A row per map and a column per method; a row per method where there is one map."""
-    if len(comparison.maps) == 1:
-        return _by_method(comparison)
-    rows = [("all", *(_figures(method.evaluation) for method in comparison.methods))]
-    rows += [
-        (item.name, *(_figures(method.evaluations[k]) for method in comparison.methods))
-        for k, item in enumerate(comparison.maps)
-    ]
-    return Table("", ("map", *(method.id for method in comparison.methods)), tuple(rows))
-
-
-def _by_method(comparison: Comparison) -> Table:
-    columns = ("accuracy", "balanced", "doorway recall", "doorway precision", "doorway F1")
-    rows = [
-        (
-            method.id,
-            percent(method.evaluation.accuracy),
-            percent(method.evaluation.balanced_accuracy),
-            percent(method.evaluation.recall["doorway"]),
-            percent(method.evaluation.precision["doorway"]),
-            percent(method.evaluation.f1["doorway"]),
-            percent(away_from_borders(comparison, method)),
-        )
-        for method in comparison.methods
-    ]
-    return Table("", ("method", *columns, f"over {BORDER_M:g} m from a border"), tuple(rows))
-
-
-def _figures(found: Evaluation) -> str:
-    figures = (found.accuracy, found.balanced_accuracy, found.f1["doorway"])
-    return " / ".join(map(percent, figures))
+TABLES = (OVERVIEW_TABLE, SUMMARY, *OF_THE_PAPER)
 
 
 def run_section(key: str, out: Path, *, write: bool) -> None:
@@ -104,7 +55,7 @@ def kept_tables() -> Iterator[tuple[str, str]]:
 
 def parser() -> argparse.ArgumentParser:
     """What the command takes."""
-    known = [*OF_THE_PAPER, *MAPS, OVERVIEW_TABLE]
+    known = [*OF_THE_PAPER, OVERVIEW_TABLE]
     found = argparse.ArgumentParser(prog="python -m experiments", description=__doc__)
     with_write_docs(found)
     found.add_argument(
@@ -132,15 +83,11 @@ def main() -> None:
     if not os.environ.get("PGM_PLACES_DATA") and not given.compose:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
     groups = {OVERVIEW_TABLE: tuple(OF_THE_PAPER)}
-    names = given.names or [*OF_THE_PAPER, *MAPS]
+    names = given.names or [*OF_THE_PAPER]
     wanted = dict.fromkeys(each for name in names for each in groups.get(name, (name,)))
     for name in () if given.compose else wanted:
         print(f"== {name}", flush=True)
-        if name in OF_THE_PAPER:
-            run_section(name, given.out, write=given.write_docs)
-        else:
-            comparison = compare(Experiment(load_config(FOLDER / MAPS[name]), FOLDER))
-            show_table(name, text_of([comparison_table(comparison)]), write=given.write_docs)
+        run_section(name, given.out, write=given.write_docs)
     if given.write_docs or given.compose:
         for name, text in kept_tables():
             print(f"{name} in {write_table(name, text)}")

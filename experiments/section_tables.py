@@ -9,20 +9,23 @@ from experiments.paper.section import Section, Table
 OVERVIEW_TABLE = "paper"
 SUMMARY = "summary"  # the overview in the README
 _FIGURES = "{accuracy} / {balanced} / {doorway F1}"
-_SHOWN: Mapping[str, SideBySide] = {
-    "7.2": SideBySide(("options", "features"), "{steps}", "{all} / {balanced} / {doorway}"),
-    "7.4": SideBySide(("", "map"), "{method}", _FIGURES),
-    "7.5-fine": SideBySide(("",), "{method}", _FIGURES),
-    "7.6": SideBySide(("options", "floors", "beams"), "{steps}", _FIGURES),
+_BY_METHOD = SideBySide(("",), "{method}", _FIGURES)
+_SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
+    "7.2": (SideBySide(("options", "features"), "{steps}", "{all} / {balanced} / {doorway}"),),
+    "7.4": (SideBySide(("", "map"), "{method}", _FIGURES), _BY_METHOD),
+    "7.5": (_BY_METHOD,),
+    "7.5-fine": (_BY_METHOD,),
+    "7.6": (SideBySide(("options", "floors", "beams"), "{steps}", _FIGURES),),
 }
+"""How the tables of a section are made short: by the first layout that fits."""
 _BUILDINGS = "buildings"
 
 
 def section_tables(section: Section) -> str:
     """What the page shows of a section, with captions where there are several tables."""
-    shown = _SHOWN.get(section.id)
+    layouts = _SHOWN.get(section.id, ())
     tables = [
-        shown.of(table) if shown is not None and shown.fits(table.heading) else table
+        next((each.of(table) for each in layouts if each.fits(table.heading)), table)
         for table in section.tables
     ]
     if len(tables) == 1:

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.category_lists import category_lists_table
 from experiments.cold import cold_table
 from experiments.drives.kept_text import KeptText
 from experiments.drives.methods import (
@@ -26,8 +25,6 @@ from experiments.drives.methods import (
     kinds_table,
     methods_table,
 )
-from experiments.evidence import evidence_table
-from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
 from experiments.page_tables import SideBySide, parsed_tables, show_table, text_of, with_write_docs
 from experiments.paper.categories import CATEGORY_NAMES, PLACES, Building79, load_building79
@@ -43,10 +40,7 @@ TABLES = (
     "prior",
     "graphs",
     "categories",
-    "category_lists",
-    "evidence",
     "cold",
-    "joined",
 )
 SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
     "floors": (
@@ -54,13 +48,10 @@ SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
             ("method",),
             "{drives in}",
             "{accuracy} / {balanced} / {doorway recall}",
-            {"95 %": "{95 %}", "passages": "{passages found}, {invented}"},
+            {"passages": "{passages found}, {invented}"},
         ),
     ),
-    "prior": tuple(
-        SideBySide(("method",), f"{half}, weight {{weight of the map}}", f"{{{half}}}")
-        for half in ("left half", "right half")
-    ),
+    "prior": (SideBySide(("method",), "weight {weight of the map}", "{right half}"),),
     "graphs": (
         SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
         SideBySide(("method",), "{drives}: with loops", f"{{{LOOPS}}}"),
@@ -200,10 +191,7 @@ def main() -> None:
         "prior": lambda: map_prior_table(building),
         "graphs": lambda: graphs_table(kept),
         "categories": lambda: categories_table(building),
-        "category_lists": lambda: category_lists_table(building),
-        "evidence": lambda: evidence_table(building),
         "cold": lambda: cold_table(Path(data)),
-        "joined": lambda: joined_table(building, from_left_map(building)),
     }
     for name in chosen.parts or TABLES:
         text = shown(name, kept.text(name, parts[name]))

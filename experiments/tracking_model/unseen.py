@@ -128,25 +128,17 @@ def floors_table(found: Sequence[Answer]) -> str:
 REACHES = ((4.0, 8.0), (8.0, 20.0), (20.0, 80.0))
 VIEWS = ((90.0, 90.0), (120.0, 180.0), (240.0, 270.0), (360.0, 360.0))
 SPACINGS = ((0.2, 0.5), (0.5, 1.2), (1.2, 3.1))
-KINDS = {"all real and drawn": "", "offices": "office", "schools": "school"}
-"""Rows of the table of lasers, and how the groups of their drives begin."""
 
 
 def lasers_table(found: Sequence[Answer], way: str = "smoother") -> str:
-    """By kind of building and view: accuracy and balanced accuracy by reach, and by density."""
+    """By view: accuracy and balanced accuracy by reach, and by density."""
     head = [f"{low:g} to {high:g} m" for low, high in REACHES]
     head += [f"{low:g} to {high:g}°" for low, high in SPACINGS]
-    lines = [f"| drives in | view | {' | '.join(head)} |", "|---" * (2 + len(head)) + "|"]
-    for kind, start in KINDS.items():
-        for low, high in VIEWS:
-            some = [
-                item
-                for item in found
-                if item.drive.group.startswith(start)
-                and low <= item.drive.laser.view_degrees <= high
-            ]
-            name = f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
-            lines.append(f"| {kind} | {name} | {' | '.join(_by_laser(some, way))} |")
+    lines = [f"| view | {' | '.join(head)} |", "|---" * (1 + len(head)) + "|"]
+    for low, high in VIEWS:
+        some = [item for item in found if low <= item.drive.laser.view_degrees <= high]
+        name = f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
+        lines.append(f"| {name} | {' | '.join(_by_laser(some, way))} |")
     return "\n".join(lines)
 
 

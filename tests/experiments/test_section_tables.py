@@ -1,7 +1,3 @@
-from types import SimpleNamespace
-from typing import Any, cast
-
-import numpy as np
 import pytest
 
 from experiments import __main__ as experiments
@@ -10,9 +6,7 @@ from experiments.drives.methods import CHAIN, JOINT, LOOPS
 from experiments.page_tables import marks, parsed_tables, with_table
 from experiments.paper.section import Finding, Section, Table
 from experiments.section_tables import paper_table, section_tables
-from pgm_places.evaluation.evaluation import evaluate
 
-NAMES = ("corridor", "doorway")
 KEPT = dict(experiments.kept_tables())
 
 
@@ -38,21 +32,6 @@ def test_several_tables_have_captions() -> None:
     one, two = Table("One", ("a",), (("1",),)), Table("Two", ("b",), (("2",),))
     assert section_tables(section("7.1", one)).startswith("| a |")
     assert section_tables(section("7.1", one, two)).startswith("One:\n\n| a |")
-
-
-def test_maps_go_down_and_methods_across(monkeypatch: pytest.MonkeyPatch) -> None:
-    truth = np.array([0, 0, 1, 1])
-    scored = [evaluate(truth, np.array(labels), NAMES) for labels in ([0, 0, 1, 1], [0, 0, 1, 0])]
-    method = SimpleNamespace(id="potts", evaluation=scored[1], evaluations=scored)
-    maps = [SimpleNamespace(name="one"), SimpleNamespace(name="two")]
-    both = cast(Any, SimpleNamespace(maps=maps, methods=[method]))
-    table = experiments.comparison_table(both)
-    assert table.rows[1:] == (("one", "100.0 / 100.0 / 100.0"), ("two", "75.0 / 75.0 / 66.7"))
-    monkeypatch.setattr(experiments, "away_from_borders", lambda *_: 1.0)
-    alone = experiments.comparison_table(
-        cast(Any, SimpleNamespace(maps=maps[:1], methods=[method]))
-    )
-    assert alone.rows == (("potts", "75.0", "75.0", "50.0", "100.0", "66.7", "100.0"),)
 
 
 def test_a_method_for_chains_alone_has_no_row_among_other_graphs() -> None:
