@@ -1,11 +1,11 @@
 """How much longer the ways of the route graph are than the shortest over the cells of the map.
 
-``python -m experiments.routes FOLDER... [--robot-radius 0.2]`` prints a row per labelled map: over
-all pairs of rooms, from anchor to anchor, the length in the graph divided by that of the shortest
-way for the same robot over cells in eight directions; and between 100 random poses, against the
-shortest in 32 directions, the way from pose to node, along the graph, and from the last node on.
-Once as Nav2 drives (``experiments/nav2_route_server.py``), once from nearest node to nearest node.
-A folder is what 'pgm-places label' writes, for a map that is still where it was.
+``python -m experiments.routes FOLDER... [--robot-radius 0.2] [--poses 100]`` prints a row for each
+labelled map: over all pairs of rooms, anchor to anchor, the length in the graph divided by that
+of the shortest way for the same robot over cells in eight directions; and between random poses,
+against the shortest in 32 directions, the way from pose to node, along the graph, and from the last
+node on. Once as Nav2 drives (``experiments/nav2_route_server.py``), once from nearest node to
+nearest node. A folder is what 'pgm-places label' writes, for a map that is still where it was.
 """
 
 import argparse
@@ -36,7 +36,6 @@ from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
 ROOM = "room"
-N_POSES = 100
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 ANY_ANGLE = tuple(
     (down, right)
@@ -159,14 +158,14 @@ def ratios(topology: TopologicalMap, found: RouteGraph) -> NDArray[np.float64]:
     return np.array(values)
 
 
-def row(folder: Path, radius_m: float) -> str:
+def row(folder: Path, radius_m: float, n_poses: int) -> str:
     """A row of the table."""
     topology = load_named_topology(folder)
     found = route_graph(topology, robot_radius_m=radius_m)
     path = labelled_map(folder)
     if path is None:
         raise SystemExit(f"{folder}: the map that was labelled is not where it was")
-    poses = from_poses(topology, found, load_map(path).grid.occupied, N_POSES)
+    poses = from_poses(topology, found, load_map(path).grid.occupied, n_poses)
     values = ratios(topology, found)
     named = [topology.place(number).name for number in found.unreachable]
     cells = [
@@ -201,6 +200,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="+", type=Path)
     parser.add_argument("--robot-radius", type=float, default=0.2)
+    parser.add_argument("--poses", type=int, default=100)
     arguments = parser.parse_args()
     print(
         "| map | nodes | edges | under 1 m apart | pairs of rooms | median | 99 % | worst "
@@ -208,7 +208,7 @@ def main() -> None:
     )
     print("|---" * 14 + "|")
     for folder in arguments.folder:
-        print(row(folder, arguments.robot_radius), flush=True)
+        print(row(folder, arguments.robot_radius, arguments.poses), flush=True)
 
 
 if __name__ == "__main__":
