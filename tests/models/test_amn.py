@@ -437,9 +437,11 @@ def test_several_problems_are_held_out_whole(monkeypatch: pytest.MonkeyPatch) ->
     seen: list[NDArray[np.int64]] = []
     plain = choose
 
-    def noted(labels: Any, asked: Any, parts: NDArray[np.int64], *rest: Any, **steps: Any) -> Any:
+    def noted(
+        labels: Any, asked: Any, parts: NDArray[np.int64], *rest: Any, steps: NDArray[np.bool_]
+    ) -> Any:
         seen.append(parts)
-        return plain(labels, asked, parts, *rest, **steps)
+        return plain(labels, asked, parts, *rest, steps=steps)
 
     monkeypatch.setattr(module, "choose", noted)
     AssociativeMarkovNetwork().fit([p for p, _ in examples], [t for _, t in examples])
