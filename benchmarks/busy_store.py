@@ -27,6 +27,7 @@ import psutil
 
 from benchmarks.many_maps import write_maps, write_model
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.places.result_folder import MANIFEST_FILE
 
 STORE, SCHEDULER = 15666, 18790
 THREADS = "4"
@@ -118,15 +119,18 @@ def comparable(name: str, text: bytes) -> bytes:
     return re.sub(rb'\n *"(map|seconds)": [^\n]*', b"", text)
 
 
-def differing(near: Path, far: Path) -> tuple[int, list[str]]:
-    """How many result files there are, and those that are not equal."""
+def differing(near: Path, far: Path) -> tuple[int, int, list[str]]:
+    """Maps that are done in both folders, their files, and those that are not equal."""
     names, far_names = set(files_below(near)), set(files_below(far, OBJECT))
-    unequal = names ^ far_names
-    for name in names & far_names:
+    end = f"/{MANIFEST_FILE}"
+    done = {name.removesuffix(end) for name in names & far_names if name.endswith(end)}
+    every = {name for name in names | far_names if "/".join(name.split("/")[:2]) in done}
+    unequal = every - (names & far_names)
+    for name in every - unequal:
         one, other = (near / name).read_bytes(), (far / f"{name}{OBJECT}").read_bytes()
         if comparable(name, one) != comparable(name, other):
             unequal.add(name)
-    return len(names | far_names), sorted(unequal)
+    return len(done), len(every), sorted(unequal)
 
 
 def label_near(folder: Path, n_maps: int, label: list[str]) -> None:
@@ -223,8 +227,8 @@ def main() -> None:
     if "far" in given.parts:
         label_far(folder, given.maps, label, given.busy, given.node.absolute())
     if "compare" in given.parts:
-        n_files, unequal = differing(folder / "near", folder / "store" / "fleet" / "out")
-        print(f"{n_files:,} files, {len(unequal)} differ {unequal[:5]}")
+        n_done, n_files, unequal = differing(folder / "near", folder / "store" / "fleet" / "out")
+        print(f"{n_done:,} maps, {n_files:,} files, {len(unequal)} differ {unequal[:5]}")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.io.remote_files import MOST_AT_ONCE, RemoteFolder
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
-from tests.batch.tasks import Here
+from tests.batch.shared import Here
 
 REQUEST_S, NAMES_AT_ONCE = 0.1, 1000
 OUT = Path("memory://out")

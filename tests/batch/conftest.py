@@ -1,15 +1,23 @@
 """A small model, and small maps as files."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import pytest
 
+from pgm_places.batch.found_maps import find_maps
+from pgm_places.batch.label_batch import LabelledBatch, label_batch
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelling.options import LabelOptions
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
+from pgm_places.progress import Silent
+from tests.batch.shared import Batch, Here
 
 
 @pytest.fixture(scope="session")
@@ -39,3 +47,27 @@ def maps(tmp_path: Path) -> Path:
         )
     (folder / "torn.yaml").write_text("image: torn.png\nresolution: 0.05\n")
     return folder
+
+
+@pytest.fixture
+def batch(model: Path, maps: Path) -> Batch:
+    def run(
+        workers: Any = None, *, force: bool = False, how: Any = MappingProxyType({}), **changes: Any
+    ) -> LabelledBatch:
+        out = maps.parent / "out"
+        found = find_maps([str(maps)], out)
+        options = LabelOptions(model=str(model), **changes)
+        return label_batch(
+            found, out, options, workers or Here(), force=force, progress=Silent(), **how
+        )
+
+    return run
+
+
+@pytest.fixture
+def bucket(maps: Path) -> Iterator[Any]:
+    """A file system in memory that holds the maps."""
+    system = pytest.importorskip("fsspec").filesystem("memory")
+    system.put(str(maps), "/maps", recursive=True)
+    yield system
+    system.rm("/", recursive=True)

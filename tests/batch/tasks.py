@@ -1,33 +1,15 @@
-"""Tasks of the tests of workers: some return, some die, some raise; workers that are no others."""
+"""Tasks of the tests of workers: some return, some die, some raise."""
 
 import os
 import re
 import signal
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from pgm_places.io.staging import claimed
-
-
-class Here:
-    """Workers that are this process."""
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        return ((task, function(task)) for task in tasks)
-
-
-class Dying:
-    """Workers that die on every task."""
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        return ((task, None) for task in tasks)
 
 
 def double(number: int) -> int:

@@ -1,6 +1,5 @@
 """A batch labels every map once, keeps what is done, and lists what went wrong."""
 
-import contextlib
 import csv
 import errno
 import io
@@ -9,67 +8,24 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import pytest
 
-from pgm_places.batch import local_workers, map_task
-from pgm_places.batch.batch_folder import claim_of, recorded_root
+from pgm_places.batch import map_task
+from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.found_maps import Shard, find_maps
-from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
-from pgm_places.batch.limits import LEAST_MEMORY
-from pgm_places.batch.local_workers import LocalWorkers
-from pgm_places.batch.map_task import LabelledRow, NoSpaceError
+from pgm_places.batch.label_batch import Plan, label_batch, plan
+from pgm_places.batch.map_task import NoSpaceError
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet, claim
-from pgm_places.io.staging import claimed, open_own
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelling.files import WrittenMap, write_labelled
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.progress import Silent
-from tests.batch.tasks import Dying, Here, hang_on
-
-Batch = Callable[..., LabelledBatch]
-
-
-@pytest.fixture
-def batch(model: Path, maps: Path) -> Batch:
-    def run(
-        workers: Any = None, *, force: bool = False, how: Any = MappingProxyType({}), **changes: Any
-    ) -> LabelledBatch:
-        out = maps.parent / "out"
-        found = find_maps([str(maps)], out)
-        options = LabelOptions(model=str(model), **changes)
-        return label_batch(
-            found, out, options, workers or Here(), force=force, progress=Silent(), **how
-        )
-
-    return run
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-class Watched(Here):
-    """This process, which remembers the maps that it labels."""
-
-    def __init__(self) -> None:
-        self.labelled: list[str] = []
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        for done in super().run(function, tasks):
-            if isinstance(done[1], LabelledRow) and not done[1].kept:
-                self.labelled.append(done[1].name)
-            yield done
-
+from tests.batch.shared import Batch, Dying, Here, Watched, failures, rows
 
 Again = Callable[..., list[str]]
 
@@ -84,11 +40,6 @@ def again(batch: Batch) -> Again:
         return watched.labelled
 
     return run
-
-
-def failures(folder: Path) -> dict[str, dict[str, str]]:
-    path = folder / "failures.csv"
-    return {row["name"]: row for row in rows(path)} if path.exists() else {}
 
 
 def test_every_map_gets_a_folder_and_what_is_wrong_a_row(batch: Batch, maps: Path) -> None:
@@ -324,72 +275,6 @@ def test_a_list_that_is_not_ours_is_refused(batch: Batch, maps: Path, name: str)
     assert (out / name).read_text() == "mine,too\n1,2\n"
 
 
-def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = maps.parent / "out"
-    claim(out)
-    other = contextlib.ExitStack()
-    assert other.enter_context(claimed(claim_of(out, "floor1/map")))
-    waits = []
-
-    def let_go(_: float) -> None:
-        waits.append([path.parents[2].name for path in out.rglob("manifest.json")])
-        other.close()
-
-    monkeypatch.setattr(time, "sleep", let_go)
-    watched = Watched()
-    batch(watched)
-    assert watched.labelled == ["floor2/map", "floor1/map"]
-    assert waits == [["floor2"]]
-
-
-def test_what_the_dead_left_is_removed(batch: Batch, maps: Path) -> None:
-    batch()
-    out = maps.parent / "out"
-    left = out / "floor1" / ".map.0123456789ab.tmp"
-    for name in ("floor1/map", "../maps"):
-        claim_of(out, name).parent.mkdir(exist_ok=True)
-        claim_of(out, name).write_text(name)
-        left.mkdir(exist_ok=True)
-        held = maps.parent / ".maps.0123456789ab.tmp"
-        held.mkdir(exist_ok=True)
-    batch()
-    assert (left.exists(), held.exists()) == (False, True)
-    assert not claim_of(out, "floor1/map").parent.exists()
-
-
-def test_a_claim_is_made_though_another_batch_removes_the_folder_of_claims(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = claim_of(tmp_path, "hall")
-    opened: list[Path] = []
-
-    def remove_first(path: Path, flags: int) -> int:
-        if not opened:
-            path.parent.rmdir()
-        opened.append(path)
-        return open_own(path, flags)
-
-    monkeypatch.setattr("pgm_places.io.staging.open_own", remove_first)
-    with claimed(file) as is_ours:
-        assert is_ours and file.exists()
-
-
-def test_an_interrupted_batch_leaves_no_claim_and_no_stage(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
-        changed.setattr("pgm_places.batch.batch_index.BatchIndex.add", interrupt)
-        batch(Hanging(2))
-    out = maps.parent / "out"
-    assert not claim_of(out, "floor1/map").parent.exists()
-    assert not [path for path in out.rglob(".*") if path.suffix == ".tmp"]
-
-
 class Elsewhere(Here):
     """This process in the place of a worker that the judge asks about."""
 
@@ -451,65 +336,6 @@ def test_only_what_failed_is_tried_again(batch: Batch, maps: Path) -> None:
     assert batch(how={"only_failed": True}).summary() == "0 maps: 0 labelled"
 
 
-def test_a_map_that_takes_too_long_is_given_up(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def slow(*_: Any, **__: Any) -> None:
-        while True:
-            with contextlib.suppress(Exception):  # what catches every error must not stop it
-                sum(range(1000))
-
-    with monkeypatch.context() as changed:
-        changed.setattr(map_task, "write_labelled", slow)
-        batch(how={"limit_s": 0.2})
-    failed = failures(maps.parent / "out")["floor1/map"]
-    assert (failed["error"], failed["message"]) == (
-        "TimeLimit",
-        "it took longer than 0.2 s; raise --time-limit",
-    )
-    assert not list((maps.parent / "out").rglob(".*.tmp"))
-    assert batch(how={"limit_s": 600.0}).n_labelled == 2
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")
-def test_small_maps_are_labelled_with_the_least_memory(batch: Batch) -> None:
-    assert batch(LocalWorkers(1, 1, LEAST_MEMORY)).n_labelled == 2
-
-
-def test_a_model_that_does_not_fit_is_a_failure_of_the_map(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def too_large(*_: Any) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(map_task, "_ready", too_large)
-    assert batch().n_failed == 3
-    failed = failures(maps.parent / "out")["floor1/map"]
-    assert failed["message"] == "out of memory; raise --memory, or use fewer jobs"
-
-
-class Hanging(LocalWorkers):
-    """Processes in which nothing of Python runs any more on one of the maps."""
-
-    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any], **more: Any) -> Any:
-        return super().run(partial(hang_on, function, "floor1/map"), tasks, **more)
-
-
-def test_the_process_of_a_map_that_hangs_is_killed_and_the_others_are_labelled(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(local_workers, "GRACE_S", 1.0)
-    found = batch(Hanging(1), how={"limit_s": 9.0})
-    assert (found.n_labelled, found.n_failed) == (1, 2)
-    failed = failures(maps.parent / "out")["floor1/map"]
-    assert (failed["error"], failed["message"]) == (
-        "TimeLimit",
-        "it took longer than 9 s; raise --time-limit",
-    )
-    assert batch().n_labelled == 1  # nobody holds the claim any more
-    assert not failures(maps.parent / "out").keys() & {"floor1/map"}
-
-
 def test_pictures_may_be_left_out_and_are_made_when_they_are_wanted(
     batch: Batch, again: Again, maps: Path
 ) -> None:
@@ -546,49 +372,3 @@ def test_a_root_that_was_written_holds_until_the_input_moves(batch: Batch, maps:
     assert recorded_root(out) == maps
     maps.rename(maps.parent / "moved")
     assert recorded_root(out) is None
-
-
-def test_a_link_in_place_of_the_claims_is_refused_and_nothing_behind_it_touched(
-    batch: Batch, maps: Path
-) -> None:
-    batch()
-    out, home = maps.parent / "out", maps.parent / "home"
-    home.mkdir()
-    (home / "id_rsa").write_text("secret")
-    claims = claim_of(out, "floor1/map").parent
-    claims.symlink_to("../home")
-    with pytest.raises(OutputError, match="claims: a symbolic link stands in its place; remove it"):
-        batch()
-    with (
-        pytest.raises(OutputError, match="a symbolic link stands in its place"),
-        claimed(claim_of(out, "floor1/map"), "floor1/map"),
-    ):
-        pass
-    assert [path.name for path in home.iterdir()] == ["id_rsa"]
-
-
-def test_files_among_the_claims_that_are_none_stay(batch: Batch, maps: Path) -> None:
-    batch()
-    out, home = maps.parent / "out", maps.parent / "home"
-    home.mkdir()
-    (home / "notes").write_text("floor1/map")
-    claims = claim_of(out, "floor1/map").parent
-    claims.mkdir()
-    (claims / "notes").write_text("mine")
-    (claims / ("0" * 32)).symlink_to(home / "notes")
-    batch()
-    assert (claims / "notes").read_text() == "mine"
-    assert (home / "notes").read_text() == "floor1/map"
-
-
-def test_what_the_dead_left_is_not_looked_for_behind_links(batch: Batch, maps: Path) -> None:
-    batch()
-    out, home = maps.parent / "out", maps.parent / "home"
-    held = home / ".map.0123456789ab.tmp"
-    held.mkdir(parents=True)
-    (out / "elsewhere").symlink_to("../home")
-    claim = claim_of(out, "elsewhere/map")
-    claim.parent.mkdir()
-    claim.write_text("elsewhere/map")
-    batch()
-    assert held.exists()

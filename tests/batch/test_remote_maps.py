@@ -2,42 +2,29 @@
 
 import csv
 import errno
-import io
 import json
 import tempfile
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pgm_places.batch import batch_index
-from pgm_places.batch.batch_folder import index_folder, recorded_root
-from pgm_places.batch.found_maps import Shard, find_maps
+from pgm_places.batch.batch_folder import recorded_root
+from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.map_task import Failure, MapTask, NoSpaceError
-from pgm_places.batch.remote_index import RemoteIndex
 from pgm_places.batch.remote_maps import label_anywhere
-from pgm_places.errors import InputError, MapError, OutputError
+from pgm_places.errors import MapError, OutputError
 from pgm_places.io.remote_files import MOST_AT_ONCE, RemoteFolder, address_of
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.tasks import Here
-from tests.batch.test_label_batch import failures
+from tests.batch.shared import Here, failures, far_rows
 
 fsspec = pytest.importorskip("fsspec")
-
-
-@pytest.fixture
-def bucket(maps: Path) -> Iterator[Any]:
-    """A file system in memory that holds the maps."""
-    system = fsspec.filesystem("memory")
-    system.put(str(maps), "/maps", recursive=True)
-    yield system
-    system.rm("/", recursive=True)
 
 
 def label(model: Path, out: str | Path, *maps: str) -> LabelledBatch:
@@ -159,116 +146,6 @@ def test_what_would_be_done_is_said_without_writing(
     bucket.pipe_file("/maps/floor2/map.png", b"another picture")
     assert planned().to_label == ("floor2/map", "torn")
     assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
-
-
-def test_far_results_are_listed_anew(bucket: Any, model: Path, maps: Path, tmp_path: Path) -> None:
-    label(model, "memory://out")
-    label(model, tmp_path / "near")
-    summary = bucket.cat_file("/out/summary.csv")
-    bucket.rm_file("/out/summary.csv")
-    bucket.rm("/out/floor2", recursive=True)
-    found = index_folder(Path("memory://out"), parquet=True, progress=Silent())
-    assert found.overview.n_rows == 1
-    assert found.overview.n_failures == 1  # nobody asks whether each of the maps is still there
-    assert set(found.written) == {
-        f"memory://out/{name}"
-        for name in ("failures.csv", "index.html", "summary.csv", "places.parquet")
-    }
-    lines = bucket.cat_file("/out/summary.csv").decode().splitlines()
-    assert lines[1].split(",")[0] == "floor1/map"
-    assert lines[0] == summary.decode().splitlines()[0]
-    table = pytest.importorskip("pyarrow.parquet").read_table(
-        io.BytesIO(bucket.cat_file("/out/places.parquet"))
-    )
-    places = json.loads((tmp_path / "near/floor1/map/places.json").read_text())["regions"]
-    assert table.column("name").to_pylist() == [place["name"] for place in places]
-    with pytest.raises(InputError, match=r"memory://none: no labelled map below it"):
-        index_folder(Path("memory://none"), progress=Silent())
-
-
-def far_rows(bucket: Any, name: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(bucket.cat_file(f"/out/{name}").decode())))
-
-
-class Meanwhile(Here):
-    """This process; another run comes in when the first map is done."""
-
-    def __init__(self, other: Callable[[], object]) -> None:
-        self._other: Callable[[], object] | None = other
-
-    def run(
-        self, function: Callable[[Any], Any], tasks: Iterable[Any], **_: Any
-    ) -> Iterator[tuple[Any, Any]]:
-        for done in super().run(function, tasks):
-            yield done
-            if self._other is not None:
-                self._other()
-                self._other = None
-
-
-def label_shard(model: Path, number: int, workers: Here, *maps: str) -> LabelledBatch:
-    return label_batch(
-        find_maps(maps or ["memory://maps"]),
-        Path("memory://out"),
-        LabelOptions(model=str(model)),
-        workers,
-        shard=Shard(number, 2),
-        progress=Silent(),
-    )
-
-
-@pytest.mark.parametrize("first", [1, 2])
-def test_the_lists_of_several_runs_lose_no_row(bucket: Any, model: Path, first: int) -> None:
-    label_shard(model, first, Meanwhile(lambda: label_shard(model, 3 - first, Here())))
-    names = [row["name"] for row in far_rows(bucket, "summary.csv")]
-    assert names == ["floor1/map", "floor2/map"]
-    assert [row["name"] for row in far_rows(bucket, "failures.csv")] == ["torn"]
-    tables = {Path(name).parent.name for name in bucket.find("/out/.pgm-places-lists")}
-    assert len(tables) == 1  # what other runs had is in the last one's
-
-
-def test_lists_that_were_put_at_the_same_moment_are_merged(
-    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The other run reads before, and writes after, whatever the first one puts at its end."""
-    put, other = RemoteIndex.put, [lambda: label_shard(model, 2, Here())]
-
-    def in_between(self: RemoteIndex, *, patient: bool = True) -> None:
-        if other and patient:
-            other.pop()()
-        put(self, patient=patient)
-
-    monkeypatch.setattr(RemoteIndex, "put", in_between)
-    label_shard(model, 1, Here())
-    assert len(far_rows(bucket, "summary.csv")) == 2
-    assert len(far_rows(bucket, "failures.csv")) == 1
-
-
-def test_failures_are_restored_by_listing_anew(bucket: Any, model: Path) -> None:
-    label(model, "memory://out")
-    before = bucket.cat_file("/out/failures.csv")
-    bucket.rm_file("/out/failures.csv")
-    assert index_folder(Path("memory://out"), progress=Silent()).overview.n_failures == 1
-    assert bucket.cat_file("/out/failures.csv") == before
-
-
-def test_lists_that_cannot_be_written_now_are_written_later(
-    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(batch_index, "_LEAST_PAUSE_S", 0.0)
-    monkeypatch.setattr(batch_index, "_PAUSES", 0)
-    put_file, refused = type(bucket).put_file, list[str]()
-
-    def busy(self: Any, local: str, target: str, **options: Any) -> None:
-        if target.endswith("out/index.html") and not refused:
-            refused.append(target)
-            raise OSError(errno.EBUSY, "Please reduce your request rate.")
-        put_file(self, local, target, **options)
-
-    monkeypatch.setattr(type(bucket), "put_file", busy)
-    assert label(model, "memory://out").n_labelled == 2
-    assert refused and bucket.exists("/out/index.html")
-    assert len(far_rows(bucket, "summary.csv")) == 2
 
 
 def test_a_far_folder_keeps_the_root_of_its_names(bucket: Any, model: Path) -> None:

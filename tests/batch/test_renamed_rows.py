@@ -11,7 +11,7 @@ from pgm_places.batch.label_batch import label_batch
 from pgm_places.cli.places import rename
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
-from tests.batch.tasks import Here
+from tests.batch.shared import Here
 
 
 def label(maps: Path, model: Path) -> Path:

@@ -20,7 +20,7 @@ from pgm_places.experiment.splits import splits_of
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.report.comparison_files import write_comparison
-from tests.batch.tasks import Dying, Here
+from tests.batch.shared import Dying, Here
 
 CONFIG = """
 labels.names = ["corridor", "room", "doorway"]

@@ -19,7 +19,7 @@ from pgm_places.experiment.significance import judge
 from pgm_places.experiment.splits import splits_of
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
-from tests.batch.tasks import Here
+from tests.batch.shared import Here
 from tests.experiment.test_significance import NAMES, floors, wrong_at
 from tests.experiment.test_splits import experiment as of_graphs
 
