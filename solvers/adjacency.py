@@ -19,8 +19,8 @@ class Arcs(NamedTuple):
     """Arcs in compressed rows: node ``i`` owns the slots ``start[i]`` to ``start[i + 1]``.
 
     Edge ``e`` = (i, j) makes arc ``2 e`` from i to j and arc ``2 e + 1`` back: ``arc ^ REVERSE`` is
-    the other direction, ``arc >> 1`` the edge, and ``arc & 1`` tells whether the slot's owner is
-    the edge's second node. Values kept per arc lie side by side for both directions.
+    the reverse arc, ``arc >> 1`` the edge, and ``arc & 1`` is 1 if the slot's owner is the edge's
+    second node. Values per arc are therefore adjacent in memory for both directions of an edge.
     """
 
     start: NDArray[np.uint32]
@@ -42,9 +42,9 @@ class Adjacency:
     n_nodes : int
         N.
     edges : (E, 2) int32
-        Node pairs in the order and direction they were given in.
+        Node pairs in the order and direction of the input.
     arcs : Arcs
-        The same in compressed rows, both directions of every edge.
+        Both directions of every edge, in compressed rows.
     """
 
     n_nodes: int
@@ -65,7 +65,7 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     Raises
     ------
     InputError
-        An edge names a node that is not there, or joins a node to itself.
+        An edge has a node out of range, or joins a node to itself.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def rooted_forest(around: Adjacency) -> tuple[NDArray[np.uint32], NDArray[np.uin
 
 
 def _closing_edge(around: Adjacency) -> tuple[int, NDArray[np.uint32], NDArray[np.uint32]]:
-    """The first edge that closes a cycle, -1 for none; the order and parents, whole without one."""
+    """The first edge that closes a cycle or -1; node order and parents, complete if -1."""
     order = np.empty(around.n_nodes, np.uint32)
     parent = np.empty(around.n_nodes, np.uint32)
     edge = forest_order(around.arcs, order, parent, np.zeros(around.n_nodes, np.bool_))

@@ -29,17 +29,17 @@ _SAFE_EXP = 500.0
 
 
 class Rule(NamedTuple):
-    """How messages are renewed."""
+    """The message update."""
 
     maximise: bool
     """Whether labels of the sender are maximised over, or summed."""
     damping: float
-    """Share of the old log-message that is kept."""
+    """Weight of the old log-message in an update."""
 
 
 @dataclass(frozen=True, eq=False)
 class BeliefPropagation:
-    """What the messages say.
+    """Result of loopy belief propagation.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class BeliefPropagation:
         labelling, also where several are. For ``"sum-product"`` the most probable label of each
         node by itself; ties are decided in that way, so that they fit together.
     score : float
-        The labels' log-potential, without what sets earn.
+        The labels' log-potential, without the rewards of sets.
     beliefs : (N, K) float
         For ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
         max-marginals; rows sum to one.
@@ -59,11 +59,11 @@ class BeliefPropagation:
     history : (T,) float
         Largest change of a log-message in each sweep.
     exact : bool
-        Whether there are no cycles and no sets: beliefs are then the model's own, and the labels
-        of ``"max-product"`` the best of all.
+        Whether there are no cycles and no sets: beliefs are then exact, and the labels of
+        ``"max-product"`` optimal.
     messages : (2 E, K) float
-        Log-messages: row ``2 e`` is what the first node of edge ``e`` says to the second, row
-        ``2 e + 1`` the answer. A node's log-beliefs are its unary plus what it hears.
+        Log-messages: row ``2 e`` goes from the first node of edge ``e`` to the second, row
+        ``2 e + 1`` back. A node's log-beliefs are its unary plus its incoming messages.
     """
 
     labels: NDArray[np.int64]
@@ -102,7 +102,7 @@ def belief_propagation(
         Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`), for
         ``"sum-product"``. O(K n^2) a sweep for a set of n nodes.
     damping : float
-        Share of the old log-message that is kept in an update, at least 0 and less than 1.
+        Weight of the old log-message in an update, at least 0 and less than 1.
     tolerance : float
         Stop when no log-message changed by more than this in a sweep, in units of the potentials
         (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`); for
@@ -169,7 +169,7 @@ def _decoded(model: PairwiseModel, message: NDArray[np.float64], slack: float) -
 def _sweeper(
     model: PairwiseModel, rule: Rule, message: NDArray[np.float64]
 ) -> Callable[[bool], float]:
-    """What renews all messages, upwards or back, and returns the largest change."""
+    """A function that updates all messages, upwards or back, and returns the largest change."""
     terms, arcs, agreement = model.terms, model.around.arcs, model.agreement
     if agreement is None or not (rule.maximise or _is_safe(agreement)):
         if rule.maximise:
@@ -182,21 +182,21 @@ def _sweeper(
 def _with_sets(
     model: PairwiseModel, sets: SetTables, rule: Rule, message: NDArray[np.float64]
 ) -> tuple[PairwiseModel, Callable[[bool], float]]:
-    """The model whose unaries hold what sets say, and what renews that after all messages."""
-    told = SetMessages(model, sets)
-    among_nodes = _sweeper(told.model, rule, message)
+    """The model with messages of sets in its unaries, and a sweep that also updates these."""
+    set_messages = SetMessages(model, sets)
+    among_nodes = _sweeper(set_messages.model, rule, message)
 
     def sweep(upwards: bool) -> float:
         change = among_nodes(upwards)
-        return max(change, told.renew(heard_from_all(told.model, message)))
+        return max(change, set_messages.renew(heard_from_all(set_messages.model, message)))
 
-    return told.model, sweep
+    return set_messages.model, sweep
 
 
 def _forest_sweeper(
     model: PairwiseModel, maximise: bool, message: NDArray[np.float64]
 ) -> Callable[[bool], float]:
-    """What fills all messages of a forest, towards the roots and back, and returns the largest."""
+    """A sweep over a forest, towards the roots and back, that returns the largest change."""
     terms, arcs = model.max_terms if maximise else model.terms, model.around.arcs
     order, parent = rooted_forest(model.around)
 
@@ -216,7 +216,7 @@ def _is_safe(agreement: NDArray[np.float64]) -> bool:
 
 
 def heard_from_all(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, K) the unary of each node plus what all its neighbours say (2 E, K)."""
+    """(N, K) the unary of each node plus its incoming messages (2 E, K)."""
     heard = model.unary.copy()
     heads = model.around.edges[:, ::-1].reshape(-1)  # arc 2 e leads to the second node
     np.add.at(heard, heads, message)
@@ -238,14 +238,14 @@ def beliefs_from_messages(
 
 
 def pair_beliefs(model: PairwiseModel, messages: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(E, K, K) what sum messages (2 E, K) say of the labels at both ends of each edge.
+    """(E, K, K) pair marginals of each edge from sum-product messages (2 E, K).
 
-    Each is the edge's potential plus what both ends have heard from others than each other; exact
-    without cycles.
+    The log-marginal is the edge's potential plus the messages to both ends from all other
+    neighbours; exact without cycles.
     """
     heard = heard_from_all(model, messages)
     first, second = model.around.edges.T
-    with np.errstate(invalid="ignore"):  # what is impossible stays so
+    with np.errstate(invalid="ignore"):  # impossible labels stay impossible
         said = heard[first] - messages[1::2]
         answered = heard[second] - messages[0::2]
     said, answered = (np.where(np.isnan(part), -np.inf, part) for part in (said, answered))

@@ -1,9 +1,9 @@
-"""Exact inference where few nodes separate a graph: nodes are eliminated one after the other.
+"""Bucket elimination: exact inference on graphs of small treewidth.
 
-What is left of a node is a table over the neighbours that it has left, an axis for each. Rings,
-ladders, narrow grids and sparse networks are solved so, wide grids are not: time and memory are
-exponential in the graph's treewidth. The tables form a junction tree: two passes give the best
-labelling, or the marginals of nodes and of all nodes that share a table.
+Nodes are eliminated one after the other; each leaves a table over its remaining neighbours, with
+one axis per neighbour. This solves rings, ladders, narrow grids and sparse networks, but not wide
+grids: time and memory are exponential in the graph's treewidth. The tables form a junction tree:
+two passes give the best labelling, or the marginals of nodes and of all nodes that share a table.
 """
 
 import heapq
@@ -19,24 +19,25 @@ from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.pairwise import PairwiseModel
 
 MOST_ENTRIES = 2**25
-"""Numbers in the tables of all nodes together, up to which elimination is offered: 256 MiB."""
+"""Limit of the entries of all tables together: 256 MiB."""
 
 _MOST_AXES = 30
-"""Of a table; NumPy 1 allows 32."""
+"""Limit of the axes of a table; NumPy 1 allows 32."""
 
 
 @dataclass(frozen=True, eq=False)
 class BucketOrder:
-    """The nodes in the order of their elimination.
+    """An elimination order of the nodes.
 
     Parameters
     ----------
     order : (N,) int
         The nodes.
     scopes : tuple of N tuples of int
-        The place of each in that order, then those of the neighbours that it has left, ascending.
+        Position of each node in that order, then the positions of its remaining neighbours,
+        ascending.
     n_entries : int
-        Numbers in the tables over these scopes.
+        Entries of the tables over these scopes.
     """
 
     order: NDArray[np.int64]
@@ -45,17 +46,17 @@ class BucketOrder:
 
     @property
     def width(self) -> int:
-        """The most neighbours that a node has left: at least the graph's treewidth."""
+        """The largest number of remaining neighbours: at least the graph's treewidth."""
         return max((len(scope) for scope in self.scopes), default=1) - 1
 
 
 def bucket_order(
     sizes: Sequence[int], sets: Iterable[Sequence[int]], *, most_entries: int = MOST_ENTRIES
 ) -> BucketOrder | None:
-    """An order in which nodes of some numbers of labels leave small tables; None if they are large.
+    """An elimination order with small tables, by the minimum-weight rule; None if too large.
 
-    The node that leaves the smallest table goes first (minimum weight, which is minimum degree
-    where all have as many labels).
+    The node that leaves the smallest table is eliminated next. With equal numbers of labels this is
+    the minimum-degree rule.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ def bucket_order(
     sets : iterable of sequences of int
         The nodes of each edge, or of each factor of any order.
     most_entries : int
-        Up to how many numbers the tables may hold together.
+        Limit of the entries of all tables together.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def bucket_order(
     while waiting:
         was, node = heapq.heappop(waiting)
         if place[node] >= 0 or was != weight(node)[0]:
-            continue  # it has gone, or its neighbours have changed since
+            continue  # eliminated already, or a stale weight
         entries += sizes[node] * math.prod(sizes[other] for other in left[node])
         if entries > most_entries or len(left[node]) >= _MOST_AXES:
             return None
@@ -114,7 +115,7 @@ class Factor(NamedTuple):
     scope: tuple[int, ...]
     """The nodes, all different."""
     table: Array
-    """An axis for each of them, in that order; -inf forbids."""
+    """One axis per node, in that order; -inf forbids."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ class BucketMarginals:
     beliefs : tuple of N arrays (K,)
         Probability of each label, node by node.
     joints : tuple of arrays
-        Probability of the labels of each set of nodes that was asked for, an axis for each node.
+        Probability of the labels of each requested set of nodes, one axis per node.
     log_partition : float
         The logarithm of the sum of ``exp(score)`` over all labellings.
     """
@@ -138,16 +139,16 @@ class BucketMarginals:
 
 @dataclass(frozen=True, eq=False)
 class BucketTree:
-    """The nodes of a model in the order of their elimination, and their tables.
+    """A model's nodes in elimination order, with the table (bucket) of each.
 
     Parameters
     ----------
     order : BucketOrder
-        The nodes, and what each table is over.
+        The nodes, and the scope of each table.
     tables : tuple of N arrays
-        The factors of each node with those that go later; an axis for each node of its scope.
+        The factors of each node with later nodes; one axis per node of its scope.
     offset : float
-        What the score of every labelling has on top.
+        Constant added to the score of every labelling.
 
     Notes
     -----
@@ -173,7 +174,7 @@ class BucketTree:
 
     @classmethod
     def of(cls, model: PairwiseModel, *, most_entries: int = MOST_ENTRIES) -> "BucketTree | None":
-        """That of a model, but for its unaries; None where the tables would be too large."""
+        """The tree of a model without its unaries; None where the tables would be too large."""
         sizes, edges = [model.n_labels] * model.n_nodes, model.around.edges.tolist()
         order = bucket_order(sizes, edges, most_entries=most_entries)
         if order is None:
@@ -186,13 +187,13 @@ class BucketTree:
     def of_factors(
         cls, sizes: Sequence[int], factors: Sequence[Factor], *, most_entries: int = MOST_ENTRIES
     ) -> "BucketTree | None":
-        """That of factors of any order over nodes of ``sizes`` labels; None where too large."""
+        """The tree of factors of any order, nodes having ``sizes`` labels; None if too large."""
         scopes = [factor.scope for factor in factors]
         order = bucket_order(sizes, scopes, most_entries=most_entries)
         return None if order is None else cls(order, _tables(order, sizes, factors))
 
     def solved(self, unary: Sequence[Array] | Array) -> tuple[NDArray[np.int64], tuple[Array, ...]]:
-        """The best labelling (N,) with these unaries, (K,) a node, and the max-marginals of each.
+        """The best labelling (N,) with these unaries, (K,) per node, and each node's max-marginals.
 
         A max-marginal is the score of the best labelling in which the node has the label; -inf
         where there is none.
@@ -212,7 +213,7 @@ class BucketTree:
     def marginals(
         self, unary: Sequence[Array] | Array, sets: Sequence[tuple[int, ...]] = ()
     ) -> BucketMarginals:
-        """The distribution of each node, and that of each of some sets: edges, scopes of factors.
+        """Marginals of each node, and joint marginals of ``sets``: edges, or scopes of factors.
 
         Raises
         ------
@@ -258,13 +259,13 @@ class BucketTree:
 
     @property
     def _places(self) -> NDArray[np.int64]:
-        """(N,) the place of each node in the order."""
+        """(N,) position of each node in the order."""
         return np.argsort(self.order.order)
 
     def _collected(
         self, unary: Sequence[Array] | Array, summary: Callable[[Array, tuple[int, ...]], Array]
     ) -> tuple[list[Array], list[Array]]:
-        """What each node and all eliminated before it say of its scope, and of the others in it."""
+        """Upward pass: each node's belief over its scope, and its message to the later nodes."""
         beliefs = [
             table + np.asarray(unary[node]).reshape(-1, *[1] * (table.ndim - 1))
             for node, table in zip(self.order.order, self.tables, strict=True)
@@ -280,7 +281,7 @@ class BucketTree:
     def _traced(
         self, beliefs: list[Array], choice: Callable[[Array], NDArray[np.int64]], n_rows: int
     ) -> NDArray[np.int64]:
-        """(S, N) labels chosen by (K, S) what nodes say, given those of the nodes that go later."""
+        """(S, N) labels chosen node by node, given the labels of later nodes."""
         labels = np.empty((n_rows, len(beliefs)), np.int64)
         for scope in reversed(self.order.scopes):
             given = tuple(labels[:, list(scope[1:])].T)
@@ -294,7 +295,7 @@ class BucketTree:
         messages: list[Array],
         summary: Callable[[Array, tuple[int, ...]], Array],
     ) -> float:
-        """Tells every node, in place, what all others say; the summary of all labellings."""
+        """Downward pass, in place; returns the summary (maximum or log-sum) over all labellings."""
         total = self.offset
         for scope in reversed(self.order.scopes):
             here, others = scope[0], scope[1:]
@@ -318,7 +319,7 @@ def _maximum(table: Array, gone: tuple[int, ...]) -> Array:
 def _log_sum(table: Array, gone: tuple[int, ...]) -> Array:
     top = table.max(axis=gone, keepdims=True)
     top = np.where(top > -np.inf, top, 0.0)
-    with np.errstate(divide="ignore"):  # the logarithm of 0 is meant
+    with np.errstate(divide="ignore"):  # log(0) = -inf is intended
         return np.log(np.exp(table - top).sum(axis=gone)) + top.squeeze(axis=gone)
 
 
@@ -331,7 +332,7 @@ def _shape(message: Array, scope: tuple[int, ...], wider: tuple[int, ...]) -> li
 def _tables(
     order: BucketOrder, sizes: Sequence[int], factors: Sequence[Factor]
 ) -> tuple[Array, ...]:
-    """The tables of a tree: each factor is in that of its node which goes first."""
+    """The tables of a tree: each factor is added to the table of its first eliminated node."""
     place = np.argsort(order.order).tolist()
     sized = [sizes[node] for node in order.order]
     tables = tuple(np.zeros([sized[at] for at in scope]) for scope in order.scopes)

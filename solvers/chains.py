@@ -1,8 +1,9 @@
 """HMM tables, and log-domain filtering where float64 underflows.
 
-A label that fell behind by more than ``exp(700)`` is 0 as a float. That does no harm where every
-label leads to every other one: what is left of it then drowns in what comes to it. Where a
-transition is impossible it may be all there is when later observations rule out the rest.
+A belief below ``exp(-700)`` of the largest one underflows to 0. That is harmless where all
+transitions are possible: the label's own remainder is then negligible beside the probability that
+arrives from other labels. Where a transition is impossible, this remainder may be the only
+probability left when later observations rule out all other labels.
 """
 
 from typing import NamedTuple
@@ -15,9 +16,9 @@ from pgm_places._core import filter_in_logs, smooth_in_logs, subtract_best
 from pgm_places.errors import InputError
 
 SUM_TOLERANCE = 1e-6
-"""Of probabilities that must sum to one."""
+"""Tolerance of probabilities that must sum to one."""
 
-# Beliefs above are floats in full, since the sum that they are divided by is at least 1e-200.
+# Larger beliefs have full precision, since the sum that divides them is at least 1e-200.
 RARE_BELIEF = 1e-100
 
 # If all transitions are as probable as that, a label's former belief of 1e-107 does not count.
@@ -30,16 +31,16 @@ STEPS_AT_ONCE = 8192
 
 
 class Chain(NamedTuple):
-    """A chain of T steps and K labels, and the A tables that may lead from one step to the next."""
+    """A hidden Markov chain of T steps, K labels, and A transition tables (one per action)."""
 
     start: NDArray[np.float64]
     """(K,) probabilities at the first step, before its observation."""
     transition_t: NDArray[np.float64]
     """(A, K, K) probability of each label (row) after each label before (column)."""
     observed: NDArray[np.float64]
-    """(T, K) log-likelihoods; NaN and +inf are looked for where they are used."""
+    """(T, K) log-likelihoods; checked for NaN and +inf at first use."""
     action: NDArray[np.int64]
-    """(T,) the table that led to each step; the first one's is not used."""
+    """(T,) the transition table before each step; the first entry is not used."""
 
 
 def markov_chain(
@@ -48,7 +49,7 @@ def markov_chain(
     log_likelihood: ArrayLike,
     actions: ArrayLike | None = None,
 ) -> Chain:
-    """A hidden Markov chain and what was observed along it.
+    """A hidden Markov chain with its observations.
 
     Likelihoods may differ by any factor, and add up to any over many steps.
 
@@ -108,15 +109,15 @@ def require_distributions(name: str, values: NDArray[np.float64]) -> None:
 def exceeds_floats(
     chain: Chain, beliefs: NDArray[np.float64], impossible: NDArray[np.bool_]
 ) -> bool:
-    """Whether filtered beliefs (T, K) may have lost what they need from a step on.
+    """Whether filtered beliefs (T, K) may have lost a label to underflow that later steps need.
 
     Parameters
     ----------
     chain : Chain
     beliefs : (T, K) float
-        As found with floats.
+        Filtered without logarithms.
     impossible : (T,) bool
-        Steps whose observation was left out.
+        Steps whose observation was skipped.
     """
     if chain.transition_t.min(initial=1.0) >= LEAST_ARRIVAL:
         return False

@@ -8,7 +8,7 @@ from pgm_places._core import count_pairs
 from pgm_places.errors import InputError
 
 DIRECTIONS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
-"""Row and column steps to the 8 neighbours; direction ``d`` seen from there is ``7 - d``."""
+"""Row and column steps to the 8 neighbours; the opposite of direction ``d`` is ``7 - d``."""
 
 LOWEST = np.iinfo(np.int64).min
 

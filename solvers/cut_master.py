@@ -1,4 +1,4 @@
-"""The small quadratic program of the cutting plane: the best weights under the cuts so far.
+"""The master problem of the cutting-plane method: a small QP over the cuts so far.
 
 Over cuts ``H(w) >= b_c - a_c . w`` (and ``H >= 0``) the master minimises::
 
@@ -18,23 +18,23 @@ from numpy.typing import NDArray
 
 from pgm_places.solvers.margin_solution import Cut
 
-# Relative size of the ridge that keeps the active set's systems solvable with repeated cuts; the
-# bound it gives is rigorous all the same because it is evaluated without it.
+# Relative size of the ridge that keeps the active set's systems solvable with repeated cuts. The
+# bound stays rigorous because it is evaluated without the ridge.
 RIDGE = 1e-12
 
-# A descent below this share of the terms it is summed from is rounding.
+# A descent below this share of its summed terms is rounding.
 ROUNDING = 1e-12
 
 # A warm-started solve takes some ten pivots; this many mean that rounding made it cycle.
 MAX_PIVOTS = 2_000
 
-# A cut whose multiplier was zero for so many rounds is dropped; it can come back.
+# Rounds with a zero multiplier after which a cut is dropped; it can come back.
 INACTIVE_ROUNDS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class MasterPoint:
-    """The master's minimiser, its rigorous lower bound, and how many cuts hold it."""
+    """The master's minimiser, its rigorous lower bound, and the number of active cuts."""
 
     weights: NDArray[np.float64]
     lower_bound: float
@@ -68,23 +68,23 @@ class CutMaster:
 
     @property
     def n_cuts(self) -> int:
-        """Cuts that are held, without the empty one."""
+        """Number of stored cuts, without the empty one."""
         return len(self._offsets) - 1
 
     @property
     def cuts(self) -> tuple[Cut, ...]:
-        """The cuts that are held."""
+        """The stored cuts."""
         return tuple(
             Cut(gradient.copy(), float(offset))
             for gradient, offset in zip(self._gradients[1:], self._offsets[1:], strict=True)
         )
 
     def height(self, weights: NDArray[np.float64]) -> float:
-        """The hinge at ``weights`` as far as the cuts know it."""
+        """The cutting-plane model of the hinge at ``weights``: the largest of all cuts."""
         return float((self._offsets - self._gradients @ weights).max())
 
     def add(self, cut: Cut) -> None:
-        """Hold one more cut."""
+        """Store one more cut."""
         products = self._gradients @ cut.gradient
         own = float(cut.gradient @ cut.gradient)
         self._gram = np.block(
@@ -96,7 +96,7 @@ class CutMaster:
         self._idle = np.append(self._idle, 0)
 
     def solve(self) -> MasterPoint:
-        """The minimiser under the cuts held; cuts idle for long are dropped afterwards."""
+        """The minimiser under the stored cuts; afterwards long idle cuts are dropped."""
         self._solve_active_set()
         point = self._point()
         self._drop_idle()
@@ -144,24 +144,19 @@ def _simplex_qp(
     total: float,
     start: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The minimiser of 1/2 v H v - c v over v >= 0 with the marked entries adding to ``total``.
-
-    A primal active-set method: solve on the support, walk to the solution until an entry meets
-    zero, drop it; at the support's minimum take in the entry of steepest descent. ``start`` must
-    be feasible.
-    """
+    """Minimise 1/2 v H v - c v, v >= 0, marked entries summing to ``total``: primal active set."""
     v = start.copy()
     support = v > 0
     scale = np.abs(linear).max(initial=0.0) + np.abs(hessian).max(initial=0.0) * total
     tolerance = ROUNDING * scale
-    refused = np.zeros(len(v), np.bool_)  # whose descent from here was rounding
+    refused = np.zeros(len(v), np.bool_)  # entries whose descent from this point was rounding
     for _ in range(MAX_PIVOTS):
         index = np.flatnonzero(support)
         target, price = _equality_solution(hessian, linear, in_sum, total, index)
         blocked = target <= 0
         if blocked.any():
             room, wanted = v[index][blocked], target[blocked]
-            # an entry that has just come in and would turn back has no room at all
+            # an entry that has just entered and would turn back has no room at all
             steps = np.divide(room, room - wanted, out=np.zeros(len(room)), where=room > 0)
             step = float(steps.min())
             v[index] += step * (target - v[index])

@@ -1,4 +1,4 @@
-"""Max-margin learning at scale: one slack, cuts from a graph cut, a small QP over them.
+"""Cutting-plane training with one slack: each cut from an oracle, the master a small QP.
 
 T. Joachims, T. Finley, C.-N. Yu, "Cutting-plane training of structural SVMs", Machine Learning 77
 (2009), Algorithm 3, for the objective of :mod:`pgm_places.solvers.max_margin`; cuts are also taken
@@ -28,13 +28,13 @@ from pgm_places.solvers.margin_solution import (
 from pgm_places.solvers.max_margin import MarginProblem, Oracle, objective
 from pgm_places.solvers.max_oracle import Certificate
 
-# A slower look at some weights: a rigorous objective, and the best labelling found on the way.
+# (weights) -> a rigorous objective and the best labelling found: slower than an oracle.
 Verifier = Callable[[Any, NDArray[np.float64]], Certificate]
 
 # Where the next cut is taken: 0 at the best weights so far, 1 at the master's minimiser.
 STEP = 0.4
 
-# A cut is new when it rises above the known ones by more than this share of a hinge's height.
+# A cut is new when it exceeds the stored ones by more than this share of a hinge's height.
 SAME_HEIGHT = 1e-12
 
 
@@ -59,8 +59,8 @@ def cutting_plane(
     ----------
     problem : MaxMarginProblem or TableMarginProblem
     oracle : callable
-        A labelling of large score for given potentials; exact for two labels with a minimum cut.
-        The lower bound holds whatever it misses, the objective only as far as it finds the best.
+        A labelling of large score for some potentials; exact for two labels with a minimum cut.
+        The lower bound holds for any oracle, the objective only for one that finds the maximum.
     tolerance : float
         Stop when (objective - lower bound) / objective is at most this.
     max_iterations : int
@@ -75,24 +75,24 @@ def cutting_plane(
     thorough : callable, optional
         A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
     verifier : callable, optional
-        Asked when the oracle's gap has closed, :func:`pgm_places.solvers.max_oracle.\
-certify_weights` for one. Learning goes on with the labelling it found until the gap between its
-        rigorous objective and the lower bound is at most ``verified_tolerance``, or it finds
-        nothing new either.
+        Called when the oracle's gap has closed, for instance :func:`pgm_places.solvers.max_oracle.\
+certify_weights`. Learning continues with its labelling until the gap between its
+        rigorous objective and the lower bound is at most ``verified_tolerance``, or it finds no
+        new labelling.
     verified_tolerance : float
         See ``verifier``.
     exact : bool
-        Whether the oracle misses nothing, as a graph cut with two labels: then the objective that
-        it finds is rigorous.
+        Whether the oracle always finds the maximum, as a graph cut with two labels does: the
+        objective is then rigorous.
     on_iteration : callable, optional
         Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep`; True stops.
 
     Returns
     -------
     LearnedWeights
-        Once the gap has closed ``status`` says what of that is proved: ``optimal``,
-        ``within_tolerance`` or ``oracle_limit``. Before that ``stalled``, ``iteration_limit``,
-        ``time_limit`` or ``stopped``.
+        After the gap has closed, ``status`` is ``optimal``, ``within_tolerance`` or
+        ``oracle_limit``, as far as it is proved. Before that it is ``stalled``,
+        ``iteration_limit``, ``time_limit`` or ``stopped``.
 
     Examples
     --------
@@ -130,7 +130,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
         else:
             continue
         break
-    search.take_over()  # the objective that is told is the thorough oracle's in any case
+    search.take_over()  # the reported objective is always the thorough oracle's
     value = max(search.objective, search.lower_bound)
     if exact and search.certified is None:
         search.certified = value
@@ -150,7 +150,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
 
 
 class _Search:
-    """The best weights so far, the bounds on the optimum, and where to look next."""
+    """State of the search: best weights, bounds on the optimum, where to take the next cut."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class _Search:
         self.problem, self.verifier = problem, verifier
         self.oracle, self.thorough = oracle, thorough
         self.master = CutMaster(problem.n_weights, problem.n_free, problem.penalty)
-        self.typical_height = float(problem.loss.mean())  # the most that it is at weights of 0
+        self.typical_height = float(problem.loss.mean())  # the largest hinge at weights of 0
         self.weights = np.zeros(problem.n_weights)
         self.objective = np.inf
         self.certified: float | None = None
@@ -171,7 +171,7 @@ class _Search:
         self.at_master = True
 
     def begin_at(self, weights: NDArray[np.float64]) -> None:
-        """Take these for the best weights so far, with the plane there."""
+        """Start at these weights, with the cut there."""
         weights = finite_array("start", weights, (self.problem.n_weights,))
         if weights[self.problem.n_free :].min(initial=0.0) < 0:
             raise InputError("start must be at least 0 in the weights of edges and cliques")
@@ -181,7 +181,7 @@ class _Search:
         self.at_master = False
 
     def advance(self) -> bool:
-        """Take one cut; False when neither the oracle nor a fuller step can give a new one."""
+        """Add one cut; False when neither the oracle nor a full step gives a new one."""
         point = self.master.solve()
         self.lower_bound = max(self.lower_bound, point.lower_bound)
         self.n_active = point.n_active
@@ -198,7 +198,7 @@ class _Search:
         return is_new or not at_master
 
     def take_over(self) -> bool:
-        """Ask the thorough oracle from now on, the best weights first; False when it does."""
+        """Switch to the thorough oracle, first at the best weights; False if already switched."""
         if self.thorough is None:
             return False
         self.oracle, self.thorough = self.thorough, None
@@ -207,7 +207,7 @@ class _Search:
         return True
 
     def verify(self, tolerance: float) -> bool:
-        """Look closer at the best weights; True when that gave a cut to go on with."""
+        """Call the verifier at the best weights; True if that gave a new cut."""
         if self.verifier is None:
             return False
         certificate = self.verifier(self.problem, self.weights)
@@ -217,14 +217,14 @@ class _Search:
         return self._look_again(self.problem.cut_of(certificate.labels))
 
     def _look_again(self, cut: Cut) -> bool:
-        """Take in a cut at the best weights, and what it says of their objective."""
+        """Add a cut at the best weights, and update their objective."""
         is_new = self._add(cut, self.weights)
         self.objective = objective(self.problem, self.weights, self.master.height(self.weights))
         self.at_master = True
         return is_new
 
     def _add(self, cut: Cut, weights: NDArray[np.float64]) -> bool:
-        """Hold a cut if it says more at ``weights`` than those that are held."""
+        """Store a cut if it is higher at ``weights`` than all stored cuts."""
         known = self.master.height(weights)
         is_new = cut.value(weights) > known + SAME_HEIGHT * (self.typical_height + abs(known))
         if is_new:

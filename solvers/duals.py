@@ -1,4 +1,4 @@
-"""Dual variables of decoding: what edges give to nodes, and the bound that follows."""
+"""Dual variables of MAP decoding: reparametrisation of the potentials, and the upper bound."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ def dual_bound(
     *,
     duals: ArrayLike,
 ) -> float:
-    """What no labelling scores more than: the best of each node and edge after moving the duals.
+    """Upper bound of all scores: the best of each node and edge after reparametrisation.
 
     ``sum_i max_k (unary_i(k) + sum_e d_ei(k)) + sum_e max_kl (table_e(k, l) - d_ei(k) - d_ej(l))``
     is a bound for any duals; the smallest one is the value of the linear relaxation.
@@ -26,10 +26,10 @@ def dual_bound(
     Parameters
     ----------
     unary, edges, agreement, pairwise
-        The problem, as every solver takes it.
+        The problem, see :func:`pgm_places.solvers.pairwise.pairwise_model`.
     duals : (2 E, K) float
-        What each edge gives its nodes: row ``2 e`` its second node, row ``2 e + 1`` its first. -inf
-        rules the label out at that node; the bound then holds for labellings without it.
+        Message of each edge to its nodes: row ``2 e`` to the second, row ``2 e + 1`` to the first.
+        -inf rules the label out at that node; the bound then holds for labellings without it.
 
     Notes
     -----
@@ -58,15 +58,14 @@ def reparametrisation(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N, K) unaries and (E, K, K) tables after moving the duals: every labelling scores the same.
 
-    Parameters are those of :func:`dual_bound`. What they rule out is -inf. An edge or a node whose
-    best is reached at one place alone is decided; where the bound is tight, the places of the best
-    fit together.
+    Parameters are those of :func:`dual_bound`. Labels that the duals rule out are -inf. A node or
+    an edge with a unique maximum is decided; if the bound is tight, the maxima are consistent.
     """
     model = pairwise_model(unary, edges, agreement, pairwise)
     moved = _checked(model, duals)
     to_second, to_first = moved[0::2], moved[1::2]
     tables = model.edge_tables
-    if pairwise is not None:  # its constants are the edges' own, and no offset of all
+    if pairwise is not None:  # constants belong to the edges, not to a common offset
         tables = np.broadcast_to(np.asarray(pairwise, np.float64), tables.shape)
     with np.errstate(invalid="ignore"):
         left = tables - to_first[:, :, np.newaxis] - to_second[:, np.newaxis, :]
@@ -83,15 +82,15 @@ def dual_value(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
 def cut_duals(model: PairwiseModel) -> NDArray[np.float64]:
     """(2 E, K) duals of a regular model of one or two labels, whose bound is the best score.
 
-    An edge's potential is ``c + p a + q b - w |a - b|`` of its labels 0 and 1. The flow of a
-    largest flow through edges of capacity w moves what is left of it to the nodes.
+    An edge's potential is ``c + p a + q b - w |a - b|`` of its labels 0 and 1. A maximum flow
+    through edges of capacity w moves the last term to the nodes.
     """
     duals = np.zeros((2 * model.around.n_edges, model.n_labels))
     if model.n_labels < 2:
         return duals
     unary, tables = _finite(model.unary), model.edge_tables  # regular tables are finite
     weight = 0.5 * (tables[:, 0, 0] + tables[:, 1, 1] - tables[:, 0, 1] - tables[:, 1, 0])
-    weight = np.maximum(weight, 0.0)  # regular but for rounding
+    weight = np.maximum(weight, 0.0)  # regular up to rounding
     duals[1::2, 1] = tables[:, 1, 0] - tables[:, 0, 0] + weight
     duals[0::2, 1] = tables[:, 0, 1] - tables[:, 0, 0] + weight
     heads = model.around.edges[:, ::-1].reshape(-1)
@@ -107,7 +106,7 @@ def cut_duals(model: PairwiseModel) -> NDArray[np.float64]:
 
 
 def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """-inf as a number that outweighs all others: a bound with more than is there still holds."""
+    """-inf replaced by a number that outweighs all others: the bound stays valid."""
     there = np.isfinite(values)
     return np.where(there, values, -2.0 * (1.0 + np.abs(values[there]).sum()))
 
@@ -118,16 +117,16 @@ def _checked(model: PairwiseModel, duals: ArrayLike) -> NDArray[np.float64]:
 
 
 def _raised(model: PairwiseModel, duals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, K) the unaries plus what all edges give."""
+    """(N, K) the unaries plus the duals of all edges."""
     raised = model.unary.copy()
     np.add.at(raised, model.around.edges[:, ::-1].reshape(-1), duals)
     return raised
 
 
 def _left(model: PairwiseModel, duals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(E,) the best that each edge keeps, O(K) where it rewards agreement."""
-    kept = np.where(duals == -np.inf, -np.inf, -duals)
-    to_second, to_first = kept[0::2], kept[1::2]
+    """(E,) the maximum of each edge after reparametrisation, O(K) for rewards of agreement."""
+    taken = np.where(duals == -np.inf, -np.inf, -duals)
+    to_second, to_first = taken[0::2], taken[1::2]
     if model.agreement is None:
         left = model.edge_tables + to_first[:, :, np.newaxis] + to_second[:, np.newaxis, :]
         return np.asarray(left.max(axis=(1, 2), initial=-np.inf))

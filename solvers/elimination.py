@@ -13,25 +13,25 @@ from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
 
 class _Alive(NamedTuple):
-    """The labels that are not ruled out yet."""
+    """The labels that are still possible."""
 
     labels: NDArray[np.bool_]
     """(N, K)."""
     n_labels: NDArray[np.int32]
-    """(N,) how many each node has."""
+    """(N,) number of possible labels of each node."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A problem without the nodes whose label is decided; its best labellings are the problem's.
+    """A problem without the decided nodes, with the same optimal labellings.
 
     Parameters
     ----------
     model : PairwiseModel
-        The problem on the nodes that are left. Labels that were ruled out are forbidden, what the
-        decided neighbours say is part of the unaries, their scores are part of the offset.
+        The problem on the remaining nodes. Labels that were ruled out are forbidden; potentials
+        with decided neighbours are part of the unaries, scores of decided nodes of the offset.
     nodes : (M,) int
-        The nodes that are left, in order.
+        The remaining nodes, in order.
     labels : (N,) int32
         The label of each decided node, the first possible one elsewhere.
     """
@@ -41,7 +41,7 @@ class Reduction:
     labels: NDArray[np.int32]
 
     def lift(self, labels: NDArray[np.integer]) -> NDArray[np.int32]:
-        """A labelling (M,) of the nodes that are left as one (N,) of all nodes."""
+        """A labelling (M,) of the remaining nodes extended to all nodes (N,)."""
         whole = self.labels.copy()
         whole[self.nodes] = labels
         return whole
@@ -50,10 +50,10 @@ class Reduction:
 def lifted_duals(
     whole: PairwiseModel, reduced: Reduction, duals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(2 E, K) duals of the whole problem from those of what is left of it; the bound is the same.
+    """(2 E, K) duals of the full problem from duals of the reduced one; the bound is the same.
 
-    An edge gives what it is worth to its open end where the other one is decided; labels that were
-    ruled out are -inf.
+    An edge with one decided end gives its potential to the open end; labels that were ruled out
+    are -inf.
     """
     edges, n_labels = whole.around.edges, whole.n_labels
     if whole.agreement is None:
@@ -74,10 +74,10 @@ def lifted_duals(
 
 
 def reduce_model(model: PairwiseModel) -> Reduction:
-    """The problem that is left when labels which cannot be best are ruled out.
+    """The problem without labels that cannot be optimal.
 
-    Exact: the best score is the same, and every best labelling survives. Pairwise tables are left
-    as they are.
+    Exact: the best score is the same, and every optimal labelling survives. Pairwise tables do not
+    change.
 
     Notes
     -----

@@ -15,7 +15,7 @@ from pgm_places.solvers.max_flow import SINK, cut_space
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 
 _ROUNDING = 1e-9
-"""Tables may miss regularity by this share of their largest entry: that much is rounding."""
+"""Tolerance of the regularity check, as a share of a table's largest entry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,11 @@ class Expansion:
     score : float
         Its log-potential.
     n_sweeps, n_moves : int
-        Rounds over all labels that were begun, and cuts that were solved.
+        Rounds over all labels (the last may be incomplete), and cuts.
     converged : bool
-        Whether every label was tried on the final labelling without gain.
+        Whether no label improves the final labelling.
     exact : bool
-        Whether the labelling is the best of all: with one or two labels, or without edges.
+        Whether the labelling is optimal: with one or two labels, or without edges.
     """
 
     labels: NDArray[np.int64]
@@ -69,7 +69,7 @@ def alpha_expansion(
     max_sweeps : int
         Rounds over all labels after which to stop.
     space : MoveSpace, optional
-        Of the model's graph, for many problems on it, one after the other.
+        Working arrays of the model's graph, to be reused for further problems on it.
     on_iteration : callable, optional
         Called after each round with its number and the score.
 
@@ -82,7 +82,7 @@ def alpha_expansion(
     -----
     Boykov, Veksler and Zabih, "Fast approximate energy minimization via graph cuts" (PAMI 2001);
     Taskar, Chatalbashev and Koller (ICML 2004) for class-dependent rewards. Log-potentials are
-    float64 throughout; a move is made when its gain exceeds 1e-12 of the terms it is summed from.
+    float64 throughout; a move is made when its gain exceeds 1e-12 of its summed terms.
 
     Examples
     --------
@@ -102,27 +102,27 @@ def alpha_expansion(
 
 
 class _Move(NamedTuple):
-    """Who may still switch in a move, and what that earns."""
+    """The nodes that may still switch in a move, and their gains."""
 
     members: NDArray[np.uint32]
-    """(N,) the nodes for which switching may pay, as many as there are."""
+    """(N,) the member nodes, for which switching may pay; the rest of the array is unused."""
     undecided: NDArray[np.bool_]
-    """(N,) marks them."""
+    """(N,) whether a node is a member."""
     low: NDArray[np.float64]
-    """(N,) what switching earns a member at least,"""
+    """(N,) the least gain of a member that switches."""
     high: NDArray[np.float64]
-    """(N,) and at most."""
+    """(N,) the largest gain of a member that switches."""
     weight: NDArray[np.float64]
-    """(E,) what an edge between two members adds if both switch."""
+    """(E,) the further gain of an edge between two members if both switch."""
 
 
 class _Cut(NamedTuple):
     """The graph of a minimum cut; its arrays may be longer than needed."""
 
     number: NDArray[np.uint32]
-    """(N,) place of each of the whole graph's nodes in it,"""
+    """(N,) index in the cut of each node of the full graph."""
     edge_number: NDArray[np.uint32]
-    """(E,) and of each edge."""
+    """(E,) index in the cut of each edge of the full graph."""
     arcs: Arcs
     excess: NDArray[np.float64]
     """(N,) capacity from the source less that to the sink."""
@@ -131,7 +131,7 @@ class _Cut(NamedTuple):
 
 
 class MoveSpace:
-    """Working arrays of the moves on one graph; the kernels say what they hold.
+    """Working arrays of the moves on one graph.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ class _Moves:
             _core.agreement_reach(model.around.arcs.ends, model.agreement, self.reach)
 
     def solve_two_labels(self, on_iteration: Callable[[int, float], None] | None) -> Expansion:
-        """One cut decides everything: expand label 1 from label 0 wherever that is allowed."""
+        """Two labels: one cut, which expands label 1 from label 0 wherever that is allowed."""
         if self.model.n_labels == 2:
             self.labels[:] = self.model.unary[:, 0] == -np.inf
             self.fresh[:] = self.labels
@@ -207,7 +207,7 @@ class _Moves:
         return self.result(max_sweeps, converged=False)
 
     def expand(self, label: int) -> float:
-        """Make the best move on ``label`` and say what it earned."""
+        """Make the best move on ``label``; its gain."""
         labels, terms, arcs = self.labels, self.model.terms, self.model.around.arcs
         self.n_moves += 1
         n_members = _core.begin_move(label, labels, terms, self.reach, arcs, self.space.move)
@@ -220,7 +220,7 @@ class _Moves:
         return gain
 
     def _settle(self, n_members: int) -> NDArray[np.uint32]:
-        """The nodes that switch in the best move, a part of ``space.switched``."""
+        """The nodes that switch in the best move, as a slice of ``space.switched``."""
         space, arcs = self.space, self.model.around.arcs
         n_peeled = _core.peel_move(n_members, arcs, space.move, space.trees.active, space.switched)
         cut = space.cut

@@ -1,4 +1,4 @@
-"""What likelihoods expect of a table field's features: exactly, edge by edge, or node by node."""
+"""Expected features of a table field: exact, piecewise, or by pseudo-likelihood."""
 
 from typing import NamedTuple
 
@@ -14,10 +14,7 @@ from pgm_places.solvers.table_field import FieldTables, TableField
 
 
 class Expected(NamedTuple):
-    """The sum of exp(score) over labellings, and the marginals under it.
-
-    The last are those of edges, or their sum where all edges have the same features.
-    """
+    """Log partition function and marginals; pair marginals summed if edges share features."""
 
     log_partition: float
     beliefs: NDArray[np.float64]
@@ -32,20 +29,20 @@ def expected_labels(
 ) -> NDArray[np.float64]:
     """(N, K) probabilities of the labels of all nodes, each given its neighbours' ``before``.
 
-    One pass only: where links are strong, passing on until nothing moves any more gives all nodes
-    that are not labelled the same label.
+    One pass only: with strong links, iterating to convergence gives all unlabelled nodes the same
+    label.
     """
     soft = soft_labels(field, labels, before)
     return soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))
 
 
 def require_equal_ends(field: TableField, node_weight: NDArray[np.float64]) -> None:
-    """Refuse weights (N,) that differ within a connected part of the graph."""
+    """Raise InputError if weights (N,) differ within a connected part of the graph."""
     first, second = field.around.edges.T
     if (node_weight[first] != node_weight[second]).any():
         raise InputError(
-            "the likelihood takes one sample_weight per connected part of a graph, which it sees "
-            "as a whole; for weights of single nodes take learner='pseudo-likelihood' or another"
+            "learner='likelihood' needs equal sample_weight within each connected part of a "
+            "graph; for different weights of nodes use learner='pseudo-likelihood' or another"
         )
 
 
@@ -58,7 +55,7 @@ def _lighter_ends(field: TableField, node_weight: NDArray[np.float64]) -> NDArra
 def exact_sums(
     field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
 ) -> Expected:
-    """All labellings of a graph without cycles, summed exactly, its trees by their weight."""
+    """Exact sums over the labellings of a forest, each tree times its weight."""
     tables = potentials.tables
     stacked = np.ascontiguousarray(tables if tables.ndim == 3 else tables[None])
     unary = np.ascontiguousarray(potentials.unary)
@@ -74,7 +71,7 @@ def exact_sums(
 def piecewise_sums(
     field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
 ) -> Expected:
-    """Each edge by itself; a node's unary is shared out among its edges."""
+    """Sums of each edge by itself; a node's unary is divided among its edges."""
     edges, k = field.around.edges, field.n_labels
     degree = np.bincount(edges.ravel(), minlength=field.n_nodes)
     share = 1.0 / np.maximum(degree, 1)
@@ -131,7 +128,7 @@ def pseudo_sums(
 def _scores(
     field: TableField, potentials: FieldTables, soft: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N, K) what each label of a node scores beside its neighbours' labels (N, K)."""
+    """(N, K) score of each label of a node given its neighbours' label probabilities (N, K)."""
     first, second = field.around.edges.T
     scores, tables = potentials.unary.copy(), potentials.tables
     np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))

@@ -16,7 +16,7 @@ from pgm_places.solvers.pairwise import PairwiseModel, total_score
 
 @dataclass(frozen=True, eq=False)
 class ForestDecoding:
-    """The best labelling of all.
+    """The optimal labelling of a forest.
 
     Parameters
     ----------
@@ -41,8 +41,7 @@ class ForestMarginals:
     log_partition : float
         ``log Z``, the logarithm of the sum of ``exp(score)`` over all labellings.
     pair_beliefs : (E, K, K) float or None
-        Probability of each pair of labels at an edge's first and second node, where it was asked
-        for.
+        Probability of each pair of labels at an edge's first and second node, if requested.
     """
 
     beliefs: NDArray[np.float64]
@@ -57,8 +56,8 @@ def forest_maximum(model: PairwiseModel) -> ForestDecoding:
     ----------
     model : PairwiseModel
         The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`, on a graph without
-        a cycle. Tables cost O(K^2) a node, O(K) where they fall with the distance of labels,
-        linearly or by its square, down to some value.
+        a cycle. Tables cost O(K^2) a node, or O(K) for truncated linear or truncated quadratic
+        distances of labels.
 
     Raises
     ------
@@ -87,8 +86,8 @@ def forest_maximum(model: PairwiseModel) -> ForestDecoding:
 def forest_marginals(model: PairwiseModel, *, pairs: bool = False) -> ForestMarginals:
     """The exact marginals and partition function; forward-backward on a chain.
 
-    Parameters and errors are those of :func:`forest_maximum`; ``pairs`` asks for the marginals of
-    the edges, too.
+    Parameters and errors are those of :func:`forest_maximum`; ``pairs`` requests the marginals of
+    edges as well.
 
     Examples
     --------

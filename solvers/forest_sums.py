@@ -1,4 +1,4 @@
-"""Sums over all labellings of a forest: in probability space, or by logarithms if need be.
+"""Sum-product on a forest: scaled in probability space, or in logarithms for wide ranges.
 
 Scaled messages in probability space take the exponential of each potential once, and one logarithm
 a node; where edges share a table, its expected counts are a product of two matrices.
@@ -18,10 +18,10 @@ from pgm_places.solvers.pairwise import PairwiseModel
 # The parent arc of a root.
 NO_ARC = 2**32 - 1
 
-# Products between exp(-600) and 1 keep all their digits; wider ones are left to logarithms.
+# Products between exp(-600) and 1 keep full precision; wider ranges are left to logarithms.
 WIDEST_RANGE = 600.0
 
-# Below, what the other labels say together loses digits as a difference.
+# Below, the message of all other neighbours loses precision as a difference.
 LEAST_AGREEMENT = -1.0
 
 
@@ -87,7 +87,7 @@ class _Scaled:
 
     model: PairwiseModel
     log_partition: NDArray[np.float64]
-    """(N,) shares of log Z, without the model's offset; those of a tree sum to its own."""
+    """(N,) shares of log Z, without the model's offset; those of a tree sum to its log Z."""
     beliefs: NDArray[np.float64]
     """(N, K) probability of each label; rows sum to one."""
     gain: NDArray[np.float64]
@@ -99,7 +99,7 @@ class _Scaled:
     def pair_beliefs(self) -> NDArray[np.float64]:
         """(E, K, K) probability of each pair of labels at an edge's first and second node."""
         joint = np.empty((len(self.arc), self.model.n_labels, self.model.n_labels))
-        for backwards in (0, 1):  # whether the child is an edge's second node
+        for backwards in (0, 1):  # 1: the child is the edge's second node
             chosen = np.flatnonzero(self.arc & 1 == backwards)
             child, arc = self.child[chosen], self.arc[chosen]
             pairs = self.inner[child, :, None] * self.outer[child, None, :] * self._gain_at(arc)
@@ -112,10 +112,7 @@ class _Scaled:
         return self.gain[arc if len(self.gain) > 2 else arc & 1]
 
     def pair_counts(self, node_weight: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """(1 or E, K, K) the beliefs of pairs summed over the edges of each table.
-
-        An edge counts by the weight (N,) that both its ends have.
-        """
+        """(1 or E, K, K) pair beliefs times the weight of their nodes, summed by table."""
         if len(self.model.tables) != 1:
             return _weighed(self.model, self.pair_beliefs(), node_weight)
         counts = np.zeros_like(self.gain)
@@ -138,10 +135,10 @@ class _Logarithmic:
     message: NDArray[np.float64]
 
     def pair_beliefs(self) -> NDArray[np.float64]:
-        """What each end hears from all others, joined."""
+        """(E, K, K) beliefs of the pair of labels at the ends of each edge."""
         model = self.model
         both = heard_from_all(model, self.message)[model.around.edges]
-        impossible = both == -np.inf  # -inf - -inf is no number
+        impossible = both == -np.inf  # -inf - -inf is NaN
         said = self.message.reshape(-1, 2, model.n_labels)[:, ::-1]
         both -= np.where(impossible, 0.0, said)
         joint = both[:, 0, :, None] + both[:, 1, None, :] + model.edge_tables
@@ -160,17 +157,14 @@ ForestSums = _Scaled | _Logarithmic
 def _weighed(
     model: PairwiseModel, pairs: NDArray[np.float64], node_weight: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """(E, K, K) the beliefs of edges times the weight of their nodes."""
+    """(E, K, K) the pair beliefs of edges times the weight of their nodes."""
     if node_weight is None:
         return pairs
     return pairs * node_weight[model.around.edges[:, 0], None, None]
 
 
 def _gain(model: PairwiseModel, unary_range: float) -> NDArray[np.float64] | None:
-    """The gain of messages in products; None where products at a node would lose digits.
-
-    A message ranges over no more than the potentials of the edge that it comes along.
-    """
+    """Gains of messages for products; None if products at a node could lose precision."""
     agreement, tables = model.agreement, model.tables
     degree = int(np.diff(model.around.arcs.start).max(initial=0))
     widest = (WIDEST_RANGE - unary_range) / max(degree, 1) - np.log(model.n_labels)

@@ -1,7 +1,7 @@
 """Hidden Markov chains on arrays: filter, smoother and most probable path.
 
-Observations that the model says cannot happen are left out, as if nothing had been seen in that
-step, and their steps are reported; beliefs never become NaN.
+Observations of probability 0 under the model are skipped, as if the step had no observation, and
+their steps are reported; beliefs never become NaN.
 """
 
 from dataclasses import dataclass
@@ -27,24 +27,24 @@ from pgm_places.solvers.chains import (
     exceeds_floats,
 )
 
-STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between check and kernel
+STEPS_AT_ONCE = 8192  # log-likelihoods that stay in cache between check and kernel
 
 
 class _Steps(NamedTuple):
-    """Some steps of a chain, and what the filter finds in them."""
+    """A block of steps of a chain, and the filter's output for it."""
 
     action: NDArray[np.int64]
-    """(n,) the action that led to each."""
+    """(n,) the action before each step."""
     log_likelihood: NDArray[np.float64]
     """(n, K)."""
     likelihood: NDArray[np.float64]
-    """(n, K) its exponential, up to a factor"""
+    """(n, K) its exponential, up to a factor per step."""
     scale: NDArray[np.float64]
     """(n,) whose logarithm is here."""
     beliefs: NDArray[np.float64]
     """(n, K), written."""
     impossible: NDArray[np.bool_]
-    """(n,), written: whether the observation has probability 0 given all before."""
+    """(n,), written: whether the observation has probability 0 given the earlier ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class ChainBeliefs:
         Log-probability of all observations (up to the constants of the likelihoods); ``-inf`` if
         any is impossible.
     impossible : (M,) int
-        Steps whose observation has probability 0 given all before.
+        Steps whose observation has probability 0 given the earlier ones.
     """
 
     beliefs: NDArray[np.float64]
@@ -76,9 +76,9 @@ class ChainPath:
     labels : (T,) int
         Label index per step.
     log_probability : float
-        Joint log-probability of labels and observations, without those that are impossible.
+        Joint log-probability of labels and observations, without impossible observations.
     impossible : (M,) int
-        Steps that no path reaches together with their observation.
+        Steps whose observation has probability 0 on every path.
     """
 
     labels: NDArray[np.int64]
@@ -171,23 +171,23 @@ class ForwardFilter:
     def step(
         self, log_likelihood: ArrayLike, belief: ArrayLike | None = None, action: int = 0
     ) -> tuple[NDArray[np.float64], bool]:
-        """The belief (K,) one step on, and whether the observation was possible at all.
+        """The belief (K,) after one more step, and whether its observation was possible.
 
         Parameters
         ----------
         log_likelihood : (K,) float
             ``log P(z | l)`` of the new observation.
         belief : (K,) float, optional
-            Belief at the step before; None at the first. A label of belief 0 stays at 0, also where
-            it was more but too little for a float, until a transition leads back to it.
+            Belief at the step before; None at the first. A label of belief 0, even after underflow,
+            stays at 0 until a transition leads back to it.
         action : int
-            Which of the transition's A tables led here, from 0 to A - 1.
+            Transition table of this step, from 0 to A - 1.
 
         Raises
         ------
         InputError
-            An array has another shape, the likelihood NaN or +inf, the belief does not sum to 1,
-            or there is no such table.
+            An array has the wrong shape, the likelihood is NaN or +inf, the belief does not sum
+            to 1, or ``action`` is out of range.
         """
         table = integer_array("action", [action], (1,), low=0, high=len(self._transition_t))
         rows = np.ascontiguousarray(number_array("log_likelihood", log_likelihood)[None])
@@ -206,7 +206,7 @@ class ForwardFilter:
 
 
 def _check(chain: Chain) -> None:
-    """Refuse a chain whose parts do not fit together: kernels go by them."""
+    """Raise InputError unless shapes and actions are consistent: kernels do not check them."""
     n_steps, n_labels = chain.observed.shape
     require_shape("the chain's start", chain.start.shape, (n_labels,))
     require_shape("the chain's transition_t", chain.transition_t.shape, ("A", n_labels, n_labels))
@@ -215,7 +215,7 @@ def _check(chain: Chain) -> None:
 
 
 def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
-    """Some rows of the log-likelihoods (T, K), looked at just before they are needed in cache."""
+    """A block of the log-likelihoods (T, K), checked just before use, while in cache."""
     rows = observed[part]
     if not rows.max(initial=-np.inf) < np.inf:  # also true of NaN
         finite_array("log_likelihood", observed, ("T", "K"), allow_minus_inf=True)
@@ -223,7 +223,7 @@ def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
 
 
 def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
-    """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
+    """Filtered or smoothed beliefs, in logarithms where floats underflow."""
     _check(chain)
     observed = chain.observed
     beliefs, impossible = np.empty(observed.shape), np.empty(len(observed), np.bool_)
@@ -238,10 +238,7 @@ def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
 def _filter(
     chain: Chain, begun: bool, beliefs: NDArray[np.float64], impossible: NDArray[np.bool_]
 ) -> float:
-    """Write the filtered beliefs (T, K), and which steps are impossible; the log of the evidence.
-
-    The chain's start is the belief before; where nothing has ``begun``, the first prediction.
-    """
+    """Write filtered beliefs (T, K) and impossible steps; returns the log-evidence."""
     belief, evidence = chain.start.copy(), 0.0
     for part in row_blocks(len(chain.observed), STEPS_AT_ONCE):
         rows = _checked(chain.observed, part)

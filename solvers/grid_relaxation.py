@@ -23,15 +23,15 @@ from pgm_places.solvers.relaxation import OnIteration, Relaxed
 BLOCK = 16
 
 CELLS_PER_PART = 16_384
-MAX_PARTS = 64  # bounds the rows that parts keep
+MAX_PARTS = 64  # bounds the copied edge rows of parts
 NODES_AT_ONCE = 131_072  # while filling and reading the store: bounds the temporary arrays
-PARTS_AT_ONCE = 16  # that are read before what they were read from is given up
+PARTS_AT_ONCE = 16  # read before their memory is released
 
 _Cells: TypeAlias = NDArray[np.int32] | MaskCells
 
 
 class _Store(NamedTuple):
-    """The beliefs of a raster and where each part of it lies; row y of the raster is row y + 1."""
+    """The beliefs of a raster and its memory layout; row y of the raster is row y + 1 here."""
 
     beliefs: NDArray[np.float32]
     """(K, M)."""
@@ -51,24 +51,19 @@ _Edges = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 class _Update(NamedTuple):
-    """How beliefs are renewed."""
+    """The parameters of the update."""
 
     tables: NDArray[np.float32]
     """(1, K, K + 1) c r for the cells that share a side, or (8, K, K + 1), one per direction; the
     last column is the wall."""
     ratio: np.float32
-    """What one table is multiplied by for cells that share a corner."""
+    """Factor of a table for cells that share a corner."""
     damping: np.float32
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Where each part of the raster lies in the store; row y of the raster is row y + 1 here.
-
-    ``index`` is (H + 2, B) int32, the number of each block in the store or -1; ``row_start``
-    (H + 3,) the first cell of each row; spans as in the kernel, those of row y from
-    ``span_start[y]``.
-    """
+    """Layout of the store: ``index`` (H + 2, B) has each block's number or -1; see _Store."""
 
     index: NDArray[np.int32]
     row_start: NDArray[np.int64]
@@ -85,9 +80,10 @@ class _Rows:
 
 
 def neighbour_weights(diagonal_weight: float) -> tuple[float, float]:
-    """Weight c_ij of a neighbour that shares a side, and of one that shares a corner.
+    """Weights c_ij of a neighbour that shares a side and of one that shares a corner.
 
-    The four of each sum to 1; 1 gives every neighbour 1/8 as in the paper, 0 drops the corners.
+    All eight sum to 1. A diagonal weight of 1 gives each neighbour 1/8 as in the paper, 0 drops the
+    corners.
     """
     if not (np.isfinite(diagonal_weight) and diagonal_weight >= 0):
         raise InputError(f"diagonal_weight must be at least 0, got {diagonal_weight}")
@@ -118,14 +114,14 @@ def relax_grid(
     unary : (N, K) float
         Log-probabilities at the start.
     cells_rc : (N, 2) int or MaskCells
-        Row and column of each node, no cell twice; or the cells of a mask, which need no list.
+        Row and column of each node, no cell twice; or the cells of a mask.
     shape : (int, int)
         Rows and columns of the raster.
     compatibility : (1, K + 1, K + 1) or (8, K + 1, K + 1) float
         ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour in direction ``d`` of
         :data:`pgm_places.solvers.compatibility.DIRECTIONS`; one table serves all. Label K is wall.
     walls : (H, W) bool, or a function that returns them, optional
-        Cells that surely are walls. Those that a function returns are freed before the iterations.
+        Cells that surely are walls. The result of a function is freed before the iterations.
     diagonal_weight : float
         Weight of neighbours that share a corner, relative to a side; see
         :func:`neighbour_weights`.
@@ -134,9 +130,9 @@ def relax_grid(
 
     Notes
     -----
-    Beside the input about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a node or
-    neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
-    while the result is read from them.
+    Apart from the input, memory is about ``4 K + 1`` bytes for each cell of the 16 x 1 blocks that
+    hold a node or its neighbour; empty parts of a huge raster cost almost nothing. Blocks are
+    released while the result is read.
     """
     check_iteration_limits(max_iterations, tolerance, damping, fewest=0)
     table = np.asarray(unary)
@@ -176,7 +172,7 @@ def relax_grid(
 
 
 def _edges(store: _Store, n_labels: int, longest: int) -> _Edges:
-    """The rows at the edges of parts as they are, and room for those of the next iteration."""
+    """Copies of the rows at the edges of parts, and buffers for the next iteration."""
     n_parts = len(store.part_start) - 1
     now, later = (np.zeros((n_parts + 2, 2, n_labels, longest), np.float32) for _ in range(2))
     for part in range(n_parts):
@@ -245,7 +241,7 @@ def _runs(
 def _fill(
     unary: NDArray[np.floating[Any]], cells: _Cells, rows: _Rows, floor: float
 ) -> MappedPlanes:
-    """The store (K, M) with the beliefs of the start."""
+    """The store (K, M) with the initial beliefs."""
     store = MappedPlanes((unary.shape[1], rows.n_cells), np.float32)
 
     def fill(part: slice) -> None:
@@ -259,10 +255,7 @@ def _fill(
 def _read(
     store: MappedPlanes, cells: _Cells, rows: _Rows, *, last: bool = False
 ) -> NDArray[np.float32]:
-    """(N, K) the beliefs in the store.
-
-    For the last time, it is given up row after row if cells are in the order of rows.
-    """
+    """(N, K) the beliefs; at the last call the store is released row by row if cells are sorted."""
     beliefs = np.empty((len(cells), len(store.array)), np.float32)
     parts = list(row_blocks(len(cells), NODES_AT_ONCE))
     done = 0
@@ -304,7 +297,7 @@ def _codes(
 
 
 def _split(rows: _Rows) -> NDArray[np.int64]:
-    """First rows of parts of about the same work; depends on the raster only, not on threads."""
+    """First rows of parts of equal work; depends on the raster, not on the number of threads."""
     height = len(rows.row_start) - 3
     n_parts = int(np.clip(rows.n_cells // CELLS_PER_PART, 1, MAX_PARTS))
     wanted = np.linspace(0, rows.n_cells, n_parts + 1)[1:-1]

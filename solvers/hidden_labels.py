@@ -1,11 +1,11 @@
-"""Max-margin learning where some nodes have no label: the concave-convex procedure.
+"""Max-margin learning with missing labels: the concave-convex procedure (CCCP).
 
 With known labels t and a loss l that counts known nodes only, learning minimises ::
 
     f(w) = 1/2 |w|^2 + C/N ( max_y [ score(y) + loss(y) ] - max_h score(t, h) ),
 
-the last term being the best completion h of the labels that are not known. Given a completion the
-rest is convex; so the labels are completed by what has been learned, it is learned again, and so on
+the last term being the best completion h of the unknown labels. For a fixed completion the rest is
+convex, so completing the labels and learning the weights alternate
 (A. Yuille, A. Rangarajan, "The concave-convex procedure", Neural Computation 15 (2003); C.-N. Yu,
 T. Joachims, "Learning structural SVMs with latent variables", ICML 2009). No round can raise f.
 """
@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from pgm_places.solvers.margin_solution import REACHED, Cut, LearnedWeights
 
-# Completions after which to stop; most problems are at rest after three to eight.
+# Completions after which to stop; most problems converge after three to eight.
 MAX_ROUNDS = 20
 
-# How often a completion that the oracle missed is taken in at one round.
+# How often a completion that the oracle missed is added in one round.
 MAX_MISSED = 20
 
 ROUNDING = 1e-9
 
-# A round that lowers the objective by a smaller share of it is the last one.
+# Relative decrease of the objective below which the procedure stops.
 AT_REST = 1e-3
 
 Solve = Callable[[Any, Sequence[Cut]], LearnedWeights]
@@ -36,15 +36,15 @@ Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]
 
 @dataclass(frozen=True, eq=False)
 class HiddenLabels:
-    """What was learned, and the labels of all nodes that it was learned with.
+    """Learned weights and the completed labels.
 
     Parameters
     ----------
     solution : LearnedWeights
-        Of the last completion; its status is ``local_optimum`` once the procedure is at rest, and
+        Of the last completion; its status is ``local_optimum`` after convergence, and
         its lower bound 0: another completion may be better.
     labels : (N,) int
-        The known labels, and the completion that goes with the weights.
+        The known labels, and the completion of the others.
     objectives : tuple of float
         f after each round; no entry is larger than the one before it.
     """
@@ -62,18 +62,18 @@ def concave_convex(
     starts: Sequence[NDArray[np.int64]] = (),
     max_rounds: int = MAX_ROUNDS,
 ) -> HiddenLabels:
-    """Weights and a completion of the labels at which neither can be improved by itself.
+    """Weights and a completion of the labels, neither of which can be improved alone.
 
     Parameters
     ----------
     problem : MaxMarginProblem or TableMarginProblem
-        With the completion to begin with; its loss is 0 at nodes of unknown label.
+        With an initial completion; its loss is 0 at nodes of unknown label.
     starts : sequence of (N,) int
-        Several completions to begin with: it goes on from that of least f after a round.
+        Initial completions; after one round the one of least f is continued.
     solve : callable
-        (problem, cuts) -> the solution for a completion; the cuts hold for it.
+        (problem, cuts) -> the solution for a completion; the cuts are valid for it.
     complete : callable
-        (weights, labels) -> the best completion it can find; ``labels`` are the present one.
+        (weights, labels) -> the best completion it can find, from the current ``labels``.
     max_rounds : int
 
     Examples
@@ -105,7 +105,7 @@ def concave_convex(
         rounds = [_round(before, solve, complete, cuts) for before in begun]
         value, solution, problem, after = min(rounds, key=lambda each: each[0])
         if best is not None and value > objectives[-1]:
-            ended = "local_optimum"  # the solver's tolerance is all that is left
+            ended = "local_optimum"  # any increase is within the solver's tolerance
             break
         cuts = _moved(solution.cuts, problem, after)
         best, problem, begun = solution, after, [after]
@@ -134,11 +134,7 @@ def _round(
 def _solved(
     problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
 ) -> tuple[LearnedWeights, NDArray[np.int64]]:
-    """The solution for one completion, and the best completion by its weights.
-
-    That completion is one of the labellings that the hinge is the maximum over. Where it rises
-    above the hinge that was found, the oracle has missed it: it is taken in, and solved again.
-    """
+    """The solution for one completion, and the next completion; adds cuts the oracle missed."""
     for _ in range(MAX_MISSED):
         solution = solve(problem, cuts)
         labels = complete(solution.weights, problem.labels)
@@ -155,7 +151,7 @@ def _solved(
 
 
 def _gain(weights: NDArray[np.float64], before: Any, after: Any) -> float:
-    """By how much another completion scores more, a node."""
+    """The gain of another completion per node."""
     difference = after.truth_features - before.truth_features
     return float(weights @ difference) / float(before.n_nodes)
 
@@ -168,9 +164,6 @@ def _at_rest(objectives: Sequence[float]) -> bool:
 
 
 def _moved(cuts: Sequence[Cut], before: Any, now: Any) -> tuple[Cut, ...]:
-    """The cuts for another completion: the same labellings against other labels.
-
-    Their losses are the same, since nodes of unknown label have none.
-    """
+    """The cuts for another completion; losses stay, since unknown labels have none."""
     shift = (now.truth_features - before.truth_features) / now.n_nodes
     return tuple(Cut(cut.gradient + shift, cut.offset) for cut in cuts)

@@ -17,9 +17,9 @@ where L is minus the logarithm of one of
     ends' unaries; no larger than p(t) (C. Sutton, A. McCallum, "Piecewise training for undirected
     models", UAI 2005).
 
-With weights v of the nodes, the mean is one of weights: a node's term counts v_i
-(``pseudo-likelihood``), a pair's as the lighter of its ends (``piecewise``), and a connected part
-of the graph as a whole (``likelihood``).
+Node weights v make a weighted mean: the term of a node has the weight v_i (``pseudo-likelihood``),
+the term of a pair the smaller weight of its ends (``piecewise``), and the term of a connected part
+of the graph the common weight of its nodes (``likelihood``).
 
 Nodes of unknown label are summed over (``likelihood`` and ``piecewise``) or expected
 (``pseudo-likelihood``); f is then no longer convex.
@@ -56,13 +56,13 @@ from pgm_places.solvers.table_field import TableField
 
 Likelihood = Literal["likelihood", "pseudo-likelihood", "piecewise"]
 
-# How often the unknown labels are expected anew; they move little after the first few.
+# Rounds of expecting the unknown labels; their probabilities change little after the first few.
 HIDDEN_ROUNDS = 20
 
-# Unknown labels are at rest when no probability moved by more than this.
+# Unknown labels have converged when no probability changes by more than this.
 HIDDEN_MOVED = 1e-3
 
-# Pairs of steps and gradients that L-BFGS keeps.
+# Pairs of steps and gradients that L-BFGS stores.
 MEMORY = 20
 
 
@@ -85,9 +85,9 @@ def negative_log_likelihood(
     weights : (n_weights,) float
     kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     expected : (N, K) float, optional
-        For ``pseudo-likelihood``: the probabilities of the unknown labels; uniform where not given.
+        For ``pseudo-likelihood``: probabilities of the unknown labels, uniform by default.
     node_weight : (N,) float, optional
-        What each node counts.
+        Weight of each node.
 
     Raises
     ------
@@ -134,16 +134,15 @@ def maximize_likelihood(
         C.
     kind : {"likelihood", "pseudo-likelihood", "piecewise"}
     start : (n_weights,) float, optional
-        Where to begin instead of at 0.
+        Initial weights, 0 by default.
     node_weight : (N,) float, optional
-        What each node counts against the others.
+        Relative weight of each node.
     observed : (N,) int, optional
-        Labels that are known, -1 elsewhere: the likelihood is that of the others given these.
+        Observed labels, -1 elsewhere: the likelihood of the other labels is conditioned on them.
     tolerance : float
         The relative gap at which learning ends.
     max_iterations : int
-        Limit of the steps; with ``pseudo-likelihood`` and unknown labels of each round of expecting
-        them.
+        Limit of the steps; with ``pseudo-likelihood`` and unknown labels, limit per round.
     time_limit_s : float, optional
         Learning ends after this many seconds with the weights so far.
     on_iteration : callable, optional
@@ -186,7 +185,7 @@ def maximize_likelihood(
 
 @dataclass(frozen=True, eq=False)
 class _Loss:
-    """L on some data, to be asked at many weights."""
+    """L as a function of the weights."""
 
     field: TableField
     labels: NDArray[np.int64]
@@ -201,15 +200,15 @@ class _Loss:
                 integer_array(name, given, shape, low=-1, high=high)
         if self.field.sets is not None:
             raise InputError(
-                "weights of cliques are learned by learner='max-margin' only: the sum over all "
-                "labellings of a set is out of reach; take that learner, or leave the cliques out"
+                "likelihood learners cannot learn weights of cliques, since the sum over all "
+                "labellings of a set is intractable; use learner='max-margin', or omit the cliques"
             )
         if self.kind == "likelihood" and self.node_weight is not None:
             require_equal_ends(self.field, self.node_weight)
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64] | None:
-        """(n_weights,) phi of the labels, where that is all that L takes of them."""
+        """(n_weights,) phi of the labels, for kinds whose L depends on them through phi only."""
         plain = self.kind == "likelihood" and self.node_weight is None and (self.labels >= 0).all()
         return self.field.features_of(self.labels) if plain else None
 
@@ -236,7 +235,7 @@ class _Loss:
 
 
 class _Descent:
-    """L-BFGS on f, its bounds, and why it ended."""
+    """L-BFGS on f, with its bounds and the reason it ended."""
 
     def __init__(
         self, loss: _Loss, price: float, tolerance: float, time_limit_s: float | None
@@ -279,14 +278,14 @@ class _Descent:
         options |= {"maxcor": MEMORY, "gtol": 0.0, "ftol": 0.0}
         lbfgs: Any = partial(minimize, jac=True, method="L-BFGS-B", callback=step, options=options)
         minimum = lbfgs(measured, start)
-        if not self.history or self.value > minimum.fun:  # it began at the minimum
+        if not self.history or self.value > minimum.fun:  # the start is the minimum
             value, gradient = self.f(minimum.x)
             self._take(minimum.x, value, 0.5 * float(gradient @ gradient))
         if not self.closed and self.ended is None:
             self.ended = "iteration_limit" if minimum.nit >= max_iterations else "stalled"
 
     def _take(self, weights: NDArray[np.float64], value: float, excess: float) -> None:
-        """Take in a step, and see whether it is the last."""
+        """Record a step, and check whether it is the last."""
         self.weights, self.value, self.excess = weights.copy(), value, excess
         seconds = time.perf_counter() - self.started
         record = LearningStep(len(self.history) + 1, seconds, value, self.lower_bound, 0)
@@ -302,7 +301,7 @@ class _Descent:
         return max(self.value - self.excess, 0.0) if self.is_convex else 0.0
 
     def expect(self) -> bool:
-        """Expect the unknown labels at the present weights; False when they are at rest."""
+        """Expect the unknown labels at the current weights; False when they have converged."""
         known = self.expected
         expected = expected_labels(self.loss.field, self.loss.labels, self.weights, known)
         self.expected = expected

@@ -13,7 +13,7 @@ from pgm_places.errors import InfeasibleError
 from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 
-# How a search ends; 0 where it gave up.
+# Outcome of a search; 0 if it gave up.
 FOUND, NONE_EXISTS = 1, -1
 
 # Dead ends after which the search gives up: finding an allowed labelling is NP-hard in general.
@@ -33,7 +33,7 @@ class LocalSearch:
     converged : bool
         Whether the last pass changed nothing.
     history : (T,) int
-        Nodes that changed in each pass.
+        Number of nodes that changed in each pass.
     """
 
     labels: NDArray[np.int64]
@@ -51,7 +51,7 @@ def iterated_conditional_modes(
 ) -> LocalSearch:
     """A labelling that no change of one node improves, by passes over the nodes in index order.
 
-    The score never falls. Fast and weak: whole regions that are wrong together stay wrong.
+    The score never falls. Fast but weak: a wrong label of a large region stays.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def iterated_conditional_modes(
     max_iterations : int
         Passes after which to stop.
     on_iteration : callable, optional
-        Called after each pass with its number and how many nodes changed.
+        Called after each pass with its number and the number of changed nodes.
 
     Notes
     -----
@@ -92,25 +92,25 @@ def improved_modes(
     max_iterations: int = 100,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> list[float]:
-    """Improve ``labels`` (N,) in place, node by node; how many changed in each pass."""
+    """Improve ``labels`` (N,) in place, node by node; the number of changes in each pass."""
     integer_array("labels", labels, (model.n_nodes,), low=0, high=model.n_labels, narrow=True)
     arguments = model.terms, model.around.arcs, labels
     return until_converged(lambda _: float(modes_pass(*arguments)), 0, max_iterations, on_iteration)
 
 
 class _SearchSpace(NamedTuple):
-    """Working arrays; a labelling that was found is the one label that each node has left."""
+    """Working arrays of the search; on success each node has one possible label left."""
 
     alive: NDArray[np.bool_]
     """(N, K) labels that are still possible."""
     n_alive: NDArray[np.int32]
-    """(N,) how many each node has."""
+    """(N,) number of possible labels of each node."""
     trail: NDArray[np.int64]
-    """(N K,) node and label of each that was ruled out, in order."""
+    """(N K,) trail: node and label of each ruled-out label, in order."""
     decided: NDArray[np.int64]
     """(N, 3) node and label of each decision, and the length of the trail before it."""
     ring: NDArray[np.uint32]
-    """(N,) nodes whose neighbours must be looked at."""
+    """(N,) ring buffer of nodes whose neighbours must be checked."""
     waiting: NDArray[np.bool_]
     """(N,) whether a node is in that ring."""
     counts: NDArray[np.int64]
@@ -122,9 +122,9 @@ def allowed_labels(
 ) -> NDArray[np.int64] | None:
     """A labelling (N,) of finite score that no change of one node improves; None if none is found.
 
-    A depth-first search in index order that keeps the given labels where it can and, after every
-    decision, rules out what no neighbour supports (maintaining arc consistency): exact on forests,
-    complete up to ``max_failures`` dead ends elsewhere.
+    A depth-first search in index order that prefers ``labels`` and, after every decision, rules out
+    labels without support at a neighbour (maintaining arc consistency): exact on forests, complete
+    up to ``max_failures`` dead ends elsewhere.
 
     Parameters
     ----------

@@ -300,7 +300,7 @@ def test_weights_that_a_learner_cannot_take_are_refused() -> None:
     problem, truth = ring(30, 0)
     some = np.where(np.arange(30) % 5 == 0, -1, truth)
     each = [np.linspace(0.5, 1.5, 30)]
-    with pytest.raises(InputError, match="one sample_weight per connected part"):
+    with pytest.raises(InputError, match="equal sample_weight within each connected part"):
         ConditionalRandomField().fit([problem], [truth], sample_weight=each)
     with pytest.raises(InputError, match="unlabelled='dropped' with max margin"):
         ConditionalRandomField("max-margin").fit([problem], [some], sample_weight=each)

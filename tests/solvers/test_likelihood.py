@@ -138,7 +138,7 @@ def test_gradients_follow_the_weights_of_nodes(kind: Likelihood) -> None:
 
 def test_the_likelihood_refuses_different_weights_in_one_part() -> None:
     found, labels = field(0, forest=True), np.zeros(5, np.int64)
-    with pytest.raises(InputError, match="one sample_weight per connected part"):
+    with pytest.raises(InputError, match="equal sample_weight within each connected part"):
         maximize_likelihood(found, labels, 1.0, node_weight=np.arange(5.0))
     with pytest.raises(InputError, match="sample_weight is 0 at every labelled node"):
         maximize_likelihood(found, labels, 1.0, kind="pseudo-likelihood", node_weight=np.zeros(5))
