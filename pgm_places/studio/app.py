@@ -30,7 +30,7 @@ KINDS = {
     ".svg": "image/svg+xml",
 }
 WAIT_S, LOOK_S = LIVE_S - 5, 0.04
-"""How long a question for news waits for some, and how often it looks."""
+"""How long a request for news waits (s), and how often it looks for news (s)."""
 
 
 def static_files() -> dict[str, bytes]:
@@ -58,7 +58,7 @@ class _Files:
 
 
 class _Overview(_Files):
-    """What is answered about all maps of a pool."""
+    """Routes about all maps of a pool."""
 
     def __init__(self, pool: SessionPool) -> None:
         super().__init__("maps.html")
@@ -78,7 +78,7 @@ class _Overview(_Files):
 
 
 class _Answers(_Files):
-    """The routes and what they answer about one session of a pool."""
+    """Routes about one session of a pool."""
 
     def __init__(self, pool: SessionPool, number: int) -> None:
         super().__init__("index.html")
@@ -90,7 +90,7 @@ class _Answers(_Files):
         return self.pool.session(self.number)
 
     async def state(self, request: Request) -> Response:
-        """The state as soon as it is newer than ``after``; the old one when nothing happens."""
+        """The state once it is newer than ``after``, or the old state after a time without news."""
         after = int(request.query_params.get("after", "-1"))
         tab = request.query_params.get("tab", "")
         self.tabs.seen(tab)  # first: the map of a tab stays open
@@ -116,12 +116,12 @@ class _Answers(_Files):
         return _json(records.cell_record(self.session, *_numbers(request, "x", "y")))
 
     async def parts(self, request: Request) -> Response:
-        """How many places a place looks like."""
+        """The number of rooms that a place looks like."""
         number = int(request.query_params["id"])
         return _json({"parts": await run_in_threadpool(self.session.n_parts, number)})
 
     def door_line(self, request: Request) -> Response:
-        """Where a doorway would end that is drawn along two points."""
+        """Both ends of a doorway drawn along two points."""
         x1, y1, x2, y2 = _numbers(request, "x1", "y1", "x2", "y2")
         return _json({"ends": self.session.door_line([(x1, y1), (x2, y2)])})
 
@@ -146,7 +146,7 @@ class _Answers(_Files):
         return _json({"tick": session.tick, "revision": revision, "remark": remark})
 
     def exports(self, request: Request) -> Response:
-        """What can be written into a folder, and which of it is out of date."""
+        """The exports of a folder, and which of them are outdated."""
         chosen = request.query_params.get("folder", "")
         return _json(exports_record(self.session, self.pool.export_folders, chosen))
 
@@ -186,7 +186,7 @@ class _Answers(_Files):
 
 
 def _numbers(request: Request, *names: str) -> list[float]:
-    """Numbers from the address."""
+    """Numbers in the query of a request."""
     values = [float(request.query_params[name]) for name in names]
     if not all(abs(value) < 1e9 for value in values):
         raise InputError(f"{', '.join(names)} must be finite numbers")

@@ -1,4 +1,4 @@
-"""The box of the building: what is seen of a map at first, without what a few rays saw outside."""
+"""The box of the building: the first view of a map, without space seen by a few rays outside."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 MOST_CELLS = 2_000_000
-"""Of larger maps, every second, third, ... row and column is looked at."""
+"""Larger maps are subsampled: every second, third, ... row and column."""
 
 LEAST_CLEARANCE_M, LEAST_M2, MARGIN_M = 0.3, 1.0, 1.0
-"""Rays through windows are narrower than this, or seen in crumbs."""
+"""Free space outside, seen by rays through windows, is narrower than this or in small pieces."""
 
 
 def building_box(grid: OccupancyGrid) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom, in cells from the upper left corner, of what is worth seeing.
+    """Left, top, right and bottom of the building, in cells from the upper left corner.
 
     That is where a robot of 0.3 m radius has room, in pieces of a square metre, and a metre around;
     the whole map where there is no such place.

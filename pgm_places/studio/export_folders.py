@@ -1,8 +1,8 @@
 """Export folders: where the exports of a studio may be written.
 
-The page names a folder, so a page that got hold of the address could, too. It may name what its
-user has named on the command line or what lies below the folder that the studio was started in,
-nothing hidden, and no export takes the place of a file that the studio was given.
+Requests name the folder, so a foreign page with the address could name one, too. Allowed are the
+folders of the command line and folders below the one in which the studio was started, except
+hidden ones. No export overwrites a file that the studio reads.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,24 +13,24 @@ from typing import Self
 from pgm_places.errors import InputError
 
 LONGEST = 1000
-"""Characters of a path from the page."""
+"""Most characters of a path from the page."""
 
 MOST_OFFERED = 60
-"""Folders that are offered by name; any other can be typed."""
+"""Most folders that are offered by name; any other can be typed."""
 
 
 @dataclass(frozen=True)
 class ExportFolders:
-    """Where the exports of a studio may go.
+    """The folders into which a studio may export.
 
     Parameters
     ----------
     working : Path
-        The folder that the studio was started in; names are told from there.
+        The folder in which the studio was started; names are relative to it.
     told : sequence of Path
         Further folders, from the command line.
     given : frozenset of Path
-        Files and folders that the studio reads: nothing is written there.
+        Files and folders that the studio reads; exports never overwrite them.
     """
 
     working: Path
@@ -39,7 +39,7 @@ class ExportFolders:
 
     @classmethod
     def started_here(cls, told: Sequence[Path] = (), given: Iterable[Path] = ()) -> Self:
-        """Those of a studio that is started in the current folder."""
+        """Export folders of a studio that is started in the current folder."""
         return cls(
             Path.cwd().resolve(),
             tuple(path.resolve() for path in told),
@@ -47,21 +47,21 @@ class ExportFolders:
         )
 
     def chosen(self, text: str, own: Path) -> Path:
-        """The folder of that name, which need not be there yet; the session's ``own`` for none.
+        """The folder of that name, which need not exist yet; ``own`` for an empty name.
 
         Raises
         ------
         InputError
-            The page may not have files written there.
+            The studio may not export into that folder.
         """
         if not text.strip():
             return own
         if len(text) > LONGEST or not text.isprintable():
-            raise InputError("the name of a folder is too long, or has characters that none has")
+            raise InputError("the folder name is too long or has invalid characters; change it")
         if text.startswith("~"):
             raise InputError(f"write {text!r} out: '~' is not understood here")
         try:
-            folder = (self.working / text).resolve()  # links are followed before it is judged
+            folder = (self.working / text).resolve()  # links are followed before the check
             in_circles = any(path.is_symlink() for path in (folder, *folder.parents))
         except (OSError, RuntimeError, ValueError):
             in_circles = True  # Python before 3.13 raises, later ones leave the link as it is
@@ -87,27 +87,25 @@ class ExportFolders:
         return tuple(root for root in found if root.parent != root or root in self.told)
 
     def check_free(self, targets: Iterable[Path], further: Iterable[Path] = ()) -> None:
-        """Raise InputError where one of the targets is what the studio was given, or holds it."""
+        """Raise InputError if a target is an input of the studio, or a folder that contains one."""
         given = {*self.given, *(path.resolve() for path in further)}
         for target in targets:
             whole = target.resolve()
             if any(item == whole or item.is_relative_to(whole) for item in given):
-                raise InputError(
-                    f"{target} is what the studio was started with; choose another folder"
-                )
+                raise InputError(f"{target} is an input of the studio; choose another folder")
 
     def offered(self, own: Path) -> list[str]:
-        """Names of folders to choose from: the session's own, those told, and those at hand."""
-        found = [self.name_of(own), *map(self.name_of, self.told)]
+        """Folder names to choose from: the session's, the command line's, and subfolders."""
+        names = [self.name_of(own), *map(self.name_of, self.told)]
         try:
             inside = sorted(path for path in self.working.iterdir() if path.is_dir())
         except OSError:
             inside = []
-        found += [path.name for path in inside if not path.name.startswith(".")]
-        return list(dict.fromkeys(found))[:MOST_OFFERED]
+        names += [path.name for path in inside if not path.name.startswith(".")]
+        return list(dict.fromkeys(names))[:MOST_OFFERED]
 
     def name_of(self, folder: Path) -> str:
-        """A folder as its user would call it: from the working folder where it lies below it."""
-        whole = folder.resolve()
-        below = whole.is_relative_to(self.working) and whole != self.working
-        return str(whole.relative_to(self.working) if below else whole)
+        """The path of a folder, relative to the working folder if it lies below it."""
+        path = folder.resolve()
+        below = path.is_relative_to(self.working) and path != self.working
+        return str(path.relative_to(self.working) if below else path)

@@ -21,13 +21,13 @@ _NAMES = "names of places"
 
 
 class Content(Enum):
-    """What an export follows from: paint, with the model, with teaching, with names of places."""
+    """The inputs of an export: paint, with the model, with teaching, with names of places."""
 
     PAINT, TRAINING, LABELS, PLACES = range(4)
 
 
 def digest(session: MapSession, content: Content, paint: Paint, *, learns: bool) -> str:
-    """A fingerprint of everything that an export follows from: equal for equal files."""
+    """A hash of all inputs of an export: equal for equal files."""
     loaded = session.loaded
     files = [file.sha256 for file in session.files]
     state: list[Any] = [files, session.source.unknown_value, paint.classes]

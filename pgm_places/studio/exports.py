@@ -51,17 +51,17 @@ class Export:
     Parameters
     ----------
     words : str
-        What it is, for the browser.
+        Its name in the browser.
     files : tuple of str
-        The names of what it always writes.
+        Names of the files that it always writes.
     write : callable
-        Writes it for a session into a stage of a folder; the paths.
+        Writes it for a session into a staging folder; returns the paths.
     more : tuple of str
-        The names of what it may write beside that.
+        Names of further files that it may write.
     content : Content
-        What it follows from.
+        Its inputs.
     per_class : bool
-        Whether it writes the probabilities of each class beside that.
+        Whether it also writes the probabilities of each class.
     """
 
     words: str
@@ -72,7 +72,7 @@ class Export:
     per_class: bool = False
 
     def targets(self, folder: Path, session: MapSession) -> list[Path]:
-        """All that it may write into a folder."""
+        """All files that it may write into a folder."""
         classes = session.painting.classes.names if self.per_class else ()
         return [
             folder / name for name in (*self.files, *self.more, *map(probability_file, classes))
@@ -124,7 +124,7 @@ def write_export(
 ) -> list[Path]:
     """Write an export into the session's folder, or into a chosen one; the paths.
 
-    Of files that lie there already, only those ``replaced`` are written over, if that is given.
+    With ``replaced``, existing files that it does not list are not overwritten.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def edit_with_exports(session: MapSession, request: Mapping[str, Any]) -> str:
 
 
 def _there(item: Export, session: MapSession, folder: Path) -> list[str]:
-    """The files of an export that lie in a folder already."""
+    """The files of an export that exist in a folder."""
     targets = item.targets(folder, session)
     return [path.relative_to(folder).as_posix() for path in targets if path.exists()]
 
@@ -239,7 +239,7 @@ def _places(session: MapSession, stage: Path, folder: Path) -> list[Path]:
 
 
 class _NamedPlaces(NamedTuple):
-    """Places, and the user's names by id: others' in the folder, and the studio's."""
+    """Places, and names by id: given by other programs in the folder, and by the user."""
 
     topology: TopologicalMap
     others: dict[int, str]
@@ -247,7 +247,7 @@ class _NamedPlaces(NamedTuple):
 
 
 def _named_places(session: MapSession, folder: Path) -> _NamedPlaces:
-    """The places by the ids of a folder that has some, and the user's names."""
+    """The places with the ids in a folder, if it has any, and the user's names."""
     taught, names = session.answer, session.painting.names
     known = None if folder == session.folder else earlier_places(folder)
     if known is not None:
@@ -272,7 +272,7 @@ def _nav2(session: MapSession, stage: Path, folder: Path) -> list[Path]:
 
 
 def _training(session: MapSession, stage: Path, _: Path) -> list[Path]:
-    """A configuration by which ``pgm-places train`` learns what the studio has learned."""
+    """A configuration with which ``pgm-places train`` repeats the training of the studio."""
     names = [name for name, n in paint_of(session).counts.items() if n]
     title = f"{session.source.yaml_path.stem}, painted in the studio"
     written = write_training([session], stage, title, names, beside=True)
@@ -280,7 +280,7 @@ def _training(session: MapSession, stage: Path, _: Path) -> list[Path]:
 
 
 def _model(session: MapSession, _: Path, folder: Path) -> list[Path]:
-    """What has been learned so far, paint included, for other maps."""
+    """The model trained so far, paint included, for other maps."""
     if session.answer.labeler is session.labeler:
         raise InputError("nothing has been taught yet; press 'Teach from this' first")
     record = {

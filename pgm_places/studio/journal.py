@@ -1,4 +1,4 @@
-"""The journal: every edit as one line of a file, on the disk before it is shown.
+"""The journal: an append-only file with a line per edit, on the disk before it is shown.
 
 Nothing is ever changed in it, so there is always a way back, and whatever ends the process loses at
 most the line that was just being written.
@@ -24,19 +24,19 @@ MAX_HEADER_BYTES = 1 << 16
 
 
 class Journal:
-    """An open journal, locked for as long as it is.
+    """An open journal, which locks its file.
 
     Parameters
     ----------
     path : Path
         The file; made where it is missing.
     subject : dict
-        What the edits are about. A journal about something else is refused.
+        The map that the edits belong to. A journal of another map is refused.
 
     Attributes
     ----------
     entries : list of dict
-        What the file held when it was opened.
+        The entries in the file when it was opened.
     """
 
     entries: list[dict[str, Any]]
@@ -56,12 +56,12 @@ class Journal:
             raise
 
     def append(self, entry: dict[str, Any]) -> None:
-        """Write an entry; it is on the disk when this returns.
+        """Write an entry, and return once it is on the disk.
 
         Raises
         ------
         OutputError
-            The file cannot be written, or somebody else has written to it.
+            The file cannot be written, or another program has written to it.
         """
         if self.was_changed():
             raise OutputError(f"{self.path} was changed by another program; restart the studio")
@@ -72,12 +72,12 @@ class Journal:
                 self._file.flush()
                 os.fsync(self._file.fileno())
             except OSError:
-                os.ftruncate(self._file.fileno(), self._size)  # no half a line stays
+                os.ftruncate(self._file.fileno(), self._size)  # no incomplete line stays
                 raise
         self._size = self._length()
 
     def was_changed(self) -> bool:
-        """Whether the file is no longer the one that was written here."""
+        """Whether another program has changed or replaced the file."""
         try:
             there = self.path.stat()
         except OSError:
@@ -88,7 +88,7 @@ class Journal:
         )
 
     def close(self) -> None:
-        """Let others open it."""
+        """Close and unlock the file."""
         self._file.close()
 
     def _lock(self) -> None:
@@ -125,7 +125,7 @@ class Journal:
                     f"{self.path} belongs to another {key} ({quoted(first.get(key))}, not "
                     f"{value!r}); choose another folder with --out"
                 )
-        if torn:  # a kill came in the middle of a line, which nobody has seen the effect of
+        if torn:  # killed in the middle of a line, before its edit was shown
             self._size -= len(torn)
             os.ftruncate(self._file.fileno(), self._size)
         if not entries:
@@ -138,13 +138,13 @@ def _line(entry: dict[str, Any]) -> bytes:
 
 
 def _is_begun(torn: bytes, header: dict[str, Any]) -> bool:
-    """Whether a line without an end is the beginning of a journal's first one, whatever map."""
+    """Whether an incomplete line is the beginning of a journal's header, of any map."""
     first = _line({"format": header["format"], "schema": header["schema"]})[:-1]
     return torn.startswith(first) or first.startswith(torn)
 
 
 def subject_of(path: Path) -> dict[str, Any] | None:
-    """What the edits of a journal are about; None where there is no journal, or not a whole line.
+    """The map that the edits of a journal belong to; None without a journal or a complete line.
 
     Raises
     ------

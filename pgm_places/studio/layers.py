@@ -34,9 +34,9 @@ def n_levels(shape: tuple[int, int]) -> int:
 class Pyramid:
     """Tiles of a raster, the top row of the picture first.
 
-    A pixel of a higher level shows the largest of the four values below it, so that what is rare
-    and numbered high, a wall or a doorway, is still seen from far away. Only tiles that were asked
-    for, and those they are made of, are kept: a third of the raster's bytes at most.
+    A pixel of a higher level shows the largest of the four values below it, so that walls and
+    doorways, which are rare and have high numbers, remain visible at low zoom. Only requested tiles
+    and the tiles below them are cached: at most a third of the raster's bytes.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Pyramid:
         return self._kept[key]
 
     def changed(self, rows: slice, columns: slice) -> None:
-        """Forget the tiles that show a part of the raster, which has been written to."""
+        """Drop the cached tiles of a part of the raster that has changed."""
         height = self.shape[0]
         top, bottom = height - rows.stop, height - 1 - rows.start
         for key in list(self._kept):
@@ -110,7 +110,7 @@ GROUNDS: dict[Theme, tuple[str, str, str]] = {
 """Colours of unknown, free and occupied cells."""
 
 FLASH = "#ffd400"
-"""Of labels that have just changed."""
+"""Colour of labels that have just changed."""
 
 ERRORS = (CLEAR, "#8a93a033", ERROR)
 """Colours of cells without a truth, right and wrong ones."""
@@ -121,19 +121,19 @@ HATCH = 8
 
 
 def encode_map(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """0 for unknown, 1 for free, 2 for occupied cells: walls are seen from far away."""
+    """0 for unknown, 1 for free, 2 for occupied cells: walls remain visible at low zoom."""
     return (cells == FREE).astype(np.uint8) + np.uint8(2) * (cells == OCCUPIED)
 
 
 def encode_labels(labels: NDArray[np.int16]) -> NDArray[np.uint8]:
-    """0 for none, else the label plus 1."""
+    """The label plus 1, and 0 for none."""
     return (labels + 1).astype(np.uint8)
 
 
 def value_colours(gradient: str, theme: Theme) -> list[str]:
     """Colours of values from 0 to 255: of probabilities, or of entropies as a share of the largest.
 
-    On a dark map they run the other way, and low values let it through.
+    On a dark map the colours run the other way, and low values are transparent.
     """
     colours = levels(gradient, 256)
     if theme == "light":
@@ -167,7 +167,7 @@ class GivenLabels:
     Parameters
     ----------
     title : str
-        What they are called in the browser.
+        Their name in the browser.
     labels : (H, W) int16
         Index into ``names``; -1 for none.
     names : tuple of str
@@ -178,7 +178,7 @@ class GivenLabels:
     names: tuple[str, ...]
 
     def on(self, names: Sequence[str]) -> NDArray[np.int16]:
-        """(H, W) the labels as indices into other names, which these are among."""
+        """(H, W) the labels as indices into a list of names that contains ``names``."""
         table = [list(names).index(name) for name in self.names]
         return np.array([*table, -1], np.int16)[self.labels]  # the last entry serves -1
 
@@ -189,7 +189,7 @@ RELABELLING_SOURCES = {
     "unary": "Each cell alone",
 }
 METHOD, FILE, TRUTH = "method:", "file:", "file:0"
-"""Labels of another method, and those of a file; the first file is the one to tell errors by."""
+"""Prefixes of labels of another method and of a file; errors refer to the first file."""
 
 
 class Layers:
@@ -199,7 +199,7 @@ class Layers:
     ----------
     grid : OccupancyGrid
     paint : (H, W) int16
-        Written to by others, who say so to :meth:`painted`.
+        Changed by the painting, which then calls :meth:`painted`.
     given : mapping of str to (H, W) int16
         Labels to compare with, by their titles.
     """
@@ -222,16 +222,16 @@ class Layers:
         self._lock, self._making = threading.Lock(), threading.Lock()
 
     def painted(self, part: Window) -> None:
-        """Cells of the paint have changed."""
+        """Update the tiles of cells whose paint has changed."""
         self._paint.changed(*part)
 
     def glanced(self, labels: NDArray[np.int16]) -> None:
-        """Show coarse labels (H, W) until others are there."""
+        """Show quick labels (H, W) until the first relabelling is done."""
         with self._lock:
             self._labels.setdefault("taught", Pyramid(labels, encode_labels))
 
     def learned(self, relabelling: Relabelling, changes: LabelChanges | None = None) -> None:
-        """Labels have changed."""
+        """Show the labels of a new relabelling."""
         with self._lock:
             self._labels["taught"] = Pyramid(relabelling.labels, encode_labels)
             self._labels["unary"] = Pyramid(relabelling.unary_labels, encode_labels)
@@ -240,7 +240,7 @@ class Layers:
             self._use(relabelling)
 
     def renumbered(self, table: NDArray[np.int16], relabelling: Relabelling) -> None:
-        """Classes have other numbers: ``table`` has each, and -1 at its end."""
+        """Renumber the classes: ``table`` has the new number of each, and -1 at its end."""
         with self._lock:
             for name in RELABELLING_SOURCES:
                 if name in self._labels:
@@ -248,20 +248,20 @@ class Layers:
             self._use(relabelling)
 
     def _use(self, relabelling: Relabelling) -> None:
-        """Take an answer, and forget what was made of the one before."""
+        """Use a relabelling, and drop the tiles of the previous one."""
         self._relabelling, self._values = relabelling, {}
         for name in [name for name in self._labels if name.startswith(METHOD)]:
             del self._labels[name]
 
     @property
     def sources(self) -> dict[str, str]:
-        """The labels that can be looked at now, with what they are called."""
+        """The labels that can be shown now, with their titles."""
         found = {name: words for name, words in RELABELLING_SOURCES.items() if name in self._labels}
         methods = () if self._relabelling is None else self._relabelling.methods
         return found | {f"{METHOD}{name}": f"Method {name}" for name in methods} | self._given
 
     def _labels_of(self, source: str) -> Pyramid:
-        """The labels of a source; those of a method are made when they are first looked at."""
+        """The labels of a source; labels of a method are made at the first request."""
         found = self._labels.get(source)
         if found is not None:
             return found
@@ -310,7 +310,7 @@ class Layers:
             pyramid, colours = self._value(layer, name), value_colours(kind, theme)[1:]
         else:
             raise InputError(f"there is no layer {layer[:40]!r}")
-        # Without what larger pixels spread over walls.
+        # Without errors that larger pixels spread over walls.
         tile = np.where(ground == FREE_VALUE, pyramid.tile(*where), np.uint8(0))
         if layer == "paint":
             tile = hatched(tile, len(colours))
@@ -326,7 +326,7 @@ class Layers:
         return known.astype(np.uint8) + (known & (truth != labels))
 
     def _value(self, layer: str, name: str) -> Pyramid:
-        """The pyramid of a layer of probabilities, made when it is first looked at."""
+        """The pyramid of a layer of probabilities, made at the first request."""
         if layer not in self._values:
             if self._relabelling is None:
                 raise InputError("there are no probabilities yet")
@@ -334,7 +334,7 @@ class Layers:
             if layer != "entropy":
                 places = np.flatnonzero(self._relabelling.class_of == _number(name))
                 if not places.size:
-                    raise InputError(f"no probability is known of class {name[:40]!r}")
+                    raise InputError(f"there are no probabilities of class {name[:40]!r}")
                 label = int(places[0])
             raster = probability_raster(self._relabelling.taught.labelled, label)
             self._values[layer] = Pyramid(raster, _as_bytes)

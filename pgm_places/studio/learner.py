@@ -1,4 +1,4 @@
-"""Learner: a background thread that answers the newest question and drops replaced ones."""
+"""Learner: a background thread that answers the newest request and drops replaced ones."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ Answer = TypeVar("Answer")
 
 
 class _Superseded(Exception):  # noqa: N818  nothing went wrong
-    """A newer question came."""
+    """A newer request has replaced the current one."""
 
 
 @dataclass(frozen=True)
@@ -24,13 +24,13 @@ class LearnerState:
     ----------
     working : bool
     stage : str
-        The stage of the work that it is at.
+        The current stage of the work.
     fraction : float
-        How much of that stage is done, from 0 to 1.
+        The share of that stage that is done, from 0 to 1.
     stages : int
-        The number of stages that it has come to.
+        The number of stages begun so far.
     problem : str
-        Why the last question has no answer; empty where it has.
+        Why the last request failed; empty if it succeeded.
     """
 
     working: bool = False
@@ -41,7 +41,7 @@ class LearnerState:
 
 
 class _Reported:
-    """Progress that is shown in the browser, and ends the work once a newer question came."""
+    """Progress that is shown in the browser, and that ends the work once a newer request comes."""
 
     def __init__(
         self, superseded: Callable[[], bool], show: Callable[[LearnerState], None]
@@ -62,18 +62,18 @@ class _Reported:
         self._show(LearnerState(True, self._name, fraction, self._n_stages))
 
     def warn(self, message: str) -> None:
-        """Warnings are part of the answer."""
+        """Ignored: warnings are part of the answer."""
 
 
 class Learner(Generic[Question, Answer]):
-    """Answers questions one at a time in the background; only the newest counts.
+    """Answers requests one at a time in the background; a newer request replaces older ones.
 
     Parameters
     ----------
     work : callable
-        Makes an answer of a question, and reports its progress.
+        Computes the answer to a request, and reports its progress.
     done : callable
-        Takes an answer, in the learner's thread.
+        Receives an answer, in the learner's thread.
     changed : callable
         Called whenever the state changes.
     """
@@ -92,22 +92,22 @@ class Learner(Generic[Question, Answer]):
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
 
     def start(self) -> None:
-        """Begin to answer."""
+        """Start the thread."""
         self._thread.start()
 
     @property
     def is_alive(self) -> bool:
-        """Whether questions are answered at all."""
+        """Whether the thread runs."""
         return self._thread.is_alive()
 
     def ask(self, question: Question) -> None:
-        """Ask, in place of all that was asked before."""
+        """Submit a request, which replaces all earlier ones."""
         with self._wake:
             self._waiting = [question]
             self._wake.notify_all()
 
     def end(self) -> None:
-        """Answer no more."""
+        """End the thread."""
         with self._wake:
             self._ended = True
             self._waiting = []
@@ -126,7 +126,7 @@ class Learner(Generic[Question, Answer]):
             self._show(LearnerState(problem=self._answer(question)))
 
     def _answer(self, question: Question) -> str:
-        """Answer; what went wrong, if anything."""
+        """Answer a request; return the problem, or an empty text."""
         reported = _Reported(lambda: bool(self._waiting) or self._ended, self._show)
         try:
             self._done(self._work(question, reported))
@@ -135,7 +135,7 @@ class Learner(Generic[Question, Answer]):
         except (PgmPlacesError, MemoryError) as error:
             return str(error) or "out of memory"
         except Exception as error:  # noqa: BLE001  the thread must live on, and say what happened
-            return f"internal error: {error}; the paint is kept"
+            return f"internal error: {error}; the paint is saved"
         return ""
 
     def _show(self, state: LearnerState) -> None:

@@ -19,22 +19,22 @@ from pgm_places.studio.runs import runs_of_mask
 JOURNAL = "journal.jsonl"
 
 LEAST_SAME = 0.9
-"""So much of what was known of a map must be the same for its paint to be carried over."""
+"""Share of known cells that must be equal on both maps for paint to be migrated."""
 
 MOST_SEARCHED = 50_000_000
-"""In larger maps, only the origins say how cells were shifted."""
+"""Cells of the largest map in which a shift is searched; in larger ones only origins count."""
 
 
 @dataclass(frozen=True)
 class Migration:
-    """What was carried over from an earlier state of the map.
+    """Paint that was migrated from an earlier state of the map.
 
     Parameters
     ----------
     kept, lost : int
-        Painted cells that were carried over, and those that are not free any more.
+        Painted cells that were migrated, and painted cells that are no longer free.
     journal : Path
-        Where the history up to then is.
+        The journal of the earlier state.
     """
 
     kept: int
@@ -43,7 +43,7 @@ class Migration:
 
     @property
     def message(self) -> str:
-        """What a person should know of it."""
+        """The message to the user."""
         no_longer = "is" if self.lost == 1 else "are"
         lost = f", {self.lost} {no_longer} no longer free" if self.lost else ""
         return (
@@ -55,12 +55,12 @@ class Migration:
 def opened_painting(
     folder: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> tuple[Painting, Migration | None]:
-    """The painting of a map in a folder, and what was carried over from an earlier state of it.
+    """The painting of a map in a folder, and the migration from an earlier state of the map.
 
     Raises
     ------
     InputError
-        The journal is damaged, or that of a map which this one has not come from.
+        The journal is damaged, or belongs to a different map.
     OutputError
         It is open in another studio, or the folder cannot be written.
     """
@@ -81,31 +81,31 @@ def opened_painting(
 
 
 def _kept_map(folder: Path, map_sha256: str) -> Path:
-    """Where the raster is kept that a journal belongs to."""
+    """The file with the raster that a journal belongs to."""
     return folder / f"map-{map_sha256[:12]}.yaml"
 
 
 def _has_frame(kept_map: Path, grid: OccupancyGrid) -> bool:
-    """Whether a raster that is kept has the map's origin and turn; True where none is kept."""
+    """Whether the saved raster has the map's origin and rotation; True if none is saved."""
     return not kept_map.exists() or load_map(kept_map).grid.frame == grid.frame
 
 
 def _carry(
     path: Path, kept_map: Path, grid: OccupancyGrid, classes: Classes, map_sha256: str
 ) -> Migration:
-    """Write a journal that begins with the paint of the one at ``path``, in its place."""
+    """Replace the journal at ``path`` by one that begins with its paint."""
     if not kept_map.exists():
         raise InputError(
-            f"{path} belongs to another map, and what that looked like is not known; choose "
+            f"{path} belongs to another map, whose raster was not saved; choose "
             "another folder with --out, and give exported paint with --corrections"
         )
     before = load_map(kept_map).grid
-    is_same = np.array_equal(before.cells, grid.cells)  # with another origin, perhaps turned
+    is_same = np.array_equal(before.cells, grid.cells)  # with another origin, perhaps rotated
     shift = (0, 0) if is_same else map_shift(before, grid)
     if shift is None:
         raise InputError(
-            f"{path} belongs to another map: less than {100 * LEAST_SAME:.0f} % of the two is the "
-            "same, however they are shifted; choose another folder with --out"
+            f"{path} belongs to another map: less than {100 * LEAST_SAME:.0f} % of the cells agree "
+            "at any shift; choose another folder with --out"
         )
     with closing(Journal(path, subject_of(path) or {})) as journal:
         old = Painting(before, classes, journal)
@@ -122,17 +122,17 @@ def _carry(
 
 def _free_name(path: Path) -> Path:
     numbered = (path.with_name(f"{path.stem}-{k}{path.suffix}") for k in range(1, 10_000))
-    found = next((name for name in numbered if not name.exists()), None)
-    if found is None:
+    free_name = next((name for name in numbered if not name.exists()), None)
+    if free_name is None:
         raise OutputError(f"{path.parent} holds 9999 earlier journals; move some away")
-    return found
+    return free_name
 
 
 def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int, int]:
-    """Say of the new map all that is said of the old one; painted cells kept and lost."""
-    for index, item in enumerate(old.classes.items):
-        if index >= len(new.classes) or new.classes.items[index] != item:
-            new.set_class(index, item.name, item.colour)
+    """Migrate paint, classes and names to the new map; numbers of cells migrated and lost."""
+    for index, place_class in enumerate(old.classes.items):
+        if index >= len(new.classes) or new.classes.items[index] != place_class:
+            new.set_class(index, place_class.name, place_class.colour)
     labels = shifted(old.labels, shift, new.grid.shape, -1)
     was_painted = int((old.labels >= 0).sum())
     labels[~new.grid.free] = -1
@@ -152,9 +152,9 @@ def _repaint(old: Painting, new: Painting, shift: tuple[int, int]) -> tuple[int,
 
 
 def map_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int] | None:
-    """By how many rows and columns the cells of a map have moved; None where it is another one.
+    """The shift of a map's cells in rows and columns; None if it is a different map.
 
-    What the origins say is tried first, then the same rows and columns, then every shift.
+    The shift of the origins is tried first, then no shift, then every shift.
 
     Examples
     --------
@@ -179,7 +179,7 @@ def map_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int] | 
 
 
 def _same(before: OccupancyGrid, after: OccupancyGrid, shift: tuple[int, int]) -> float:
-    """The share of the cells known before that are the same after a shift."""
+    """The share of the cells known before that are equal after a shift."""
     here, there = overlap(shift, before.shape, after.shape)
     one, other = before.cells[here], after.cells[there]
     known = int((before.cells != UNKNOWN).sum())
@@ -200,7 +200,7 @@ def _best_shift(before: OccupancyGrid, after: OccupancyGrid) -> tuple[int, int]:
         )
         total += fft.irfft2(np.conj(one) * other, shape)
     row, column = divmod(int(total.argmax()), shape[1])
-    # Shifts down and to the left are found at the far ends.
+    # Shifts down and to the left wrap around to the far ends.
     row -= shape[0] if row >= after.shape[0] else 0
     column -= shape[1] if column >= after.shape[1] else 0
     return row, column

@@ -24,12 +24,12 @@ _COLOUR = re.compile("#[0-9a-f]{6}")
 
 @dataclass(frozen=True)
 class PlaceClass:
-    """A kind of place.
+    """A class of places.
 
     Parameters
     ----------
     name : str
-        May become part of a file's name.
+        Must be usable in a file name.
     colour : str
         ``#rrggbb`` in lower case.
     """
@@ -60,7 +60,7 @@ class Classes:
 
     @classmethod
     def named(cls, names: Sequence[str]) -> Self:
-        """Classes in the colours that they have in every picture."""
+        """Classes in the colours of the package's pictures."""
         return cls(tuple(map(PlaceClass, names, label_colours(names))))
 
     def __len__(self) -> int:
@@ -73,18 +73,18 @@ class Classes:
 
     @property
     def next_colour(self) -> str:
-        """A colour for one more class, unlike the others as long as there are any left."""
+        """A colour for one more class, different from the others until the palette runs out."""
         used = {item.colour for item in self.items}
         offered = label_colours([*self.names, *(f"\0{k}" for k in range(MOST_CLASSES))])
         return next((colour for colour in offered if colour not in used), offered[-1])
 
     def without(self, index: int) -> Self:
-        """The classes without one; those behind it move up.
+        """The classes without one; later classes move up.
 
         Raises
         ------
         InputError
-            There is no such class, or two would not be left.
+            There is no such class, or fewer than two would remain.
         """
         if not 0 <= index < len(self):
             raise InputError(f"there is no class {index}; there are {len(self)}")
@@ -93,12 +93,12 @@ class Classes:
         return type(self)((*self.items[:index], *self.items[index + 1 :]))
 
     def with_class(self, index: int, item: PlaceClass) -> Self:
-        """The classes with another one in a place, or behind the last.
+        """The classes with one replaced, or with another one appended.
 
         Raises
         ------
         InputError
-            There is no such place, or two classes would have one name.
+            The index is out of range, or two classes would have one name.
         """
         if not 0 <= index <= len(self):
             raise InputError(f"there is no class {index}; there are {len(self)}")
@@ -117,12 +117,12 @@ MOST_CUTS = 10_000
 
 @dataclass(frozen=True)
 class Version:
-    """A state that was given a name.
+    """A saved state with a name.
 
     Parameters
     ----------
     revision : int
-        The number of entries of the journal up to it.
+        Number of the journal's entries up to the state.
     name : str
     saved_at : float
         Seconds since 1970.
@@ -134,7 +134,7 @@ class Version:
 
 
 class _Change(NamedTuple):
-    """What an edit replaces; of all but paint, what was before it and what is after it."""
+    """The effect of an edit: changed cells, and the other values before and after it."""
 
     repaint: Repaint
     classes: tuple[Classes, Classes]
@@ -144,21 +144,21 @@ class _Change(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A change that was made, or taken back."""
+    """A change that was made, or undone."""
 
     change: _Change
     forward: bool
 
 
 class Painting:
-    """Painted cells, classes, names of places, and whether the model learns: kept by a journal.
+    """Painted cells, classes, names of places, and whether the model learns, saved in a journal.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map.
     classes : Classes
-        Those to begin with.
+        The initial classes.
     journal : Journal
         Its entries are rewritten; every edit is appended to it before it takes effect.
 
@@ -167,8 +167,8 @@ class Painting:
     labels : (H, W) int16
         Index of the painted class of each cell, -1 for none. Written to in place.
     names : dict of (float, float) to str
-        Names of places by a point in metres: whichever place holds the point has the name,
-        however the places around it change.
+        Names of places by a point in metres: the place that contains the point has the name,
+        even after places have changed.
     cuts : tuple of lines
         Both ends of each in metres: places are divided along them, without a doorway.
     learns : bool
@@ -185,7 +185,7 @@ class Painting:
         self.versions: list[Version] = []
         self._done: list[_Change] = []
         self._undone: list[_Change] = []
-        self._steps: list[_Step | None] = []  # what each entry did; None for a version
+        self._steps: list[_Step | None] = []  # the effect of each entry; None for a version
         for entry in journal.entries:
             try:
                 self._follow(entry)
@@ -201,12 +201,12 @@ class Painting:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is an edit to take back."""
+        """Whether an edit can be undone."""
         return bool(self._done)
 
     @property
     def can_redo(self) -> bool:
-        """Whether an edit was taken back that can be made again."""
+        """Whether an edit can be redone."""
         return bool(self._undone)
 
     @property
@@ -227,12 +227,12 @@ class Painting:
 
     def set_class(self, index: int, name: str, colour: str) -> None:
         """Change a class, or add one where the index is the number of classes."""
-        self.classes.with_class(index, PlaceClass(name, colour))  # refuses what is wrong
+        self.classes.with_class(index, PlaceClass(name, colour))  # raises if invalid
         self._add({"op": "class", "index": index, "name": name, "colour": colour})
 
     def drop_class(self, index: int) -> Window | None:
-        """Delete a class and its paint; those behind it move up."""
-        self.classes.without(index)  # refuses what is wrong
+        """Delete a class and its paint; later classes move up."""
+        self.classes.without(index)  # raises if invalid
         return self._add({"op": "drop", "index": index})
 
     def rename(self, point_m: tuple[float, float], name: str, replaces: list[Any]) -> None:
@@ -245,36 +245,36 @@ class Painting:
         self._add({"op": "name", "at": list(point_m), "name": name, "replaces": replaces})
 
     def set_cuts(self, cuts: Cuts) -> None:
-        """Divide places along these lines alone."""
+        """Divide places along these lines only, in place of earlier lines."""
         if len(cuts) > MOST_CUTS:
             raise InputError(f"there are at most {MOST_CUTS} cuts")
         if cuts != self.cuts:
             self._add({"op": "cuts", "lines_m": [[list(end) for end in line] for line in cuts]})
 
     def set_learning(self, on: bool) -> None:
-        """Let the model learn the paint, or no longer."""
+        """Switch learning from the paint on or off."""
         if on != self.learns:
             self._add({"op": "learn", "on": on})
 
     def undo(self) -> Window | None:
-        """Take the last edit back."""
+        """Undo the last edit."""
         if not self.can_undo:
             raise InputError("there is nothing to undo")
         return self._add({"op": "undo"})
 
     def redo(self) -> Window | None:
-        """Make the edit again that was last taken back."""
+        """Redo the edit that was undone last."""
         if not self.can_redo:
             raise InputError("there is nothing to redo")
         return self._add({"op": "redo"})
 
     def save_version(self, name: str) -> None:
-        """Give the present state a name."""
+        """Save the present state under a name."""
         plain_names("the name of a version", [name], InputError)
         self._add({"op": "version", "name": name, "at": round(time.time(), 3)})
 
     def restore(self, revision: int) -> Window | None:
-        """Go back to a version; that is an edit, too, and can be undone."""
+        """Restore a version, as an edit that can be undone."""
         if revision not in [version.revision for version in self.versions]:
             raise InputError(f"there is no version {revision}")
         return self._add({"op": "restore", "revision": revision})
@@ -297,7 +297,7 @@ class Painting:
         return self._take(step)
 
     def _step(self, entry: Entry) -> _Step:
-        """What an entry does to the present state."""
+        """The effect of an entry on the present state."""
         if entry["op"] == "undo":
             self._undone.append(self._done.pop())
             return _Step(self._undone[-1], forward=False)
@@ -309,7 +309,7 @@ class Painting:
         return _Step(self._done[-1], forward=True)
 
     def _change(self, entry: Entry) -> _Change:
-        """What an entry changes in the present state."""
+        """The change of the present state by an entry."""
         kind = entry["op"]
         repaint, classes, names = Repaint.nothing(), self.classes, self.names
         cuts, learns = self.cuts, self.learns
@@ -354,9 +354,9 @@ class Painting:
         return Repaint.of_runs(self.labels, runs, int(label))
 
     def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, Cuts, bool]:
-        """What leads to the state after the first entries of the journal.
+        """The change back from the present state to that after the first entries.
 
-        The steps since are taken back one by one: each is known, whatever led to it.
+        The later steps are undone one by one.
         """
         if not 0 <= revision <= self.revision:
             raise InputError(f"no revision {revision}")

@@ -1,4 +1,4 @@
-"""What the browser is told about the session, as plain data."""
+"""Records for the browser: the state of a session as plain data."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -19,15 +19,15 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 MOST_CHECKS = 200
 LEAST_M2 = 0.05
-"""Nothing smaller is shown to be checked: it would read 0.0 m², as doorways without cells do."""
+"""Least area in doubt of a place to check (m²): a smaller one would be displayed as 0.0 m²."""
 
 MOST_PATH_POINTS = 20_000
 PLACE_KEYS = ("id", "name", "label", "is_likely_hall", "anchor_m", "box_m")
-"""What the page is told of a place that is to be checked."""
+"""The record of a place to check."""
 
 
 def state_record(session: MapSession) -> dict[str, Any]:
-    """All that changes, apart from pictures and places."""
+    """The state of the session, apart from pictures and places."""
     grid, painting, relabelling = session.grid, session.painting, session.relabelling
     own = () if session.labeler is None else session.labeler.label_names_
     return {
@@ -79,18 +79,20 @@ def state_record(session: MapSession) -> dict[str, Any]:
 
 
 def _notices(session: MapSession) -> list[str]:
-    found = [
+    notices = [
         f"{file.path.name} was changed on the disk. End the studio and start it again."
         for file in session.files
         if file.was_changed()
     ]
     if session.migration is not None:
-        found.append(session.migration.message)
+        notices.append(session.migration.message)
     if session.ids_notice:
-        found.append(f"{session.ids_notice[0].upper()}{session.ids_notice[1:]}.")
+        notices.append(f"{session.ids_notice[0].upper()}{session.ids_notice[1:]}.")
     if session.painting.journal.was_changed():
-        found.append("The journal was changed by something else. Nothing more can be saved to it.")
-    return found
+        notices.append(
+            "Another program changed the journal; edits are not saved. Restart the studio."
+        )
+    return notices
 
 
 def places_record(taught: InteractiveResult) -> dict[str, Any]:
@@ -130,7 +132,7 @@ def places_record(taught: InteractiveResult) -> dict[str, Any]:
 
 
 def _second_label(check: PlaceCheck, topology: TopologicalMap) -> str | None:
-    """What a place may be instead, as a whole: no place between doorways is a doorway itself."""
+    """The second most probable label of a place; a place between doorways is no doorway itself."""
     door, place = topology.doorway_label, check.place
     if check.second_label != door or place.label == door:
         return check.second_label
@@ -140,7 +142,7 @@ def _second_label(check: PlaceCheck, topology: TopologicalMap) -> str | None:
 
 
 def cell_record(session: MapSession, x: float, y: float) -> dict[str, Any]:
-    """What is known of the cell at a point (x, y in cells)."""
+    """The labels and probabilities of the cell at a point (x, y in cells)."""
     grid = session.grid
     column, row = int(np.floor(x)), int(np.floor(y))
     [[x_m, y_m]] = grid.cell_centres_m([[y - 0.5, x - 0.5]]).tolist()
@@ -168,7 +170,7 @@ def cell_record(session: MapSession, x: float, y: float) -> dict[str, Any]:
 
 
 def drive_record(session: MapSession) -> dict[str, Any]:
-    """The path of the drive in metres, thinned out where it is long."""
+    """The path of the drive in metres, subsampled if it is long."""
     path = session.drive_xy_m
     if path is None:
         return {"path_m": []}
@@ -197,7 +199,7 @@ def _node(found: LabelledPlaces, row: int, column: int) -> int:
 
 
 MOST_VOTES = 4
-"""Of each sign, for each class."""
+"""Most votes of each sign, for each class."""
 MOST_BEAMS = 180
 QUESTION_KEYS = ("label", "log_odds", "from_scan", "from_spaces")
 GATE_KEYS = ("painted", "gate_probability", "gate_log_odds", "networks", "doorway_log_odds")
@@ -233,6 +235,6 @@ def reasons_record(taught: InteractiveResult, x_m: float, y_m: float) -> dict[st
 
 
 def _strongest(votes: tuple[FeatureVote, ...]) -> list[FeatureVote]:
-    """The strongest votes for and against, those for first."""
+    """The strongest votes, first for and then against the class."""
     signs = ([v for v in votes if v.log_odds > 0], [v for v in votes if v.log_odds < 0])
     return [vote for same in signs for vote in same[:MOST_VOTES]]

@@ -1,4 +1,4 @@
-"""Relabelling in the studio: the question to the teacher, its answer, and what that changed."""
+"""Relabelling in the studio: the request, the new labels, and the cells that changed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -27,17 +27,17 @@ from pgm_places.topology.place_ids import PlaceIds
 
 @dataclass(frozen=True, eq=False)
 class RelabelRequest:
-    """What to label and learn.
+    """A request to label a map and to learn its paint.
 
     Parameters
     ----------
     paint : Paint
     revision : int
-        That of the painting.
+        Revision of the painting.
     learns : bool
-        Whether the labeler learns the paint, or only keeps to it.
+        Whether the labeler learns the paint, or only uses it as observed labels.
     cuts : tuple of lines
-        Along which places are divided.
+        Lines along which places are divided.
     """
 
     paint: Paint
@@ -48,19 +48,19 @@ class RelabelRequest:
 
 @dataclass(frozen=True, eq=False)
 class Relabelling:
-    """An answer of the teacher, its labels as indices of the painting's classes.
+    """The result of a request, with labels as indices of the painting's classes.
 
     Parameters
     ----------
     taught : InteractiveResult
     revision : int
-        That of the painting it answers.
+        Revision of the painting in the request.
     learns : bool
-        Whether the labeler learned the paint for it.
+        Whether the labeler learned the paint.
     labels, unary_labels : (H, W) int16
         After the graph and before it; -1 for none.
     class_of : (K,) int16
-        Index of the painting's class for each of the teacher's labels.
+        Index of the painting's class for each label of the labeler.
     """
 
     taught: InteractiveResult
@@ -76,7 +76,7 @@ class Relabelling:
         return tuple(self.taught.by_method)
 
     def renumbered(self, table: NDArray[np.int16]) -> Self:
-        """The answer by other numbers of classes: ``table`` has each, and -1 at its end."""
+        """The result with renumbered classes: ``table`` has the new numbers, and -1 at its end."""
         return replace(
             self,
             labels=table[self.labels],
@@ -98,10 +98,9 @@ def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArr
 def quick_labels(
     labeler: PlaceLabeler | None, grid: OccupancyGrid, n_threads: int | None = None
 ) -> NDArray[np.int16] | None:
-    """(H, W) labels from one look at a map, -1 for none; None without networks.
+    """(H, W) labels from one network in one orientation, -1 for none; None without networks.
 
-    What one network sees from one side takes a sixteenth of what all views of four networks take,
-    and no scans at all.
+    One view by one network costs a sixteenth of all views by four networks, and no scans.
     """
     floor = None if labeler is None else labeler.unary_model_.floor
     if floor is None or labeler is None:
@@ -122,15 +121,15 @@ def quick_labels(
 
 
 class Relabeller:
-    """Answers questions with a teacher, which goes on with other classes when there is a new one.
+    """Relabels a map on request; the labeler is extended when a new class is painted.
 
     Parameters
     ----------
     grid : OccupancyGrid
     model : LoadedModel or PlaceLabeler, optional
-        None to learn from nothing but the paint.
+        None to learn from the paint only.
     ids : PlaceIds, optional
-        Earlier places, which keep their ids; those of each answer are added.
+        Earlier places, which keep their ids; the places of each result are added.
     n_threads : int or None
     glanced : callable, optional
         Receives quick labels (H, W) from one view of the map, where the labeler has networks.
@@ -150,7 +149,7 @@ class Relabeller:
         self._teacher: InteractiveLabeler | None = None
 
     def answer(self, question: RelabelRequest, progress: Progress) -> Relabelling:
-        """Label the map, after learning the paint where that is asked for."""
+        """Label the map, after learning the paint if the request says so."""
         paint = question.paint
         if self._glanced is not None:
             tell, self._glanced = self._glanced, None
@@ -185,7 +184,7 @@ class Relabeller:
 
 
 def probability_raster(found: LabelledPlaces, label: int | None) -> NDArray[np.uint8]:
-    """(H, W) probability of a label, or the entropy of all for None, from 1 to 255; 0 for none."""
+    """(H, W) probability of a label, or for None the entropy, from 1 to 255; 0 for none."""
     beliefs = found.labeling.beliefs
     if beliefs is None:
         return np.zeros(found.grid.shape, np.uint8)
@@ -196,7 +195,7 @@ def probability_raster(found: LabelledPlaces, label: int | None) -> NDArray[np.u
 
 
 def renamed(taught: InteractiveResult, names: dict[tuple[float, float], str]) -> InteractiveResult:
-    """The answer with the user's names of places, each given by a point."""
+    """The result with the user's names of places, each identified by a point."""
     topology = taught.topology
     own = {}
     for (x, y), name in names.items():
@@ -216,18 +215,18 @@ def renamed(taught: InteractiveResult, names: dict[tuple[float, float], str]) ->
 
 
 LEAST_M2 = 0.5
-"""Less is not worth a word."""
+"""Smaller changed areas (m²) are not reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelChanges:
-    """The cells whose label is another one than before, apart from those that were painted.
+    """The unpainted cells whose label has changed.
 
     Parameters
     ----------
     cells : (H, W) bool
     became_m2 : dict of int to float
-        How much got each label.
+        Area that got each label.
     """
 
     cells: NDArray[np.bool_]
@@ -241,7 +240,7 @@ class LabelChanges:
         paint: NDArray[np.int16],
         resolution_m: float,
     ) -> Self:
-        """Those between two labellings (H, W) by the same classes, -1 for none."""
+        """The changes between two labellings (H, W) with the same classes, -1 for none."""
         cells = np.zeros(after.shape, np.bool_)
         counts = np.zeros(int(after.max(initial=-1)) + 2, np.int64)
         for rows in bands_of_rows(after.shape):
@@ -254,7 +253,7 @@ class LabelChanges:
         return cls(cells, {int(k): float(area_m2[k]) for k in np.flatnonzero(counts)})
 
     def words(self, names: Sequence[str]) -> str:
-        """What became what, the most first; empty where it is hardly anything.
+        """A message of the changed areas, the largest first; empty if they are small.
 
         Examples
         --------
@@ -272,7 +271,7 @@ class LabelChanges:
 
 
 def share_that_agrees(labels: NDArray[np.int16], truth: NDArray[np.int16]) -> float | None:
-    """The share of the cells with a truth and a label whose label it is; None without any."""
+    """The share of correct labels among cells with a truth and a label; None without any."""
     known = right = 0
     for rows in bands_of_rows(labels.shape):
         both = (truth[rows] >= 0) & (labels[rows] >= 0)

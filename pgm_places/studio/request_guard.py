@@ -1,7 +1,7 @@
-"""The guard: what a request must show before the studio looks at it, and what replies must say.
+"""The request guard: checks of each request, and security headers of each reply.
 
-A page from elsewhere that the same browser shows must not reach the studio. It knows neither the
-token in the address, nor can it send its own name as ``Host`` or ``Origin`` without being refused.
+A foreign page in the same browser must not reach the studio. It does not have the token of the
+address, and its own name as ``Host`` or ``Origin`` is refused.
 """
 
 import asyncio
@@ -13,10 +13,10 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 MOST_BYTES = 4 << 20
-"""The largest body of a request; an outline with 100 000 points is smaller."""
+"""Bytes of the largest body of a request; an outline with 100 000 points is smaller."""
 
 BODY_S = 10.0
-"""So long the body of a request may take to arrive."""
+"""Seconds within which the body of a request must arrive."""
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -39,12 +39,12 @@ _TOO_LARGE = (413, f"the request is larger than {MOST_BYTES} bytes")
 
 @dataclass(frozen=True)
 class Guard:
-    """An ASGI application that lets good requests through to another one.
+    """An ASGI application that passes valid requests on to another one.
 
     Parameters
     ----------
     inner : ASGI application
-        Sees paths without the token.
+        Receives paths without the token.
     token : str
         The first part of every path.
     port : int
@@ -87,15 +87,15 @@ class Guard:
         await self.inner(inner, _given(body, receive), send)
 
     def _problem(self, scope: Scope) -> tuple[int, str] | None:
-        """The status and the reason to refuse a request; None where it is good."""
+        """The status and the reason to refuse a request; None for a valid request."""
         headers = Headers(scope=scope)
         if any(len(headers.getlist(name)) > 1 for name in _SINGLE):
-            return 400, "a header that must be given once was given twice"
+            return 400, "a header that may occur only once occurs twice"
         if headers.get("host") not in self.hosts:
             return 403, f"the studio answers only as {self.hosts[0]}; open the address it printed"
         token = scope["path"].partition("/")[2].partition("/")[0]
         if not hmac.compare_digest(token.encode(), self.token.encode()):
-            return 403, "the address lacks the token; open the whole address that was printed"
+            return 403, "the address lacks the token; open the complete address that was printed"
         if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
             return 403, "the studio answers no other page"
         origins = [f"http://{host}" for host in self.hosts]
@@ -115,7 +115,7 @@ class Guard:
 
 
 async def _whole_body(receive: Receive) -> bytes:
-    """The body, or more than is allowed of one that is too large, whatever it was said to be."""
+    """The body; reading stops beyond the limit, even if the declared length was smaller."""
     body, more = b"", True
     while more and len(body) <= MOST_BYTES:
         message = await receive()
@@ -127,7 +127,7 @@ async def _whole_body(receive: Receive) -> bytes:
 
 
 def _given(body: bytes, receive: Receive) -> Receive:
-    """A receiver that hands out a body that has been read, then what comes after it."""
+    """A receiver that returns a body that has been read, then all later messages."""
     pending = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def received() -> Message:

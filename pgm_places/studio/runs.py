@@ -1,4 +1,4 @@
-"""Runs: sets of cells as rows of neighbours, which is how edits are kept, stored and undone."""
+"""Runs: sets of cells as stretches of rows, the form in which edits are stored and undone."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -53,7 +53,7 @@ def runs_over(runs: NDArray[np.int64], labels: NDArray[np.int16], label: int) ->
 def mask_of_runs(
     runs: NDArray[np.int64], shape: tuple[int, ...], margin: int = 0
 ) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
-    """The window of a raster around some runs, and what is theirs in it."""
+    """The window of a raster around some runs, and the mask of their cells in it."""
     low = np.maximum(runs[:, :2].min(axis=0) - margin, 0)
     ends = np.array([runs[:, 0].max() + 1, (runs[:, 1] + runs[:, 2]).max()])
     high = np.minimum(ends + margin, shape)
@@ -65,12 +65,12 @@ def mask_of_runs(
 
 
 def checked_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """(n, 3) runs given in any shape.
+    """(n, 3) runs, checked, from an array or nested lists.
 
     Raises
     ------
     InputError
-        A run lies outside the raster, or together they have more cells than it.
+        A run lies outside the raster, or all runs together have more cells than the raster.
 
     Examples
     --------
@@ -96,7 +96,7 @@ Window = tuple[slice, slice]
 
 @dataclass(frozen=True, eq=False)
 class Repaint:
-    """Runs of cells, each with the label that it had and the one that it gets; -1 for none.
+    """Runs of cells, each with its labels before and after a change; -1 for none.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ class Repaint:
 
     @classmethod
     def nothing(cls) -> Self:
-        """No cells."""
+        """A change of no cells."""
         return cls(np.empty((0, 3), np.int64), np.empty(0, np.int16), np.empty(0, np.int16))
 
     @classmethod
     def of_runs(cls, labels: NDArray[np.int16], runs: NDArray[np.int64], label: int) -> Self:
-        """What changes where the cells of runs in a raster (H, W) get a label."""
+        """The change of a raster (H, W) if the cells of some runs get a label."""
         runs = np.ascontiguousarray(runs)
         none = cls.nothing()
         count = differing_runs(labels, runs, label, none.runs, none.before)
@@ -133,7 +133,7 @@ class Repaint:
 
     @classmethod
     def between(cls, before: NDArray[np.int16], after: NDArray[np.int16]) -> Self:
-        """What leads from one raster (H, W) to another."""
+        """The change from one raster (H, W) to another."""
         width = before.shape[1]
         before, after = before.reshape(-1), after.reshape(-1)
         turns = (before[1:] != before[:-1]) | (after[1:] != after[:-1])
@@ -151,7 +151,7 @@ class Repaint:
 
     @property
     def part(self) -> Window | None:
-        """Where it changes cells; None where it changes none."""
+        """The window of the changed cells; None if there are none."""
         if not self:
             return None
         row, column, length = self.runs.T
@@ -159,5 +159,5 @@ class Repaint:
         return rows, slice(int(column.min()), int((column + length).max()))
 
     def put(self, labels: NDArray[np.int16], *, forward: bool = True) -> None:
-        """Write what the cells get into a raster (H, W), or, backwards, what they had."""
+        """Write the labels after the change into a raster (H, W); backwards, before it."""
         write_runs(labels, self.runs, self.after if forward else self.before)

@@ -1,4 +1,4 @@
-"""The server: the studio on a port of this computer, until it is told to end."""
+"""The server: the studio on a port of this computer, until a signal ends it."""
 
 import asyncio
 import contextlib
@@ -17,19 +17,19 @@ from pgm_places.studio.app import application
 from pgm_places.studio.session_pool import SessionPool
 
 MOST_CONNECTIONS = 64
-"""Several tabs with six connections each fit; a program that opens more is turned away."""
+"""Most connections: enough for several tabs with six each; further ones are refused."""
 
 REQUEST_S = 10.0
-"""So long the head of a request may take to arrive; the guard bounds its body."""
+"""Seconds within which the head of a request must arrive; the guard limits the body."""
 
 
 class BoundedConnection(H11Protocol):
-    """A connection that ends unless each request arrives within seconds."""
+    """A connection that is closed unless each request arrives in time."""
 
     _ends: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection, or end it where there are too many."""
+        """Accept a connection, or close it if there are too many."""
         super().connection_made(transport)
         if len(self.connections) > MOST_CONNECTIONS:
             transport.abort()
@@ -37,7 +37,7 @@ class BoundedConnection(H11Protocol):
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """Take what came; the time runs until the head of a request is whole."""
+        """Receive data; the time runs until the head of a request is complete."""
         super().data_received(data)
         if self._answers or not self.conn.trailing_data[0]:
             self._wait_no_more()
@@ -45,13 +45,13 @@ class BoundedConnection(H11Protocol):
             self._wait()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection has ended."""
+        """Stop the timer of an ended connection."""
         self._wait_no_more()
         super().connection_lost(exc)
 
     @property
     def _answers(self) -> bool:
-        """Whether a request is being answered; the guard bounds how long its body may take."""
+        """Whether a request is being answered; the guard limits the time of its body."""
         return self.cycle is not None and not self.cycle.response_complete
 
     def _wait(self) -> None:
@@ -64,7 +64,7 @@ class BoundedConnection(H11Protocol):
 
 
 HOST = "127.0.0.1"
-"""This computer only, whatever else it is connected to."""
+"""Address of the server: reachable from this computer only."""
 
 PORT_FILE = "port"
 FIRST_PORT, LAST_PORT = 1024, 65535
@@ -78,9 +78,9 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
     ----------
     pool : SessionPool
     port : int
-        0 for that of the last time in the pool's folder if it is free, or else any that is.
+        0 for the port of the last run in the pool's folder if it is free, or else any free port.
     on_address : callable
-        Told the address, token included, once browsers may open it.
+        Called with the address, token included, once browsers may open it.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
             log_level="error",
             access_log=False,  # addresses hold the token
             server_header=False,
-            timeout_graceful_shutdown=1,  # browsers wait for news; they would wait for ever
+            timeout_graceful_shutdown=1,  # waiting requests for news would never end
             timeout_keep_alive=30,
         )
         pool.start()
@@ -106,9 +106,9 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
 
 
 def _listening_again(kept: Path) -> socket.socket:
-    """A listener on the port in a file, if it is free, or on any; the file then holds its port.
+    """A listener on the port in a file if it is free, else on any; its port is saved in the file.
 
-    With the same port, pages of the last studio can tell their user where the new one is.
+    With the same port, open pages of the last studio can show the address of the new one.
     """
     try:
         with os.fdopen(open_own(kept, os.O_RDONLY), encoding="ascii") as file:
@@ -116,7 +116,7 @@ def _listening_again(kept: Path) -> socket.socket:
         listener = _listening(port if FIRST_PORT <= port <= LAST_PORT else 0)
     except (OSError, ValueError, OutputError):
         listener = _listening(0)
-    with contextlib.suppress(OSError, OutputError):  # it would only have been convenient
+    with contextlib.suppress(OSError, OutputError):  # the saved port is only a convenience
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         with os.fdopen(open_own(kept, flags), "w", encoding="ascii") as file:
             file.write(f"{listener.getsockname()[1]}\n")
@@ -124,7 +124,7 @@ def _listening_again(kept: Path) -> socket.socket:
 
 
 class _Server(uvicorn.Server):
-    """A server that lets those go who wait for news, before it ends."""
+    """A server that ends waiting requests for news before it ends itself."""
 
     def __init__(self, config: uvicorn.Config, pool: SessionPool) -> None:
         super().__init__(config)

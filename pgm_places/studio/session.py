@@ -49,46 +49,46 @@ NOTHING_PARTED = "This doorway parts nothing: there is a way around it. Draw it 
 IDS_FILE = "place_ids.json"
 
 CLASSES = ("corridor", "room", "doorway")
-"""Those of a painting that begins without a model and without labels."""
+"""Initial classes of a painting without a model and without labels."""
 
 
 class MapSession:
-    """A map that is taught; all its methods may be called from any thread.
+    """A map that is open in the studio; its methods may be called from any thread.
 
     Parameters
     ----------
     source : MapFile
         The map.
     folder : Path
-        Where the journal and the exports are kept.
+        Folder of the journal and, by default, of the exports.
     loaded : LoadedModel or PlaceLabeler, optional
-        What to build on; None to learn from nothing but the paint.
+        The model to build on; None to learn from the paint only.
     model : str
         The name or the folder of the model.
     given : sequence of GivenLabels, optional
-        Labels to compare with; errors are told against the first of them. Their names are offered
-        as classes beside the labeler's.
+        Labels to compare with; errors refer to the first of them. Their names are offered as
+        classes, after those of the labeler.
     drive_xy_m : (n, 2), optional
         The path of a drive, in metres.
 
     Attributes
     ----------
     n_fixed : int
-        So many classes, the first ones, cannot be deleted.
+        Number of the first classes, which cannot be deleted.
     changes : Changes or None
-        What the newest labels changed.
+        Changes by the newest labels.
     agrees : float or None
-        The share of the newest labels that those to compare with agree with.
+        Share of the newest labels that agree with the labels to compare with.
     tick : int
-        Grows whenever something changes that the browser shows.
+        Counts changes of the data that the browser shows.
     ids : PlaceIds
-        The places of all answers so far, those of earlier sessions included.
+        The places of all results so far, including earlier sessions.
     ids_notice : str
-        Whether their ids are those of another origin or another map; empty if not.
+        A warning if their ids belong to another origin or another map; else empty.
     migration : Migration or None
-        What was carried over from an earlier state of the map.
+        Paint migrated from an earlier state of the map.
     closing : bool
-        Whether the studio ends: nobody should wait for news any more.
+        Whether the studio ends, so that requests for news return.
     """
 
     def __init__(
@@ -136,13 +136,13 @@ class MapSession:
         )
 
     def _earlier_ids(self) -> tuple[PlaceIds, str]:
-        """The ids of earlier sessions, and a message where they do not fit the map."""
+        """The ids of earlier sessions, and a warning if they do not fit the map."""
         path = self.folder / IDS_FILE
         ids = read_session(path) if path.exists() else earlier_places(self.folder) or PlaceIds()
         return ids, ids.fit_to(self.grid)
 
     def take(self, paint: Paint) -> int:
-        """Paint what a file says where nothing is painted yet; the number of cells."""
+        """Paint the labels of a file on unpainted cells; the number of cells painted."""
         with self._lock:
             before = self.painting.n_painted
             for k, name in enumerate(paint.classes):
@@ -160,17 +160,17 @@ class MapSession:
             self.layers.painted(part)
 
     def start(self) -> None:
-        """Begin to learn; labels of the map as it stands come first."""
+        """Start the learner with a request for the labels of the present painting."""
         self.learner.start()
         self._ask()
 
     def close(self) -> None:
-        """End learning and let go of the journal."""
+        """End the learner and close the journal."""
         self.learner.end()
         self.painting.journal.close()
 
     def moved(self) -> None:
-        """Something that the browser shows has changed."""
+        """Count a change of the data that the browser shows."""
         self.tick += 1
 
     @property
@@ -181,7 +181,7 @@ class MapSession:
 
     @property
     def taught(self) -> InteractiveResult | None:
-        """The newest answer, with the user's names of places; None before there is one."""
+        """The newest result, with the user's names of places; None before the first."""
         with self._lock:
             if self.relabelling is None:
                 return None
@@ -190,14 +190,14 @@ class MapSession:
     # ------------------------------------------------------------------ edits
 
     def edit(self, request: Mapping[str, Any]) -> str:
-        """Carry out what the browser asks for; what is to be said of it, if anything.
+        """Carry out an edit of the browser; return a message, or an empty text.
 
         Raises
         ------
         InputError
-            A request that is not understood or cannot be carried out; nothing has changed then.
+            The request is invalid or cannot be carried out; nothing has changed.
         OutputError
-            The journal cannot be written; nothing has changed then.
+            The journal cannot be written; nothing has changed.
         """
         values = dict(request)
         kind = str(values.pop("kind", None))
@@ -219,7 +219,7 @@ class MapSession:
             return self._remark
 
     def _renumber(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
-        """Number the classes of what has been learned as those of the painting are now."""
+        """Renumber the classes of the newest result as in the present painting."""
         if self.relabelling is None or len(before) == len(after) or before == after[: len(before)]:
             return
         table = [after.index(name) if name in after else -1 for name in before]
@@ -228,12 +228,12 @@ class MapSession:
 
     @property
     def _shown_labels(self) -> NDArray[np.int16]:
-        """(H, W) what the map looks like: paint, and the newest labels elsewhere."""
+        """(H, W) displayed labels: the paint, and the newest labels elsewhere."""
         paint, found = self.painting.labels, self.relabelling
         return paint if found is None else np.where(paint >= 0, paint, found.labels)
 
     def door_line(self, points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """The ends, x and y in cells, that a doorway drawn along two points would have."""
+        """The ends, x and y in cells, of a doorway drawn along two points."""
         with self._lock:
             ends = strokes.doorway_ends(points, self.grid, self._limits)
         return [(float(column) + 0.5, float(row) + 0.5) for row, column in ends]
@@ -302,15 +302,15 @@ class MapSession:
         return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def n_parts(self, region: int) -> int:
-        """How many places a place looks like."""
+        """The number of rooms that a place looks like."""
         rooms = self._rooms_in(region)
         return 1 if rooms is None else rooms.count
 
     def _rooms_in(self, region: int) -> SplitCandidate | None:
-        """The rooms that a place looks like, as in the table of checks."""
+        """The split candidate of a place, as in the table of checks."""
         relabelling = self.relabelling
-        found = () if relabelling is None else split_candidates(relabelling.taught.topology)
-        return next((item for item in found if item.place.id == region), None)
+        candidates = () if relabelling is None else split_candidates(relabelling.taught.topology)
+        return next((rooms for rooms in candidates if rooms.place.id == region), None)
 
     def _edit_rename(self, point_m: Point, name: str) -> None:
         topology = self.answer.topology
@@ -326,7 +326,7 @@ class MapSession:
         own = () if self.labeler is None else self.labeler.label_names_
         names = self.painting.classes.names
         if index < len(own) and names[index] != name:
-            raise InputError(f"the model knows this class as {names[index]!r}; add a new one")
+            raise InputError(f"this class of the model is named {names[index]!r}; add a new class")
         self.painting.set_class(index, name, colour)
 
     def _edit_drop(self, index: int) -> Window | None:
@@ -340,12 +340,12 @@ class MapSession:
 
     @property
     def learns(self) -> bool:
-        """Whether the labeler learns what is painted, rather than keep to it."""
+        """Whether the labeler learns the paint, and does not only use it as observed labels."""
         return self.labeler is None or self.painting.learns
 
     @property
     def answer(self) -> InteractiveResult:
-        """The newest answer, which there must be.
+        """The newest result.
 
         Raises
         ------
@@ -360,7 +360,7 @@ class MapSession:
 
     @property
     def question(self) -> RelabelRequest:
-        """What the labels follow from, as the painting is now."""
+        """The request for labels of the present painting."""
         with self._lock:
             paint = Paint(self.painting.labels.copy(), self.painting.classes.names)
             own = paint.classes if self.labeler is None else self.labeler.label_names_
@@ -369,13 +369,13 @@ class MapSession:
             return RelabelRequest(paint, self.painting.revision, learns, self.painting.cuts)
 
     def _ask(self) -> None:
-        """Ask for labels that follow the painting as it is now."""
+        """Request labels of the present painting."""
         question = self.question
         if self.labeler is not None or sum(n > 0 for n in question.paint.counts.values()) >= 2:
             self.learner.ask(question)
 
     def _glanced(self, labels: NDArray[np.int16]) -> None:
-        """Labels of quick labels are shown until there are better ones."""
+        """Show quick labels until the first result."""
         self.layers.glanced(labels)
         self.moved()
 
@@ -403,7 +403,7 @@ class MapSession:
 def _arguments(
     kind: str, edit: Callable[..., Window | None], values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The arguments of an edit, each as it wants it."""
+    """The arguments of an edit, converted to the types of its parameters."""
     parameters = signature(edit).parameters
     wanted = {name for name, item in parameters.items() if item.default is item.empty}
     if not wanted <= values.keys() <= parameters.keys():

@@ -1,4 +1,4 @@
-"""Pool of the maps of one studio; a few sessions are open at a time."""
+"""Pool of the maps of one studio, of which a few sessions are open at a time."""
 
 import threading
 import time
@@ -13,10 +13,10 @@ from pgm_places.studio.session import MapSession
 from pgm_places.studio.training_config import write_training
 
 MOST_OPEN = 4
-"""So many maps stay in memory with all that is known of their cells, and all that have a tab."""
+"""Most maps in memory with their cell tables, apart from maps with a tab."""
 
 LIVE_S = 25.0
-"""A tab polls more often than this; one that does not was closed."""
+"""Seconds after its last poll until a tab counts as closed."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class MapEntry:
     ----------
     title : str
     folder : Path
-        Where its paint is kept.
+        Folder of its painting.
     open : callable
-        Makes its session.
+        Opens its session.
     """
 
     title: str
@@ -44,12 +44,12 @@ class Tabs:
         self._seen: dict[str, float] = {}
 
     def seen(self, tab: str) -> None:
-        """A tab has polled."""
+        """Note that a tab has polled."""
         if tab.isalnum() and len(tab) <= 40:
             self._seen[tab] = time.monotonic()
 
     def left(self, tab: str) -> None:
-        """A tab was closed."""
+        """Note that a tab was closed."""
         self._seen.pop(tab, None)
 
     def __len__(self) -> int:
@@ -60,16 +60,16 @@ class Tabs:
 
 
 class SessionPool:
-    """Maps that are taught one after the other; all methods may be called from any thread.
+    """The maps of a studio and their open sessions; methods may be called from any thread.
 
     Parameters
     ----------
-    books : sequence of Book
+    books : sequence of MapEntry
         At least one.
     folder : Path
-        Where that is kept which belongs to all of them.
+        Folder of the files that belong to all maps.
     export_folders : ExportFolders, optional
-        Where exports may go; by default into the maps' folders and below the current one.
+        Allowed folders of exports; by default the maps' folders and those below the current one.
 
     Attributes
     ----------
@@ -84,21 +84,21 @@ class SessionPool:
     ) -> None:
         self.books, self.folder, self.closing = tuple(books), folder, False
         self.export_folders = export_folders or ExportFolders.started_here()
-        self._open: dict[int, MapSession] = {}  # the one that was used last is last
+        self._open: dict[int, MapSession] = {}  # the most recently used is last
         self._known: dict[int, dict[str, Any]] = {}
         self.tabs = tuple(Tabs() for _ in self.books)
         self._lock = threading.Lock()
 
     @classmethod
     def of(cls, session: MapSession, export_folders: ExportFolders | None = None) -> Self:
-        """That of one map."""
+        """The pool of one map."""
         book = MapEntry(session.source.yaml_path.stem, session.folder, lambda: session)
-        found = cls([book], session.folder, export_folders)
-        found._open[0] = session
-        return found
+        pool = cls([book], session.folder, export_folders)
+        pool._open[0] = session
+        return pool
 
     def start(self) -> None:
-        """Begin to label the maps that are open already."""
+        """Start to label the maps that are open."""
         for session in self._open.values():
             session.start()
 
@@ -106,10 +106,10 @@ class SessionPool:
         return len(self.books)
 
     def session(self, number: int) -> MapSession:
-        """The session of a map, opened where it is not.
+        """The session of a map, opened if necessary.
 
-        The map without a live tab that was used least recently is closed where too many are open.
-        Maps with a tab stay open: their tabs would open them again at once.
+        If too many maps are open, the least recently used map without a live tab is closed. Maps
+        with a tab stay open, because their tabs would reopen them at once.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class SessionPool:
             return session
 
     def records(self) -> list[dict[str, Any]]:
-        """How far each map is, as plain data."""
+        """The progress on each map, as plain data."""
         with self._lock:
             for number, session in self._open.items():
                 self._known[number] = progress_of(session)
@@ -149,7 +149,7 @@ class SessionPool:
         ]
 
     def write_training(self) -> list[Path]:
-        """One configuration that teaches a model the paint of all maps, and what it reads.
+        """Write one configuration that trains a model on the paint of all maps, and its inputs.
 
         Raises
         ------
@@ -176,14 +176,14 @@ class SessionPool:
         return write_training(sessions, self.folder, title, names)
 
     def close(self) -> None:
-        """Let go of all maps."""
+        """Close all sessions."""
         self.end()
         with self._lock:
             for number in list(self._open):
                 self._close(number)
 
     def end(self) -> None:
-        """Nobody should wait for news any more."""
+        """Make all requests for news return."""
         self.closing = True
         for session in list(self._open.values()):
             session.closing = True
@@ -196,7 +196,7 @@ class SessionPool:
 
 
 def progress_of(session: MapSession) -> dict[str, Any]:
-    """What has been done on a session, and what is in doubt."""
+    """The progress of a session: painted cells, and area in doubt."""
     taught, cell_m2 = session.taught, session.grid.resolution_m**2
     return {
         "painted_m2": session.painting.n_painted * cell_m2,

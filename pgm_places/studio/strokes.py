@@ -1,4 +1,4 @@
-"""Strokes: which cells a tool covers, where a doorway ends, what a fill or a merge takes.
+"""Strokes: the cells of a brush, rectangle, polygon, doorway, fill or merge.
 
 Points are in cells from the map's lower-left corner, x before y.
 """
@@ -25,15 +25,15 @@ from pgm_places.topology.place_edits import doorways_between
 from pgm_places.topology.topological_map import TopologicalMap
 
 LONGEST_SNAP_M = 2.0
-"""How far behind a click a wall may be for a doorway to reach it."""
+"""Greatest distance from a click to the wall at which a doorway ends (m)."""
 
 AROUND_M, LEAST_M2 = 1.0, 0.05
-"""A doorway parts what is this near if two pieces, neither of them a crumb, are left beside it."""
+"""Radius (m) within which a doorway must leave two pieces, neither of them tiny."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a door line ends at besides walls: other doorways, and outlines of regions.
+    """What stops a door line besides walls: other doorways, and outlines of regions.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Limits:
     doorway : int or None
         The class of doorways.
     topology : TopologicalMap or None
-        The places that were found.
+        The places of the newest result.
     """
 
     paint: NDArray[np.int16]
@@ -50,14 +50,14 @@ class Limits:
 
     @cached_property
     def _doors(self) -> NDArray[np.int64]:
-        """Ids of the doorways that were found."""
+        """Ids of the doorways in the topological map."""
         if self.topology is None:
             return np.empty(0, np.int64)
         label = self.topology.doorway_label
         return np.array([r.id for r in self.topology.regions if r.label == label], np.int64)
 
     def doorways(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
-        """The cells of a window that are part of a doorway, found or painted."""
+        """The cells of a window that belong to a doorway, labelled or painted."""
         paint = self.paint[rows, columns]
         found = paint == self.doorway if self.doorway is not None else np.zeros(paint.shape, bool)
         if self.topology is not None:
@@ -72,10 +72,10 @@ class Limits:
 def doorway_ends(
     points: Sequence[tuple[float, float]], grid: OccupancyGrid, limits: Limits | None = None
 ) -> NDArray[np.float64]:
-    """(2, 2) row and column of both ends of a line, each moved on to the nearest wall behind.
+    """(2, 2) row and column of both ends of a line, extended to the nearest wall on each side.
 
-    A line ends before another doorway. An end without a wall or a doorway within two metres moves
-    to the outline of its region; without one, it stays where it is.
+    A line ends before another doorway. An end with neither within two metres moves to the outline
+    of its region, or stays if there is no region.
     """
     start, end = (np.array([y - 0.5, x - 0.5]) for x, y in points)
     along = end - start
@@ -92,9 +92,9 @@ def _moved(
     grid: OccupancyGrid,
     limits: Limits | None,
 ) -> NDArray[np.float64]:
-    """The last point before a wall or another doorway, or else before the region's outline."""
+    """The last point before a wall or another doorway, else before the region's outline."""
     point, outline, home = start, None, 0
-    leaving = True  # whoever begins inside a doorway draws that one
+    leaving = True  # a line that begins inside a doorway redraws this doorway
     for _ in range(int(LONGEST_SNAP_M / grid.resolution_m * 2) + 1):
         ahead = point + step / 2
         r, c = np.floor(ahead + 0.5).astype(int).tolist()
@@ -117,7 +117,7 @@ def _moved(
 def cut_line(
     points: Sequence[tuple[float, float]], grid: OccupancyGrid, limits: Limits | None = None
 ) -> Line:
-    """The line, in metres, along which a place is cut: where a doorway would be, a cell longer."""
+    """The cut of a place in metres: the line of a doorway, lengthened by a cell."""
     start, end = doorway_ends(points, grid, limits)
     step = (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
     (x0, y0), (x1, y1) = grid.cell_centres_m([start - step, end + step]).tolist()
@@ -148,15 +148,15 @@ def parts(runs: NDArray[np.int64], grid: OccupancyGrid, limits: Limits) -> bool:
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
 BAND_ROWS = 64
-"""So many rows are painted at once."""
+"""Rows that are painted at once."""
 
 HALF_DEPTH_M = 0.12
-"""Of the doorways by which a place is split."""
+"""Depth of the doorways that split a place (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """What a tool was drawn along.
+    """A tool and the points along which it was drawn.
 
     Parameters
     ----------
@@ -189,9 +189,9 @@ class Stroke:
 def stroke_cells(
     stroke: Stroke, grid: OccupancyGrid, limits: Limits | None = None
 ) -> NDArray[np.int64]:
-    """(n, 3) runs of the free cells that a stroke covers: row, first column and length.
+    """(n, 3) runs of the free cells of a stroke: row, first column and length.
 
-    ``limits`` are what a doorway ends at besides walls.
+    A doorway ends at walls and at ``limits``.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def stroke_cells(
     >>> stroke_cells(line, grid).tolist()
     [[0, 0, 2]]
     """
-    points = np.array(stroke.points)[:, ::-1] - 0.5  # whole numbers are the centres of cells
+    points = np.array(stroke.points)[:, ::-1] - 0.5  # integers are the centres of cells
     if stroke.tool == "rectangle":
         # A centre on the left or lower border is inside, one on the right or upper border is not.
         corners = np.ceil(points)
@@ -218,7 +218,7 @@ def stroke_cells(
 
 
 def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -> NDArray[np.int64]:
-    """(n, 3) runs of the cells of doorways along lines, by which one place becomes several."""
+    """(n, 3) runs of the cells of doorways along lines that split a place."""
     radius = max(1.0, HALF_DEPTH_M / grid.resolution_m)
     ends = (tuple(map(tuple, grid.points_at_m(line).tolist())) for line in lines)
     strokes = (Stroke(tool="doorway", points=points, radius=radius) for points in ends)
@@ -228,7 +228,7 @@ def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -
 def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDArray[np.int64]:
     """Runs of the free cells at most ``reach`` from lines (n, 4): starts, then ends.
 
-    It takes time for the rows that each line passes, and memory for a few rows of the map.
+    Time grows with the rows that each line passes; memory is that of a few rows of the map.
     """
     low = np.minimum(lines[:, :2], lines[:, 2:]) - reach
     high = np.maximum(lines[:, :2], lines[:, 2:]) + reach
@@ -249,7 +249,7 @@ def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDAr
 
 
 def _clipped(point_rc: NDArray[np.float64], shape: tuple[int, int]) -> tuple[int, int]:
-    """The cell of a point, or the nearest index of the raster or just behind it."""
+    """The cell of a point, clipped to the raster and one row and column beyond it."""
     row, column = np.clip(np.floor(point_rc), 0, shape).astype(int).tolist()
     return row, column
 
@@ -262,17 +262,17 @@ def fill_cells(
     doorway: NDArray[np.bool_] | None = None,
     drawn: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.int64]:
-    """(n, 3) runs of the cells that a fill at a point (x, y in cells) covers.
+    """(n, 3) runs of the cells of a fill at a point (x, y in cells).
 
-    Those of the region there; where no regions are known, the free cells that are connected to it
-    and have the same paint, or as little. A region reaches up to its gates, and so do half of
-    their doorways: cells (H, W) that are labelled ``doorway`` stay so, unless the region is one.
-    Cells that are ``drawn`` as doorways stay so in every case.
+    They are the cells of the region at the point. Without regions, they are the free cells that
+    are connected to the point and have equal paint, or none. A region contains half of the
+    doorway at each gate: cells (H, W) that are labelled ``doorway`` are left out, unless the
+    region is a doorway. Cells that are ``drawn`` as doorways are always left out.
 
     Raises
     ------
     InputError
-        The point is not on a free cell, or only on a doorway that was drawn.
+        The point is not on a free cell, or only on a drawn doorway.
     """
     row, column = _cell(grid, point)
     region = 0 if topology is None else int(topology.region[row, column])
@@ -293,15 +293,15 @@ def fill_cells(
 
 
 def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDArray[np.int64], str]:
-    """Runs of the cells that must change for two places to become one, and the label to give them.
+    """Runs of the cells that a merge of two places changes, and their new label.
 
-    Both take the label of the larger one, and so do doorways that lead from one to the other and
-    to nowhere else.
+    The merged place has the label of the larger one. Doorways that connect only these two places
+    get this label, too.
 
     Raises
     ------
     InputError
-        The places are one, or have no border and no doorway between them.
+        The places are identical, or neither a border nor a doorway connects them.
     """
     one, other = topology.place(first), topology.place(second)
     merging = (one, other, *doorways_between(topology, one, other))

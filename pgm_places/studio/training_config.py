@@ -1,4 +1,4 @@
-"""Training configuration of the studio: ``train.toml`` by which 'train' learns what was painted."""
+"""Training configuration of the studio: ``train.toml``, with which 'train' learns the paint."""
 
 import json
 import os
@@ -27,15 +27,15 @@ def write_training(
     *,
     beside: bool = False,
 ) -> list[Path]:
-    """Write a configuration that teaches one model the paint of all these maps, and the paint.
+    """Write a configuration that trains one model on the paint of several maps, and the paint.
 
-    ``painted`` are the classes that are painted anywhere. The maps need not be open. The paint is
-    written into each session's folder, or ``beside`` the configuration.
+    ``painted`` lists the classes that are painted on any map. The maps need not be open. The paint
+    is written into each session's folder, or into the configuration's folder with ``beside``.
 
     Raises
     ------
     InputError
-        Without a model to build on, fewer than two classes are painted.
+        There is no model to build on, and fewer than two classes are painted.
     """
     first = sessions[0]
     alone = first.labeler is None
@@ -70,7 +70,7 @@ def write_training(
 
 
 def rules_of(session: MapSession) -> dict[str, Options]:
-    """The rules of the model, by their table in a configuration."""
+    """The rules of the model, by the names of their tables in a configuration."""
     loaded = session.loaded
     return {
         "topology": session.rules,
@@ -79,14 +79,14 @@ def rules_of(session: MapSession) -> dict[str, Options]:
 
 
 def _tables_of_rules(session: MapSession) -> Iterator[str]:
-    """The rules that are not the defaults, as tables of a configuration."""
+    """The rules that differ from the defaults, as tables of a configuration."""
     for name, options in rules_of(session).items():
         if options != type(options)():
             yield from _table(f"[{name}]", option_values(options))
 
 
 def _source(session: MapSession, corrections: Path, folder: Path) -> dict[str, Any]:
-    """What a configuration in a folder says of a painted map."""
+    """The entry of a painted map in a configuration."""
     found: dict[str, Any] = {
         "map": str(session.source.yaml_path.resolve()),
         "corrections": os.path.relpath(corrections.resolve(), folder.resolve()),
@@ -107,12 +107,12 @@ def _table(header: str, values: Mapping[str, Any]) -> list[str]:
 
 
 def _keys(values: Mapping[str, Any]) -> list[str]:
-    """Lines of TOML; JSON writes strings, numbers, booleans and lists of them just so."""
+    """Lines of TOML; strings, numbers, booleans and lists are written as in JSON."""
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 
 
 def paint_of(session: MapSession) -> Paint:
-    """What is painted; refused where nothing is."""
+    """The paint of a map; an error if there is none."""
     if not session.painting.n_painted:
         raise InputError("nothing is painted yet")
     return Paint(session.painting.labels.copy(), session.painting.classes.names)

@@ -77,7 +77,7 @@ def test_what_the_studio_was_given_is_never_written_over(
     truth.write_bytes(b"drawn in a week")
     paint(session, 0, (6, 6), (24, 24))
     careful = ExportFolders.started_here([], [truth])
-    with pytest.raises(InputError, match=r"corrections\.png is what the studio was started with"):
+    with pytest.raises(InputError, match=r"corrections\.png is an input of the studio"):
         write_export(session, "corrections", careful, chosen=".", replaced=["corrections.png"])
     assert truth.read_bytes() == b"drawn in a week"
     assert not (tmp_path / "work" / "corrections.yaml").exists()

@@ -65,6 +65,6 @@ def test_what_went_wrong_is_told_and_the_next_question_answered(pupil: Class) ->
     pupil.learner.ask("wrong")
     until(lambda: pupil.learner.state.problem == "paint two classes")
     pupil.learner.ask("broken")
-    until(lambda: "a kernel broke; the paint is kept" in pupil.learner.state.problem)
+    until(lambda: "a kernel broke; the paint is saved" in pupil.learner.state.problem)
     pupil.learner.ask("right")
     until(lambda: pupil.answers == ["RIGHT"] and pupil.learner.state.problem == "")

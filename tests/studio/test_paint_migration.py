@@ -82,7 +82,7 @@ def test_another_map_is_refused_and_its_paint_stays(open_session: Reopen, map_ya
     journal = map_yaml.parent / "kept" / "journal.jsonl"
     before = journal.read_bytes()
     save_map(OccupancyGrid(np.full((30, 50), FREE, np.int8), 0.2), map_yaml.with_suffix(""))
-    with pytest.raises(InputError, match=r"less than 90 % of the two is the same"):
+    with pytest.raises(InputError, match=r"less than 90 % of the cells agree"):
         open_session()
     assert journal.read_bytes() == before
     save_map(two_rooms(), map_yaml.with_suffix(""))
