@@ -1,1 +1,1 @@
-"""Teaching a labeler by painting: paint, labels that follow it, and where to look next."""
+"""Teaching: interactive training of a labeler from paint on a map."""

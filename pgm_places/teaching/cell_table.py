@@ -1,4 +1,4 @@
-"""The cells of one map with their features, computed once however often the map is labelled."""
+"""Cell table: the cells of one map with their features, cached for repeated labelling."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,18 +35,18 @@ class CellPaint:
     def on(self, names: tuple[str, ...]) -> NDArray[np.int16]:
         """(h, w) the paint as indices into other names; -1 where a class is not among them."""
         to = [names.index(name) if name in names else -1 for name in self.classes]
-        # The entry after the last serves -1, "not painted".
+        # The entry after the last is looked up by -1, "not painted".
         return np.array([*to, -1], np.int16)[self.raster]
 
     @property
     def used(self) -> tuple[str, ...]:
-        """The classes that are painted, in their order."""
-        seen = np.unique(self.raster[self.raster >= 0]).tolist()
-        return tuple(self.classes[k] for k in seen)
+        """The classes that are painted, in the order of ``classes``."""
+        painted = np.unique(self.raster[self.raster >= 0]).tolist()
+        return tuple(self.classes[k] for k in painted)
 
 
 MAX_BYTES = 1 << 30
-"""Features of larger maps (some 800,000 cells) are recomputed whenever they are needed."""
+"""Bytes of the largest feature table in memory; features of larger maps are recomputed."""
 
 
 @dataclass(eq=False)
@@ -74,16 +74,16 @@ class CellTable:
 
     @cached_property
     def gates(self) -> Gates:
-        """The openings of the map that may be doorways."""
+        """The gate candidates of the map."""
         return gate_candidates(Segmentation.of(self.grid))
 
     @property
     def fits(self) -> bool:
-        """Whether the features of all cells are kept."""
+        """Whether the features of all cells fit into memory."""
         return 4 * self.layout.n_nodes * n_columns(self.features) <= MAX_BYTES
 
     def all(self) -> NDArray[np.float32] | None:
-        """(N, F) the features of all cells; None where they are too many to keep."""
+        """(N, F) the features of all cells; None if they do not fit into memory."""
         if self._own is None and self.fits:
             self._own = self._computed(self.grid.free)
         return self._own
@@ -98,7 +98,7 @@ class CellTable:
         return self._computed(mask)
 
     def beside_spaces(self, nodes: NDArray[np.int64], spaces: MapSpaces) -> NDArray[np.float32]:
-        """(n, F + S) the same, followed by what cells see of the spaces around them."""
+        """(n, F + S) the features of some cells, followed by their space features."""
         cells = self.layout.cells[nodes]
         around = spaces.features.lookup(cells)
         return np.concatenate([self.rows(nodes), around], axis=1)

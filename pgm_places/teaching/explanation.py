@@ -76,7 +76,7 @@ def explain_cell(taught: InteractiveResult, x_m: float, y_m: float) -> reasons.C
 
 
 def explain_region(taught: InteractiveResult, key: int | str) -> reasons.RegionExplanation:
-    """What is known of a place, by its id or name.
+    """The shape features and gates of a place, by its id or name.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def explain_region(taught: InteractiveResult, key: int | str) -> reasons.RegionE
 
 
 class _View:
-    """A taught map on the cells that were labelled."""
+    """A labelled map at the model's resolution, with the model's view of its cells."""
 
     def __init__(self, taught: InteractiveResult) -> None:
         self.taught, self.labeler, self.model = taught, taught.labeler, taught.labeler.unary_model_
@@ -123,7 +123,7 @@ class _View:
         return row, column
 
     def node_at(self, x_m: float, y_m: float) -> NDArray[np.int64]:
-        """(1,) the node there."""
+        """(1,) the node at a position."""
         node = self.layout.nodes_at(self.grid.cells_at_m([[x_m, y_m]]))
         if node[0] < 0:
             raise InputError(
@@ -145,7 +145,7 @@ class _View:
     def questions(
         self, fitted: BoostedList, row: NDArray[np.float32]
     ) -> tuple[reasons.Question, ...]:
-        """What a list asks of a row of features, one label after the other."""
+        """The questions of a decision list about a row of features, in the order of the list."""
         own, learned = self.model.features, self.labeler.learned_names
         names = [*column_names(own), *space_feature_names(RATIOS, places=True)]
         questions = []
@@ -166,13 +166,13 @@ class _View:
 
     @cached_property
     def seen(self) -> FloorScores | None:
-        """What networks make of the map, where the method looks at them."""
+        """Scores of the floor networks, or None if the method does not use them."""
         return self.model.seen(self.grid) if self.method.unary == "floor" else None
 
     def of_networks(
         self, cell: NDArray[np.int32]
     ) -> tuple[dict[str, float] | None, dict[str, float]]:
-        """How probable networks find each label of a cell (1, 2), and how much that counts."""
+        """The networks' probability of each label of a cell (1, 2), and their weight per label."""
         floor, names = self.model.floor, self.labeler.learned_names
         if self.seen is None or floor is None:
             return None, {}
@@ -180,7 +180,7 @@ class _View:
         return dict(zip(names, p.tolist(), strict=True)), dict(zip(names, shares, strict=True))
 
     def doorway_log_odds(self, node: NDArray[np.int64]) -> float:
-        """What the accepted gates add to the log-odds of a doorway at a node (1,)."""
+        """The term of the accepted gates in the log-odds of a doorway at a node (1,)."""
         doorway, scores = self.labeler.doorway_at_gates(self.method), self.taught.scores
         if doorway is None:
             return 0.0
@@ -200,7 +200,7 @@ class _View:
         return self.model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 
     def pulls(self, final: int, before: int, x_m: float, y_m: float) -> list[reasons.NeighbourPull]:
-        """The neighbours in the raster of the result."""
+        """The influence of each neighbour on the final label of a cell."""
         found = self.taught.labelled
         layout, source = found.layout, _source(found)
         [cell] = source.cells_at_m([[x_m, y_m]])

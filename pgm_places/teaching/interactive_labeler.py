@@ -1,4 +1,4 @@
-"""Labelling a map with a labeler and paint; further learning from the paint."""
+"""InteractiveLabeler: labels a map again after each stroke of paint, and learns the paint."""
 
 import copy
 import time
@@ -37,27 +37,27 @@ from pgm_places.topology.cuts import Line
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.unary.feature_table import CachedFeatures
 
-# Without a labeler to say at which resolution, finer maps are labelled at this one.
+# Without a labeler, finer maps are labelled at this resolution.
 FINEST_M = 0.05
 
 
 class InteractiveLabeler:
-    """Labels one map again and again, as fast as a person paints on it.
+    """Labels one map repeatedly while a person paints on it.
 
-    One thread at a time may call it. A ``progress`` that raises ends a call at its next stage, as a
-    program wants it that asks again at every stroke.
+    One thread at a time may call it. A ``progress`` that raises ends a call at its next stage, so
+    that a program can call again after every stroke.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map.
     model : LoadedModel or PlaceLabeler, optional
-        A fitted labeler to build on, with the rules of its model or the default ones; None to learn
-        from nothing but the paint.
+        A fitted labeler to build on, with the rules of its model or the default rules; None to
+        learn from the paint only.
     classes : sequence of str, optional
-        What may be painted: the labeler's labels by default.
+        The classes to paint: the labeler's labels by default.
     options : TeachingOptions, optional
-        How paint is learned on top of what the labeler knows.
+        How the labeler is trained further on paint.
     known_places : PlaceIds, optional
         Earlier places, which keep their ids and names. The places of each result are added to it.
     n_threads : int, optional
@@ -72,7 +72,7 @@ class InteractiveLabeler:
     Raises
     ------
     LabelError
-        No classes, or classes that the labeler's labels are not among.
+        No classes, or classes that lack a label of the labeler.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class InteractiveLabeler:
         n_threads: int | None = None,
     ) -> None:
         if model is None and classes is None:
-            raise LabelError("without a labeler, 'classes' must say what may be painted")
+            raise LabelError("without a labeler, 'classes' must list the classes to paint")
         self.grid, self.model = grid, None if model is None else LoadedModel.of(model)
         resolution_m = FINEST_M if self.labeler is None else self.labeler.resolution_m_
         self._window = window_to_label(grid, resolution_m)
@@ -116,7 +116,7 @@ class InteractiveLabeler:
         return None if self.model is None else self.model.labeler
 
     def with_classes(self, classes: Sequence[str]) -> "InteractiveLabeler":
-        """A teacher of other classes that goes on with all that is known of the map's cells.
+        """An interactive labeler of other classes, which shares the cached data of the map.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class InteractiveLabeler:
         return other
 
     def _take(self, classes: Sequence[str]) -> None:
-        """Let these classes be painted."""
+        """Set the classes to paint."""
         self.classes = plain_names("classes", list(classes))
         own = () if self.labeler is None else self.labeler.label_names_
         missing = [name for name in own if name not in self.classes]
@@ -140,7 +140,7 @@ class InteractiveLabeler:
             )
 
     def blank(self) -> Paint:
-        """No paint on this map."""
+        """A blank painting of this map."""
         return Paint.blank(self.grid.shape, self.classes)
 
     def label(self, paint: Paint, *, progress: Progress | None = None) -> InteractiveResult:
@@ -158,7 +158,7 @@ class InteractiveLabeler:
             return self._labelled(self.labeler or self.learned(paint), paint, start)
 
     def teach(self, paint: Paint, *, progress: Progress | None = None) -> InteractiveResult:
-        """The map labelled by a labeler that has learned the paint, which keeps its labels.
+        """The map labelled by a labeler that has learned the paint; paint is preserved.
 
         Raises
         ------
@@ -170,7 +170,7 @@ class InteractiveLabeler:
             return self._labelled(self.learned(paint), paint, start)
 
     def learned(self, paint: Paint, progress: Progress | None = None) -> PlaceLabeler:
-        """The labeler that has learned the paint, on top of the given one or of nothing.
+        """The labeler trained further on the paint, or trained on the paint alone.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class InteractiveLabeler:
 
     @cached_property
     def _table(self) -> CellTable:
-        """The cells to label, at the labeler's resolution, with features once they are needed."""
+        """The cells to label, at the labeler's resolution, with features computed on demand."""
         if self.labeler is not None:
             model = self.labeler.unary_model_
             used, _ = at_model_resolution(self.labeler, self._part)
@@ -208,11 +208,11 @@ class InteractiveLabeler:
         return CellTable(used, Sensor())
 
     def _rows(self, labeler: PlaceLabeler) -> CachedFeatures | None:
-        """The cells' features with what is known to follow from them; None for a huge map.
+        """The cells' features with the cached scores of a labeler; None for a huge map.
 
-        The given labeler is asked again only about cells that the paint can reach: those whose
-        segments, places or gates are not what they were. What it was taught is asked about all, but
-        the networks, which are not taught, look at the map once.
+        The given labeler rescores only cells whose segments, places or gates have changed. A
+        further trained labeler rescores all cells, but the floor networks, which paint does not
+        train, are evaluated once.
         """
         own = self._table.all()
         if own is None:
@@ -230,7 +230,7 @@ class InteractiveLabeler:
             lambda _: self._rows(labeler),
             keep_scores=True,
         )
-        assert scored.kept is not None  # as asked for
+        assert scored.kept is not None  # requested above
         unary = self._whole(scored.labelled(Independent()))
         labelled = self._whole(scored.labelled())
         with report_stage("places"):
@@ -253,19 +253,19 @@ class InteractiveLabeler:
         )
 
     def _cut(self, paint: Paint) -> NDArray[np.int16]:
-        """The labels of the paint on the part of the map that is labelled."""
+        """The painted labels in the labelled window of the map."""
         return paint.labels if self._window is None else self._window.cut(paint.labels)
 
     def _whole(self, found: LabelledPlaces) -> LabelledPlaces:
-        """Labels of that part on the whole map."""
+        """The labels of the window on the full map."""
         return found if self._window is None else found.on_whole(self.grid, self._window)
 
     def _model_of(self, labeler: PlaceLabeler) -> LoadedModel:
-        """The given model, or one with its rules and the labeler that has learned the paint."""
+        """The given model, or one with its rules and the further trained labeler."""
         if self.model is None:
             return LoadedModel(labeler)
         if labeler is self.model.labeler:
             return self.model
-        knows = self.model.method in labeler.methods_  # not one that knows other classes
+        knows = self.model.method in labeler.methods_  # else it has other classes
         method = self.model.method if knows else labeler.default_method
         return replace(self.model, labeler=labeler, method=method, sha256="")

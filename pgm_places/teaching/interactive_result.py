@@ -1,4 +1,4 @@
-"""What teaching gives back: labels before and after the graph, places, and the labeler itself."""
+"""InteractiveResult: labels before and after inference, places, and the labeler."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -17,13 +17,13 @@ from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.unary.map_model import CellScores
 
-# A place of which so much is painted needs no further answer.
+# A place whose painted share is at least this is not to be checked again.
 ANSWERED = 0.75
 
 
 @dataclass(frozen=True, eq=False)
 class InteractiveResult:
-    """A map labelled by what a labeler knows and by paint.
+    """A map labelled by a labeler and by paint.
 
     Parameters
     ----------
@@ -34,16 +34,16 @@ class InteractiveResult:
     topology : TopologicalMap
         Regions with names and probabilities, and how they are connected.
     paint : Paint
-        What was painted.
+        The paint.
     labeler : PlaceLabeler
-        What labelled the map: the given labeler, or the one that has learned the paint.
+        The labeler that labelled the map: the given one, or the one trained on the paint.
     scores : CellScores
-        What the labeler's lists and networks make of each cell that was labelled.
+        The scores of each labelled cell by the labeler's lists and networks.
     seconds : float
         From the call to the result.
     by_method : mapping of str to callable, optional
-        What the labeler's other methods make of the same scores and the same paint, each labelled
-        when it is first asked for.
+        The labels by the labeler's other methods from the same scores and paint, computed at the
+        first request.
     """
 
     labelled: LabelledPlaces
@@ -65,7 +65,7 @@ class InteractiveResult:
 
     @property
     def label_names(self) -> tuple[str, ...]:
-        """The K classes that labels and probabilities stand for."""
+        """The K classes of labels and probabilities."""
         return self.labelled.label_names
 
     @property
@@ -75,7 +75,7 @@ class InteractiveResult:
 
     @property
     def unary_labels(self) -> NDArray[np.int16]:
-        """(H, W) the label that each cell gets alone, before the graph."""
+        """(H, W) the label of each cell before graph inference."""
         return self.unary.labels
 
     @cached_property
@@ -94,7 +94,7 @@ class InteractiveResult:
 
     @property
     def gates(self) -> tuple[tuple[Gate, float], ...]:
-        """The doorways found as gates, each with its probability; painted ones are certain."""
+        """The accepted gates, each with its probability; painted ones are certain."""
         doorways = self.labelled.doorways
         if doorways is None:
             return ()
@@ -102,15 +102,14 @@ class InteractiveResult:
 
     @cached_property
     def checks(self) -> list[PlaceCheck]:
-        """Where to look: places by doubt times area, those with most of it first."""
+        """The places to check, by descending doubt times area."""
         return places_to_check(self.topology)
 
     @cached_property
     def open_checks(self) -> list[PlaceCheck]:
-        """Those of the places to check that nobody has painted for the most part.
+        """The places to check, without places that are mostly painted.
 
-        What is left of a painted place are the doorways at its edge, which are no reason to look
-        at it again.
+        The unpainted rest of a painted place are the doorways at its edge, which need no check.
         """
         region = self.topology.region
         n_cells = np.bincount(region.ravel())

@@ -1,4 +1,4 @@
-"""Learning from paint: on top of what a labeler knows, whose trees stay, or from nothing else."""
+"""Learning from paint: further boosting rounds for a labeler, or a labeler from paint alone."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -32,19 +32,19 @@ from pgm_places.unary.space_model import SpaceModel
 
 _SPACES = SpaceOptions(n_rounds=30, max_depth=3, calibration="none")
 _LASER_ROUNDS, _NODE_FEATURES = 10, 30
-_ONE_FOLD = 1  # gates of a single map leave nothing to calibrate by
+_ONE_FOLD = 1  # gates of a single map are too few to calibrate
 
 
 POTTS = PlaceMethod(
     PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.6), "space"
 )
-"""What joins neighbouring cells where no method has been learned, or none for these classes: the
-field of the shipped models."""
+"""The Potts field of a labeler without a learned method for these classes: that of the shipped
+models."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learning:
-    """Learns the paint on one map.
+    """Training on the paint of one map.
 
     Parameters
     ----------
@@ -57,11 +57,11 @@ class Learning:
     options: TeachingOptions
 
     def taught(self, labeler: PlaceLabeler, paint: CellPaint, method: str) -> PlaceLabeler:
-        """A labeler that has learned the paint as well; the given one is not changed.
+        """A copy of a labeler, trained further on the paint.
 
-        The list that the method looks at gets further rounds, and the list of gates, too, where
-        gates are painted. Classes that the labeler does not know are asked for first; methods that
-        have learned which labels are neighbours then make way for a light Potts field.
+        The list of the method gets further rounds, and so does the list of gates if gates are
+        painted. New classes are placed first in the list; then methods that have learned which
+        labels are neighbours are replaced by a light Potts field.
         """
         if not paint.used:
             return labeler
@@ -95,7 +95,7 @@ class Learning:
     def _with_spaces(
         self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int, judge: FloorJudge | None
     ) -> UnaryModel:
-        assert unary.space is not None  # a method of the labeler looks at it
+        assert unary.space is not None  # a method of the labeler uses it
         space = self._with_gates(unary.space, painted)
         spaces = space.judged_candidates(self.table.gates, painted, judge)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
@@ -115,7 +115,7 @@ class Learning:
         )
 
     def _with_gates(self, space: SpaceModel, painted: NDArray[np.int16]) -> SpaceModel:
-        """The model with a list of gates that has learned those that are painted."""
+        """The model with its list of gates trained further on painted gates."""
         if space.gates is None or space.doorway is None:
             return space
         match = match_doors(self.table.gates, painted, space.doorway)
@@ -137,7 +137,7 @@ class Learning:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """The features (n + m, F) of a lesson's cells, by node."""
+    """The features (n + m, F) of the selected cells, by node."""
 
     selection: CellSelection
     values: NDArray[np.float32]
@@ -146,10 +146,10 @@ class _Rows:
         return self.values[np.searchsorted(self.selection.both, nodes)]
 
     def with_halls(self, fitted: BoostedList, hall: int, shown: int, corridor: int) -> "_Rows":
-        """Labels as a list numbers them that knows halls, before all new classes.
+        """The labels as numbered by a list with halls, which come before all new classes.
 
-        Painted corridors are taught as halls where the list rather takes them for halls, unless
-        halls (``shown``) are painted themselves.
+        Painted corridors count as halls where the list prefers halls, unless halls are painted
+        themselves (``shown``).
         """
         labels = self.selection.labels
         shifted = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
@@ -162,23 +162,23 @@ class _Rows:
 
 
 def _halls_last(fitted: BoostedList, hall: int) -> BoostedList:
-    """The list with its classes numbered anew, so that halls come after all others."""
+    """The list with its classes renumbered, so that halls come last."""
     order = np.where(fitted.order > hall, fitted.order - 1, fitted.order)
     order[fitted.order == hall] = len(order) - 1
     return replace(fitted, order=order)
 
 
 def _for_new_classes(methods: dict[str, PlaceMethod]) -> dict[str, PlaceMethod]:
-    """The methods that have learned nothing about labels; a Potts field if none is left."""
-    kept = {name: item for name, item in methods.items() if not isinstance(item.backend, Learnable)}
-    return kept or {"potts": POTTS}
+    """The methods without learned parameters; a Potts field if there are none."""
+    fixed = {name: m for name, m in methods.items() if not isinstance(m.backend, Learnable)}
+    return fixed or {"potts": POTTS}
 
 
 def learned_alone(paint: CellPaint, table: CellTable, options: TeachingOptions) -> PlaceLabeler:
-    """A labeler that has learned nothing but the paint.
+    """A labeler that is trained on the paint alone.
 
-    It has a list of trees that sees spaces, a short list of stumps on laser features, a list of
-    gates where both doorways and other openings are painted, and a light Potts field.
+    It has a list of trees with space features, a short list of stumps on laser features, a list
+    of gates if both doorways and other openings are painted, and a light Potts field.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Paint: labels that a person has put on some cells of a map."""
+"""Paint: labels that a person gives to some cells of a map."""
 
 import json
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from pgm_places.topology.geojson import LOCAL_METRES
 from pgm_places.topology.outlines import outlines
 
 LINE_WIDTH_M = 0.2
-"""How wide lines of a GeoJSON file are painted that say nothing else."""
+"""Default width of the lines of a GeoJSON file (m)."""
 
 _DIGITS = 6
 _VECTOR_SUFFIXES = (".geojson", ".json")
@@ -35,13 +35,13 @@ class Paint:
     ----------
     labels : (H, W) int16
         Index into ``classes`` of each painted cell, -1 where nothing is painted. Row 0 is the
-        bottom of the map. Paint on cells that are not free is kept and means nothing.
+        bottom of the map. Paint on cells that are not free is stored but has no effect.
     classes : tuple of str
 
     Raises
     ------
     LabelError
-        Classes that are no names, or labels beyond them.
+        A class is no valid name, or a label has no class.
 
     Examples
     --------
@@ -85,8 +85,8 @@ class Paint:
         grid : OccupancyGrid
             The map.
         classes : sequence of str, optional
-            What may be painted; by default the names in an image's names file, or those that
-            GeoJSON uses.
+            The classes to paint; by default the names in an image's names file, or the classes
+            of the GeoJSON features.
 
         Raises
         ------
@@ -147,14 +147,14 @@ class Paint:
         return dict(zip(self.classes, counts.tolist(), strict=True))
 
     def with_cells(self, cells_rc: ArrayLike, name: str | None) -> Self:
-        """The paint with cells (n, 2), row and column, painted as ``name``; None wipes them."""
+        """The paint with cells (n, 2), row and column, painted as ``name``; None erases them."""
         labels = self.labels.copy()
         r, c = np.asarray(cells_rc, np.int64).reshape(-1, 2).T
         labels[r, c] = -1 if name is None else self._number(name)
         return replace(self, labels=labels)
 
     def with_classes(self, classes: Sequence[str]) -> Self:
-        """The same paint with other classes to choose from.
+        """The paint with another list of classes.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Paint:
         lost = [name for name, n in self.counts.items() if n and name not in names]
         if lost:
             raise LabelError(f"{lost[0]!r} is painted on the map and must stay a class: {names}")
-        # The entry after the last serves -1, "not painted".
+        # The entry after the last is looked up by -1, "not painted".
         to = [names.index(name) if name in names else -1 for name in self.classes]
         return replace(
             self, labels=np.array([*to, -1], np.int16)[self.labels], classes=tuple(names)

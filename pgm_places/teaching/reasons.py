@@ -1,4 +1,4 @@
-"""Why a cell or a place has its label, as data: votes, questions, pulls of neighbours, gates."""
+"""Reasons for the label of a cell or place, as data: votes, questions, neighbours, gates."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from pgm_places.topology.regions import Region
 
 @dataclass(frozen=True)
 class FeatureVote:
-    """What one feature added to the log-odds of a question.
+    """The contribution of one feature to the log-odds of a question.
 
     Parameters
     ----------
@@ -19,9 +19,9 @@ class FeatureVote:
     of_space : bool
         Whether it describes the place around the cell rather than the cell's scan.
     value : float
-        Of the cell.
+        Value of the feature at the cell.
     threshold : float
-        The one that weighed most.
+        The threshold with the largest weight.
     log_odds : float
         Added for the class if positive, against it if negative.
     """
@@ -35,7 +35,7 @@ class FeatureVote:
 
 @dataclass(frozen=True)
 class Question:
-    """One class of the decision list: whether the cell is of this class or of one asked later.
+    """One class of the decision list: whether the cell has this class, or a later one of the list.
 
     ``log_odds = bias + sum of votes``, exactly; ``exp(log_odds)`` are the odds of yes.
 
@@ -43,9 +43,9 @@ class Question:
     ----------
     label : str
     bias : float
-        What the calibration and the trees say before the cell is looked at.
+        Contribution of the calibration and the trees that does not depend on the cell.
     votes : tuple of FeatureVote
-        All features that were asked about, those that weighed most first.
+        All features of the classifier, by descending weight.
     """
 
     label: str
@@ -54,32 +54,32 @@ class Question:
 
     @property
     def log_odds(self) -> float:
-        """Of this class against all that are asked for later."""
+        """Log-odds of this class against all later classes of the list."""
         return self.bias + sum(vote.log_odds for vote in self.votes)
 
     @property
     def from_scan(self) -> float:
-        """The part of the cell's own scan."""
+        """Contribution of the cell's own scan."""
         return sum(vote.log_odds for vote in self.votes if not vote.of_space)
 
     @property
     def from_spaces(self) -> float:
-        """The part of the segments and of the place around the cell."""
+        """Contribution of the segments and of the place around the cell."""
         return sum(vote.log_odds for vote in self.votes if vote.of_space)
 
 
 @dataclass(frozen=True)
 class NeighbourPull:
-    """A neighbour in the graph, and where it pulls.
+    """A neighbour in the graph, and its influence on the label.
 
     Parameters
     ----------
     x_m, y_m : float
     label : str
-        Its label in the end.
+        Its final label.
     towards : float
-        How much more probable it finds the cell's final label than the one that the cell would get
-        alone, -1 to 1; without probabilities 1, 0 or -1 by its label.
+        Its probability of the cell's final label less that of the cell's label before inference,
+        -1 to 1; without probabilities 1, 0 or -1 by its label.
     """
 
     x_m: float
@@ -97,9 +97,9 @@ class CellExplanation:
     x_m, y_m : float
         Centre of the cell that was labelled.
     label, alone : str
-        Its label in the end, and the one that it would get without neighbours.
+        Its final label, and its label without neighbours.
     painted : bool
-        Whether its label was painted: nothing else matters then.
+        Whether its label was painted, which overrides everything else.
     probabilities, probabilities_alone : dict of str to float, or None
         After and before the graph.
     ranges_m, angles_rad : (B,) float
@@ -107,21 +107,21 @@ class CellExplanation:
     questions : tuple of Question
         In the order of the list.
     gate_probability : float or None
-        Of the gate at which the cell lies; 0 for none. None where gates do not count.
+        Probability of the gate at the cell; 0 for no gate. None if gates are not used.
     gate_log_odds : float
-        What the gate, or its absence, adds to the log-odds of a doorway.
+        Contribution of the gate, or of its absence, to the log-odds of a doorway.
     networks : dict of str to float, or None
-        How probable the networks that see the whole floor find each label, where the method looks
-        at them; where their views differ, the less sure.
+        The floor networks' probability of each label, if the method uses them; closer to uniform
+        where their views differ.
     network_shares : dict of str to float
-        Their weight in the log-odds of each label; the rest is that of questions and gate.
+        Their weight in the log-odds of each label; questions and gate have the remaining weight.
     doorway_log_odds : float
-        What is added to the log-odds of a doorway in the end, by where the accepted gates are; see
+        Final contribution of the accepted gates' positions to the log-odds of a doorway; see
         :func:`~pgm_places.labelers.place_problem.doorway_log_odds`.
     neighbours : tuple of NeighbourPull
-        Those in the graph.
+        The neighbours in the graph.
     region : Region or None
-        The place that it belongs to.
+        The place of the cell.
     """
 
     x_m: float
@@ -145,16 +145,16 @@ class CellExplanation:
 
 @dataclass(frozen=True, eq=False)
 class RegionExplanation:
-    """What is known of a place.
+    """The shape features and gates of a place.
 
     Parameters
     ----------
     region : Region
     features : dict of str to float
-        Shape features of the place between gates that holds most of it; empty where the labeler
-        knows no spaces.
+        Shape features of the place between gates that contains most of it; empty if the labeler
+        has no space features.
     gates : tuple of (Gate, float)
-        Gates beside it, accepted or not, with their probabilities, the most probable first.
+        Adjacent gates, accepted or not, with their probabilities, the most probable first.
     """
 
     region: Region

@@ -1,4 +1,4 @@
-"""Selection of the cells of a map that a list learns from, with their weights."""
+"""Training selection: the cells of a map that a list learns from, with their weights."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -13,22 +13,22 @@ from pgm_places.models.further_boosting import Examples, FurtherRounds
 from pgm_places.options import AtLeastZero, Options
 
 OF_PAINT_ALONE = ("max_cells_per_class", "seed")
-"""The options that also count where there is no labeler to go on from."""
+"""The options that also apply to training on paint alone."""
 
 
 @dataclass(frozen=True)
 class TeachingOptions(FurtherRounds, Options):
-    """How paint is learned on top of what a labeler knows.
+    """Options of training a labeler further on paint.
 
     Parameters
     ----------
     max_cells_per_class : int
-        So many painted cells of each class are learned from, drawn by chance.
+        Size of the random sample of painted cells of each class.
     n_kept : int
-        So many cells elsewhere on the map, drawn by chance, keep the list to what it says of them.
+        Size of the random sample of other cells, whose present scores the list is to preserve.
     keep : float
-        What these cells weigh together, where all painted cells of a class weigh 1. Boosting counts
-        a cell that a list is sure about by p (1 - p) only: so much less than this number says.
+        Total weight of these cells; all painted cells of a class together have weight 1. Boosting
+        weights a cell by p (1 - p), so that cells with confident scores count less than this.
     """
 
     max_cells_per_class: Annotated[int, Ge(10)] = 1000
@@ -38,7 +38,7 @@ class TeachingOptions(FurtherRounds, Options):
 
 @dataclass(frozen=True, eq=False)
 class CellSelection:
-    """Painted cells, and other cells that keep what a list knows.
+    """Painted cells to learn from, and other cells whose scores are to be preserved.
 
     Parameters
     ----------
@@ -56,18 +56,18 @@ class CellSelection:
 
     @property
     def both(self) -> NDArray[np.int64]:
-        """(n + m,) all of them, ascending."""
+        """(n + m,) all selected cells, ascending."""
         return np.sort(np.concatenate([self.nodes, self.kept]))
 
     @property
     def weights(self) -> NDArray[np.float64]:
-        """(n,) so that all cells of each class weigh 1 together."""
+        """(n,) weights with a sum of 1 for each class."""
         counts = np.bincount(self.labels)
         return np.asarray(1.0 / counts[self.labels], np.float64)
 
 
 def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> CellSelection:
-    """The cells of a lesson, the same for the same paint.
+    """The selected cells; equal paint gives equal cells.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> CellSe
 def learned_further(
     fitted: BoostedList, examples: Examples, kept: NDArray[np.float32], options: TeachingOptions
 ) -> BoostedList:
-    """A list that has learned painted examples and keeps what it says of other rows (m, F).
+    """A list trained further on painted examples, with its scores of other rows (m, F) preserved.
 
-    Labels are indices into the list's classes; those after the last are new classes, which are
-    asked for first.
+    Labels are indices into the list's classes; larger ones are new classes, which are placed
+    first in the list.
     """
     n_old, n_taught = len(fitted.classes), len(np.unique(examples.labels))
     weight = options.keep * n_taught

@@ -1,4 +1,4 @@
-"""A path over a raster: the step that each cell shows, to paint values of steps on a map."""
+"""Path layout: the step drawn at each cell, to paint values of steps on a map."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ BRUSH_M = 0.12
 """Half the width of the path as drawn."""
 
 LONGEST_STROKE_M = 1.5
-"""Steps farther apart are drawn as dots: where the robot went in between is unknown."""
+"""Steps farther apart are drawn as dots, because the path between them is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +23,14 @@ class PathLayout:
     """The steps of a drive painted along its path, as wide as a narrow robot.
 
     The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for steps: later steps are
-    painted over earlier ones, and walls and unknown space stay as they are.
+    painted over earlier ones, and walls and unknown space are not painted.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map, in the frame of the positions.
     positions_m : (T, 2) float
-        Where the robot was at each step, in metres.
+        Position of the robot at each step, in metres.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class PathLayout:
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
-        """(H, W) the step that each cell shows, -1 where the path does not lead."""
+        """(H, W) the step drawn at each cell, -1 off the path."""
         raster = np.full(self.shape, -1, np.int32)
         positions, steps = self._dense()
         cells = self.grid.cells_at_m(positions)
@@ -92,7 +92,7 @@ class PathLayout:
         return np.asarray(offsets[(offsets**2).sum(axis=1) <= radius**2])
 
     def _dense(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Positions along the path close enough to make a line, and the step of each."""
+        """Positions along the path, close enough for a continuous line, and the step of each."""
         xy = self.positions_m
         if len(xy) < 2:
             return xy, np.arange(len(xy), dtype=np.int32)

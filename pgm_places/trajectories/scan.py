@@ -25,15 +25,15 @@ _GAP_OF_A_FULL_CIRCLE = 1.5  # in beam spacings; a wider gap is a blind sector
 @public
 @dataclass(frozen=True, eq=False)
 class ScanGeometry:
-    """The beams of a laser range finder and the distances that it can tell.
+    """The beams of a laser range finder and the distances that it can measure.
 
     Parameters
     ----------
     angles_rad : (M,) float
         Direction of each beam against the sensor's heading, counter-clockwise, at least one beam.
     range_max_m : float
-        Maximum range. A beam without a return within it *reads it*: that is the one way in
-        which "no return" is written everywhere in this package.
+        Maximum range. A beam without a return reads exactly ``range_max_m``; "no return" has no
+        other encoding in this package.
     range_min_m : float
         Shortest distance; anything below it is no measurement.
 
@@ -78,7 +78,7 @@ class ScanGeometry:
     def full_circle(
         cls, n_beams: int = 360, *, range_max_m: float = 30.0, range_min_m: float = 0.0
     ) -> Self:
-        """Beams at ``2 pi i / n_beams``: the ones that the laser features are made from."""
+        """Beams at ``2 pi i / n_beams``, as the laser features require."""
         return cls(
             np.arange(n_beams, dtype=np.float64) * (2 * pi / n_beams), range_max_m, range_min_m
         )
@@ -87,11 +87,11 @@ class ScanGeometry:
     def half_circle(
         cls, n_beams: int = 180, *, range_max_m: float = 30.0, range_min_m: float = 0.0
     ) -> Self:
-        """Beams from the right (-90 degrees) to the left of a scanner that looks ahead.
+        """Beams from the right (-90 degrees) to the left of a forward-looking scanner.
 
         An even number of beams is spaced by ``pi / n_beams`` and leaves out the last direction
         (180 beams: -90, -89, ..., 89 degrees), an odd number reaches it (181 beams: -90 to 90).
-        That is how logs of such scanners are read everywhere.
+        This is the convention of all readers of logs.
         """
         spacing = pi / (n_beams - 1 if n_beams % 2 and n_beams > 1 else n_beams)
         return cls(
@@ -138,7 +138,7 @@ class ScanGeometry:
 
     @property
     def field_of_view_rad(self) -> float:
-        """The angle that the beams span: the full circle less the widest gap between two beams."""
+        """The angle spanned by the beams: the full circle less the widest gap between two beams."""
         return 2 * pi - float(self._gaps.max())
 
     @property
@@ -159,10 +159,10 @@ class ScanGeometry:
         )
 
     def cleaned(self, readings_m: ArrayLike) -> NDArray[np.float32]:
-        """Raw readings (..., M) as ranges: everything that is no distance reads ``range_max_m``.
+        """Raw readings (..., M) as ranges: a reading that is no distance becomes ``range_max_m``.
 
-        That is NaN, either infinity, what is below ``range_min_m`` and what is beyond
-        ``range_max_m``, the codes that sensors send for "nothing seen" among them.
+        These readings are NaN, both infinities, and values below ``range_min_m`` or beyond
+        ``range_max_m``, including the codes of sensors for "no return".
 
         Raises
         ------
@@ -183,12 +183,12 @@ class ScanGeometry:
                 f"{readings.shape}"
             )
         reach = np.float32(self.range_max_m)
-        # Not-a-number compares false, so it is caught by what is asked here, not by its opposite.
+        # Comparisons with NaN are false, so this test, and not its opposite, excludes NaN.
         is_distance = (readings >= np.float32(self.range_min_m)) & (readings <= reach)
         return np.where(is_distance, readings, reach)
 
     def returned(self, ranges_m: ArrayLike) -> NDArray[np.bool_]:
-        """Mask of the ranges (..., M) at which something was met."""
+        """Mask of the ranges (..., M) that are returns."""
         ranges = number_array("ranges_m", ranges_m, None)
         return np.asarray(ranges < np.float32(self.range_max_m))
 
@@ -196,20 +196,20 @@ class ScanGeometry:
 @public
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """One scan and where it was taken: what an online labeler is given step by step.
+    """One scan with its time and pose: the input of an online labeler at each step.
 
     Parameters
     ----------
     time_s : float
-        When it was taken.
+        Time of the scan.
     pose : (3,) float
         x, y in metres and heading in radians of the sensor.
     ranges_m : (M,) float32
-        Distance along each beam; ``geometry.range_max_m`` where nothing was met.
+        Distance along each beam; ``geometry.range_max_m`` without a return.
     geometry : ScanGeometry
         Its beams.
     odometry : (3,) float or None
-        The pose that the robot's wheels told, where ``pose`` is a better one.
+        The pose by wheel odometry, if ``pose`` is a better one.
     """
 
     time_s: float

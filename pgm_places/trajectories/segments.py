@@ -73,7 +73,7 @@ def loop_links(positions_m: ArrayLike, within_m: float) -> NDArray[np.int64]:
 
 
 class DistanceTrigger:
-    """Says step by step whether the robot is far enough from where the last segment began.
+    """Tests at each step whether the robot is far enough from the start of the last segment.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class DistanceTrigger:
         self._start: tuple[float, float] | None = None
 
     def opens(self, x: float, y: float) -> float | None:
-        """Distance from the segment before if a new one begins here, None if it goes on.
+        """Distance from the last segment if a new one begins here, else None.
 
         The first segment begins after an infinite distance.
         """
@@ -109,7 +109,7 @@ class Segments:
     poses : (T, 2) or (T, 3) float
         Where the robot was at each step, in metres.
     every_m : float
-        A segment ends before the first step so far from its own first step.
+        A segment ends before the first step at this distance from its own first step.
 
     Examples
     --------
@@ -151,7 +151,7 @@ class Segments:
         return np.asarray(np.add.reduceat(rows, self.first, axis=0) / lengths[:, None])
 
     def majority(self, labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
-        """(S,) most frequent known label of each segment, -1 where none of its steps has one."""
+        """(S,) most frequent label of each segment, -1 for segments without a label."""
         known = integer_array("labels", labels, self.of_step.shape, low=-1, high=n_labels)
         counts = np.zeros((len(self), n_labels), np.int64)
         np.add.at(counts, (self.of_step[known >= 0], known[known >= 0]), 1)

@@ -24,7 +24,7 @@ class Similarity:
     rotation_rad : float
         Counter-clockwise.
     translation_m : (float, float)
-        Where the origin goes.
+        The image of the origin.
     scale : float
         1 for two frames in true metres; a map whose resolution was judged by eye may need 0.99.
 
@@ -55,7 +55,7 @@ class Similarity:
 
     @classmethod
     def from_points(cls, positions_m: ArrayLike, seen_at_m: ArrayLike) -> Self:
-        """The similarity that best maps points (N, 2) to where they lie in the other frame (N, 2).
+        """The similarity that best maps points (N, 2) to their positions (N, 2) in another frame.
 
         Least squares over at least two different points (Umeyama, "Least-squares estimation of
         transformation parameters between two point patterns", 1991, equations 40 to 42).
@@ -104,7 +104,7 @@ class Similarity:
         return np.column_stack([self.of_positions(array[:, :2]), headings])
 
     def inverse(self) -> Self:
-        """The way back."""
+        """The inverse transform."""
         back = type(self)(-self.rotation_rad, scale=1 / self.scale)
         shift = -back.of_positions([self.translation_m])[0]
         return type(self)(back.rotation_rad, (float(shift[0]), float(shift[1])), back.scale)

@@ -42,7 +42,7 @@ class Trajectory(Plotted):
     Parameters
     ----------
     times_s : (T,) float
-        Time of each step. Logs with disordered stamps exist; they are kept as they are and
+        Time of each step. Stamps that are out of order are not changed;
         :attr:`n_backward_times` counts them.
     poses : (T, 3) float
         x, y in metres and heading in radians, counter-clockwise from the x axis: of the laser
@@ -58,9 +58,9 @@ class Trajectory(Plotted):
     label_names : tuple of str or None
         Given exactly where ``labels`` is.
     odometry : (T, 3) float or None
-        What the robot's wheels told, where ``poses`` are better than that: corrected, or true.
+        Poses by wheel odometry, if ``poses`` are better ones: corrected, or true.
     name : str
-        What to call it in messages and tables.
+        Its name in messages and tables.
     building : str, optional
         The building it is in: the drives and maps of one building are never on both sides of a
         cross-validation. Without it, contiguous parts of the trajectory are held out.
@@ -137,14 +137,14 @@ class Trajectory(Plotted):
 
     @classmethod
     def from_scans(cls, scans: Iterable[Scan], *, name: str = "trajectory") -> Self:
-        """The trajectory along scans of one and the same geometry.
+        """The trajectory of scans with a common geometry.
 
-        Odometry is kept where every scan has it.
+        It has odometry if every scan has.
 
         Raises
         ------
         InputError
-            There is no scan, or a scan has other beams than the first one.
+            There is no scan, or the beams of a scan differ from those of the first.
         """
         taken = list(scans)
         if not taken:
@@ -178,12 +178,12 @@ class Trajectory(Plotted):
         return replace(self, labels=np.asarray(labels), label_names=tuple(label_names))
 
     def relabelled(self, new_names: Mapping[str, str], label_names: Sequence[str]) -> Self:
-        """The same steps with labels that go by other names, several to one where wanted.
+        """The same steps with renamed labels; several labels may get one name.
 
         Parameters
         ----------
         new_names : mapping of str to str
-            From the present names to new ones; a place whose name is left out becomes -1.
+            From present to new names; labels that are left out become -1.
         label_names : sequence of str
             The new labels in the order of their numbers.
 
@@ -228,7 +228,7 @@ class Trajectory(Plotted):
     # ------------------------------------------------------------------ parts
 
     def subset(self, steps: ArrayLike | slice) -> Self:
-        """The chosen steps: a slice, a boolean mask (T,), or step numbers in the order wanted.
+        """The selected steps: a slice, a boolean mask (T,), or step numbers in any order.
 
         Raises
         ------
@@ -254,9 +254,9 @@ class Trajectory(Plotted):
         return self.subset(steps)
 
     def resampled(self, every_m: float) -> Self:
-        """The path with positions this far apart, on straight lines between the recorded ones.
+        """The path with positions at this distance, on straight lines between the recorded ones.
 
-        The recorded positions stay, with their labels; what lies between them has none.
+        The recorded positions remain, with their labels; positions between them have no label.
 
         Raises
         ------
@@ -272,7 +272,7 @@ class Trajectory(Plotted):
         way = np.concatenate([[0.0], np.cumsum(self.step_lengths_m)])
         if way[-1] / every_m > MOST_STEPS:
             raise InputError(
-                f"{self.name} is {way[-1]:g} m long, which every_m = {every_m:g} m would part into "
+                f"{self.name} is {way[-1]:g} m long, every_m = {every_m:g} m would divide it into "
                 f"more than {MOST_STEPS} steps; leave out poses that lie far away, or take longer "
                 "steps"
             )
@@ -306,7 +306,7 @@ class Trajectory(Plotted):
     # ------------------------------------------------------------------ views
 
     def graph(self) -> LabelGraph:
-        """The chain of its steps: what every method labels a trajectory on."""
+        """The chain of its steps: the label graph of a trajectory."""
         return LabelGraph.from_trajectory(self.poses)
 
     def transformed(self, similarity: Similarity) -> Self:
@@ -325,12 +325,12 @@ class Trajectory(Plotted):
         )
 
     def within(self, range_max_m: float) -> Self:
-        """The same scans of a sensor that sees no farther: longer ranges read ``range_max_m``.
+        """The same scans of a sensor with less range: longer ranges become ``range_max_m``.
 
         Raises
         ------
         InputError
-            There are no scans, or they do not reach that far.
+            There are no scans, or their maximum range is smaller.
         """
         if self.ranges_m is None or self.geometry is None:
             raise InputError(f"{self.name} has no scans to shorten")
@@ -388,7 +388,7 @@ class Trajectory(Plotted):
 
     @property
     def path_length_m(self) -> float:
-        """Length of the way from the first step to the last."""
+        """Length of the path from the first step to the last."""
         return float(self.step_lengths_m.sum())
 
     @property
@@ -414,7 +414,7 @@ def headings_along(positions_m: ArrayLike) -> NDArray[np.float64]:
     moving = (motion != 0).any(axis=1)
     if not moving.any():
         return np.zeros(len(positions))
-    # Each standing step takes over the last moving one before it, or the first one of all.
+    # A standing step gets the direction of the last moving step, or of the first one of all.
     steps = np.where(moving, np.arange(len(positions)), -1)
     steps = np.maximum.accumulate(steps)
     steps[steps < 0] = int(moving.argmax())

@@ -47,8 +47,8 @@ def test_below_the_working_folder_and_where_it_was_told(
         ("a/.ssh", "is hidden"),
         ("~/.ssh", "write '~/.ssh' out"),
         ("file", "is a file"),
-        ("a\0b", "characters that none has"),
-        ("a\nb", "characters that none has"),
+        ("a\0b", "invalid characters"),
+        ("a\nb", "invalid characters"),
         ("a" * 2000, "too long"),
     ],
 )
