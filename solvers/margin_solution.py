@@ -1,4 +1,4 @@
-"""How learning goes, and what it finds: cuts, steps, the weights with their bounds."""
+"""Results of max-margin and likelihood learners: cuts, progress, weights with bounds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ class Cut:
 
 @dataclass(frozen=True)
 class LearningStep:
-    """Where a learner stands, handed to ``on_iteration``; answering True stops it.
+    """Progress of a learner, passed to ``on_iteration``, which returns True to stop it.
 
-    ``objective`` is that of the best weights so far as far as the learner knows it; ``gap`` is
-    relative: ``(objective - lower_bound) / objective``.
+    ``objective`` is the learner's estimate for the best weights so far; ``gap`` is relative:
+    ``(objective - lower_bound) / objective``.
     """
 
     iteration: int
@@ -40,16 +40,15 @@ class LearningStep:
 
 
 PROVED = 1e-6
-"""A relative gap up to this is what solvers of quadratic programs leave of nothing."""
+"""A relative gap up to this is the tolerance of QP solvers, and counts as closed."""
 
 REACHED = ("optimal", "within_tolerance", "oracle_limit")
-"""How good weights are whose gap has closed: the rigorous gap to the lower bound is at most 1e-6;
-at most the tolerance that was asked for; or the oracle, which may miss labellings, finds the gap
-closed, and no rigorous bound confirms it."""
+"""Status words after the gap has closed: the rigorous gap to the lower bound is at most 1e-6; it
+is at most the requested tolerance; or only the oracle, which may miss labellings, closes it."""
 
 
 def reached(rigorous: float | None, lower_bound: float, tolerance: float) -> str:
-    """The word of :data:`REACHED` for a rigorous value of the objective, None if there is none."""
+    """The word of :data:`REACHED` for a rigorous objective; None if its gap is still open."""
     gap = np.inf if rigorous is None else relative_gap(rigorous, lower_bound)
     if gap <= PROVED:
         return "optimal"
@@ -57,12 +56,12 @@ def reached(rigorous: float | None, lower_bound: float, tolerance: float) -> str
 
 
 OnStep = Callable[[LearningStep], bool | None]
-"""Called once per iteration; a learner stops with the best weights so far when it says True."""
+"""Called once per iteration; a learner stops with the best weights so far if it returns True."""
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedWeights:
-    """Learned weights and how good they are known to be.
+    """Learned weights with their objective and lower bound.
 
     Parameters
     ----------
@@ -75,14 +74,14 @@ class LearnedWeights:
     lower_bound : float
         No weights reach less than this (rigorous).
     status : str
-        What was reached, as far as it is proved: a word of :data:`REACHED`, or why learning ended
-        before: ``iteration_limit``, ``time_limit``, ``stopped`` (``on_iteration`` said so),
+        What is proved: a word of :data:`REACHED`, or why learning ended earlier:
+        ``iteration_limit``, ``time_limit``, ``stopped`` (by ``on_iteration``),
         ``stalled`` (the oracle finds nothing better, and the gap is open), ``inaccurate`` (the QP's
         solver ended with an open gap) or ``local_optimum`` (some labels are unknown).
     iterations : int
     history : tuple of LearningStep
     cuts : tuple of Cut
-        Planes that hold for the same nodes and losses at any penalty; a warm start.
+        Cuts that are valid for the same nodes and losses at any penalty; a warm start.
     certified : float or None
         A rigorous upper bound of the objective at ``weights``, where the learner has one.
     """

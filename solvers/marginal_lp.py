@@ -1,4 +1,4 @@
-"""The linear relaxation of decoding: an upper bound, and the labelling if it is integral."""
+"""The LP relaxation of MAP decoding: an upper bound, and the optimum if it is integral."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -28,18 +28,18 @@ class LPDecoding:
     Parameters
     ----------
     labels : (N,) int
-        The label with the largest marginal at each node; where these are fractional, what local
-        search makes of that.
+        The label with the largest marginal at each node, improved by local search where marginals
+        are fractional.
     score : float
         Their log-potential.
     bound : float
         The relaxation's value: no labelling scores more.
     integral : bool
-        Whether all node marginals are 0 or 1; then ``labels`` is the best labelling of all.
+        Whether all node marginals are 0 or 1; then ``labels`` is optimal.
     node_marginals : (N, K) float
         The relaxation's solution; rows sum to one.
     duals : (2 E, K) float
-        What gives the bound (:func:`pgm_places.solvers.duals.dual_bound`).
+        The dual variables that give the bound (:func:`pgm_places.solvers.duals.dual_bound`).
     """
 
     labels: NDArray[np.int64]
@@ -109,11 +109,7 @@ def solve_marginal_lp(model: PairwiseModel, *, eliminate: bool = True) -> LPDeco
 def _rounded(
     model: PairwiseModel, marginals: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], float]:
-    """The best labelling (N,) that local search reaches from two roundings, and its score.
-
-    One takes the largest marginal everywhere. The other decides the nodes in turn, the surest
-    first, by the labels of the neighbours before them and what is expected of the others.
-    """
+    """The better local optimum (N,) from two roundings (maximum; sequential), and its score."""
     in_turn = np.empty(model.n_nodes, np.int32)
     surest_first = np.argsort(-marginals.max(axis=1), kind="stable").astype(np.uint32)
     expected = _expected(model, marginals)
@@ -128,7 +124,7 @@ def _rounded(
 
 
 def _expected(model: PairwiseModel, marginals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2 E, K) by arc, what an edge is expected to add to each label of the node it leads to."""
+    """(2 E, K) by arc, the expected potential of the edge for each label of the arc's head."""
     ends = marginals[model.around.edges]
     if model.agreement is not None:
         return (ends * model.agreement[:, None]).reshape(-1, model.n_labels)
@@ -150,7 +146,7 @@ def _solve(model: PairwiseModel) -> tuple[NDArray[np.float64], NDArray[np.float6
     else:
         gains, upper, equal, right = _local_polytope(model)
     possible = gains > -np.inf
-    # The objective's scale must not decide what the solver's absolute tolerances mean.
+    # The solver's tolerances are absolute: make them independent of the objective's scale.
     scale = max(float(np.abs(gains[possible]).max(initial=0.0)), 1e-300)
     result = _call_highs(
         -np.where(possible, gains, 0.0) / scale,
@@ -184,7 +180,7 @@ def _call_highs(*args: Any, **options: Any) -> Any:
 
 
 def associative_duals(model: PairwiseModel, prices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2 E, K) duals of the short form, corrected to be feasible: they bound whatever HiGHS left.
+    """(2 E, K) duals of the associative form, corrected to be feasible, so that the bound is valid.
 
     Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
     """
@@ -195,13 +191,13 @@ def associative_duals(model: PairwiseModel, prices: NDArray[np.float64]) -> NDAr
 
 
 def polytope_duals(model: PairwiseModel, prices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2 E, K) duals of the local polytope: what each edge gives its ends."""
+    """(2 E, K) duals of the local polytope: message of each edge to its ends."""
     to_first, to_second = prices.reshape(2, model.around.n_edges, model.n_labels)
     return np.stack([to_second, to_first], axis=1).reshape(-1, model.n_labels)
 
 
 _Form = tuple[NDArray[np.float64], sp.csr_array | None, sp.csr_array, NDArray[np.float64]]
-"""What each variable gains, the rows that are at most 0, the rows that are equal, to what."""
+"""Objective, inequality rows (at most 0), equality rows, right-hand sides of the equalities."""
 
 
 def _associative_form(model: PairwiseModel, agreement: NDArray[np.float64]) -> _Form:

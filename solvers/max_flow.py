@@ -22,7 +22,7 @@ class CutSpace(NamedTuple):
     """(N,) tree of each node."""
     path: NDArray[np.uint32]
     """(N, 4) the path to the root: the arc that leads to the parent or a mark above all arcs, the
-    parent, when the path was last known to be sound, its length."""
+    parent, the time at which the path was last valid, its length."""
     active: NDArray[np.uint32]
     """(N,) ring of nodes that may grow."""
     waiting: NDArray[np.bool_]
@@ -33,7 +33,7 @@ class CutSpace(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MinimumCut:
-    """A cheapest way to part the source from the sink.
+    """A minimum cut between source and sink.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ class MinimumCut:
         The sum of the capacities that lead from the source's side to the sink's, which is also the
         largest flow.
     source_side : (N,) bool
-        Nodes on the source's side: those that the source still reaches when the flow is largest,
-        so of all minimum cuts the one with the smallest source side.
+        Nodes on the source's side: all nodes that the source reaches in the residual graph of a
+        maximum flow. This is the minimum cut with the smallest source side.
     """
 
     value: float
@@ -58,9 +58,9 @@ def minimum_cut(
 ) -> MinimumCut:
     """The minimum cut between a source and a sink that are joined to N nodes.
 
-    Capacities are float64 and used as they are, with no scaling to integers: if they are multiples
-    of one power of two and their sum is below 2**53 of it (integers, for instance), every step is
-    exact and so is the cut. Otherwise the flow's subtractions round, and the value is within
+    Capacities are float64 without scaling to integers: if they are multiples of one power of two
+    and their sum is below 2**53 times this power (integers, for instance), every step is exact and
+    so is the cut. Otherwise the flow's subtractions round, and the value is within
     ``1e-12`` of the largest flow, relative to the sum of all capacities.
 
     Parameters
@@ -103,7 +103,7 @@ def minimum_cut(
 
 
 def cut_space(n_nodes: int) -> CutSpace:
-    """Working arrays for cuts of a graph of that many nodes."""
+    """Working arrays for cuts of a graph of ``n_nodes`` nodes."""
     return CutSpace(
         side=np.empty(n_nodes, np.int8),
         path=np.empty((n_nodes, 4), np.uint32),

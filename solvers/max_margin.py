@@ -48,7 +48,7 @@ class MarginProblem(ABC):
 
     ``labels`` (N,) are the true ones, ``loss`` (N,) is what a wrong one costs at each node,
     ``penalty`` is C, and every labelling keeps the ``observed`` labels (N,), -1 elsewhere.
-    With ``costs`` (K, K) it is ``loss`` times the cost of the label taken for the true one.
+    With ``costs`` (K, K) a wrong label costs ``loss`` times the entry of true and wrong label.
     An ``offset`` (N, K) belongs to the score, but not to the features: no weight is learned for it.
     """
 
@@ -78,14 +78,14 @@ class MarginProblem(ABC):
     def potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Those of the score, as an :data:`Oracle` takes them."""
+        """Potentials of the score, as input of an :data:`Oracle`."""
 
     @abstractmethod
     def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
         """The vector phi(y) with score(y) = w . phi(y), flat like the weights."""
 
     def _check_truth(self, n_labels: int) -> None:
-        """Check what is known of the nodes, and the penalty."""
+        """Check labels, loss, costs and penalty."""
         labels = integer_array("labels", self.labels, (self.n_nodes,), low=0, high=n_labels)
         loss = finite_array("loss", self.loss, (self.n_nodes,))
         if loss.min() < 0:
@@ -97,7 +97,7 @@ class MarginProblem(ABC):
             set_frozen(self, costs=checked_costs(self.costs, n_labels))
 
     def node_costs(self, n_labels: int) -> NDArray[np.float64]:
-        """(N, K) what each label costs at each node, and how far the offset has it ahead."""
+        """(N, K) cost of each label at each node, plus its lead in the offset over the truth."""
         costs = 1.0 - np.eye(n_labels) if self.costs is None else self.costs
         found: NDArray[np.float64] = self.loss[:, None] * costs[self.labels]
         if self.offset is not None:
@@ -112,18 +112,18 @@ class MarginProblem(ABC):
     def augmented_potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The potentials of score plus loss: what it costs is added to every label of a node."""
+        """The loss-augmented potentials: each label's cost is added to its unary."""
         unary, pairs = self.potentials(weights)
         if self.costs is None and self.offset is None:
             unary[: self.n_nodes] += self.loss[:, None]
             unary[np.arange(self.n_nodes), self.labels] -= self.loss
-        else:  # nodes never take the label that sets have beside these
+        else:  # nodes never take the extra label of sets
             k = next(len(part.T) for part in (self.costs, self.offset) if part is not None)
             unary[: self.n_nodes, :k] += self.node_costs(k)
         return keep_known(unary, self.observed), pairs
 
     def cut_of(self, labels: NDArray[np.int64]) -> Cut:
-        """The plane that a labelling gives: its loss and its joint features against the truth's."""
+        """The cut of a labelling: its loss, and joint features of the truth less its own."""
         if self.offset is not None:
             costs = self.node_costs(self.offset.shape[1])
             wrong = float(costs[np.arange(self.n_nodes), labels].sum())
@@ -134,13 +134,13 @@ class MarginProblem(ABC):
         return Cut(self._less_than_truth(labels) / self.n_nodes, wrong / self.n_nodes)
 
     def _less_than_truth(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n_weights,) the joint features of the truth less those of a labelling."""
+        """(n_weights,) joint features of the truth less joint features of a labelling."""
         return self.truth_features - self.features_of(labels)
 
 
 @dataclass(frozen=True, eq=False)
 class MaxMarginProblem(MarginProblem):
-    """One training map, or several side by side.
+    """One training map, or several as blocks.
 
     Parameters
     ----------
@@ -161,13 +161,13 @@ class MaxMarginProblem(MarginProblem):
     sets : SetTerms, optional
         Sets of nodes that want to have one label, and their features.
     observed : (N,) int, optional
-        Labels that are known to every labelling, -1 elsewhere: the true labelling has to win
-        against those alone that keep them.
+        Observed labels, -1 elsewhere: the true labelling competes only with labellings that agree
+        with them.
     costs : (K, K) float, optional
         What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all pairs by
         default, the (weighted) Hamming loss.
     offset : (N, K) float, optional
-        Scores of the nodes that are added to what weights give.
+        Fixed scores that are added to the learned unaries.
     """
 
     node_features: NDArray[np.float64]
@@ -221,12 +221,12 @@ class MaxMarginProblem(MarginProblem):
 
     @property
     def n_whole(self) -> int:
-        """Nodes of the graph on which the score is pairwise: N, and those of sets after them."""
+        """Nodes of the pairwise graph: N, then the nodes of sets."""
         return self.n_nodes if self.sets is None else self.sets.nodes.n_whole
 
     @cached_property
     def whole_edges(self) -> NDArray[np.int32]:
-        """Its edges: E, and the links of sets after them."""
+        """Edges of the pairwise graph: E, then the links of sets."""
         if self.sets is None:
             return self.edges
         return frozen_copy(np.concatenate([self.edges, self.sets.nodes.links]))
@@ -252,8 +252,8 @@ class MaxMarginProblem(MarginProblem):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Unary (N, K) and agreement (E, K) of the score.
 
-        With sets they are those of the graph that has their nodes and links, too, with one more
-        label where there are three or more; the labels of its first N nodes are meant.
+        With sets, potentials of the pairwise graph, which includes the nodes and links of sets, and
+        one more label if K is 3 or more; labels of the first N nodes are the result.
         """
         node_weights, edge_weights = self.split(weights)
         unary = _products(self.node_features, node_weights)
@@ -266,8 +266,9 @@ class MaxMarginProblem(MarginProblem):
     def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
         """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
 
-        Per label: the sum of the features of its nodes, then of the edges whose ends both have it,
-        then of the sets that earn something by it, times what they earn.
+        Per label: the sum of the features of its nodes, then of the edges with this label at both
+        ends, then of the sets rewarded for it, times their number of agreeing nodes
+        (:meth:`SetNodes.agreed <pgm_places.solvers.set_terms.SetNodes.agreed>`).
         """
         first, second = labels[self.edges[:, 0]], labels[self.edges[:, 1]]
         agreed = np.where(first == second, first, self.n_labels)
@@ -294,7 +295,7 @@ class MaxMarginProblem(MarginProblem):
         return difference
 
     def _sparse_difference(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(D, K) the sums of node features by true label, less those by ``labels``."""
+        """(D, K) sums of node features by true label, less sums by ``labels``."""
         wrong = np.flatnonzero(labels != self.labels)
         sign = np.zeros((len(wrong), self.n_labels))
         sign[np.arange(len(wrong)), self.labels[wrong]] = 1.0
@@ -305,7 +306,7 @@ class MaxMarginProblem(MarginProblem):
 def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
     """Several training maps, without offsets, as one problem of separate blocks.
 
-    The maximum over labellings splits over blocks, so the hinge is the sum of the maps' own,
+    The maximum over labellings splits over blocks, so the hinge is the mean of the maps' hinges,
     weighted by their numbers of nodes.
     """
     first = problems[0]
@@ -328,7 +329,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
 
 
 def checked_costs(costs: ArrayLike, n_labels: int) -> NDArray[np.float64]:
-    """Costs (K, K) of taking the label of a column for that of a row.
+    """Checked costs (K, K) of predicting the label of a column where the label of the row is true.
 
     Raises
     ------
@@ -358,7 +359,7 @@ def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArra
     if is_sparse(rows):
         return rows @ weights
     (n_rows, n_features), n_columns = rows.shape, weights.shape[1]
-    width = 4 * -(-n_columns // 4)  # the kernel takes four at a time
+    width = 4 * -(-n_columns // 4)  # the kernel processes four at a time
     padded = np.zeros((n_features, width))
     padded[:, :n_columns] = weights
     out = np.zeros(n_rows * n_columns + width)
@@ -380,8 +381,8 @@ def objective(problem: MarginProblem, weights: NDArray[np.float64], hinge: float
 def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64]) -> float:
     """A rigorous lower bound of the relaxed objective's minimum from node marginals (N, K).
 
-    Any marginals with rows that sum to one are feasible in the dual of the learning QP, with
-    the edge marginals ``min(m_i, m_j)`` that suit it best; the bound is the dual's value::
+    Any marginals with rows that sum to one are feasible in the dual of the learning QP, with the
+    edge marginals ``min(m_i, m_j)``, which are optimal; the bound is the dual's value::
 
         C/N sum_ik l_i cost[t_i, k] m_i[k] - 1/2 |w_n|^2 - 1/2 |w_e|^2,
         w_n = C/N sum_i x_i (1[t_i] - m_i),  w_e = max(0, C/N sum_ij x_ij (1[t_ij] - m_ij)).

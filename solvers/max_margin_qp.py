@@ -1,10 +1,10 @@
-"""The exact reference learner: the compact quadratic program with the LP dual, in cvxpy.
+"""Max-margin learning as one compact quadratic program with the LP dual, in cvxpy.
 
 The maximum over labellings in the hinge is replaced by its LP relaxation, and that LP by its dual
 (Taskar et al. 2004), which makes learning one convex QP. With two labels the relaxation is tight
 and the QP is the exact objective; with more it lies above it. Memory and time grow quickly: use it
 up to some thousand nodes, and the cutting plane beyond. OSQP runs in chunks of a fixed number of
-iterations, between which signals are handled and the time limit is looked at.
+iterations; between chunks, signals are handled and the time limit is checked.
 """
 
 import logging
@@ -42,20 +42,20 @@ QP_SOLVERS: tuple[QPSolver, ...] = get_args(QPSolver)
 # Entries of the program's matrices up to which it costs about a second or two.
 QUICK_ENTRIES = 300_000
 
-# Clarabel neither hears signals nor keeps its time limit within a factorisation.
+# Clarabel handles neither signals nor its time limit within a factorisation.
 CLARABEL_ENTRIES = 1_000_000
 
-# Peak of memory for each entry, measured from 335,000 to 3,000,000 entries: 200 to 285.
+# Peak memory in bytes per entry, measured for 335,000 to 3,000,000 entries: 200 to 285.
 BYTES_PER_ENTRY = 300
 
-# A multiple of OSQP's intervals, so that a chunk ends where it looks at its state anyway.
+# A multiple of OSQP's intervals, so that a chunk ends where OSQP checks termination anyway.
 CHUNK = 50
 MAX_ITERATIONS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
 class _Program:
-    """The cvxpy problem and what is read back from it."""
+    """The cvxpy problem and its variables and duals."""
 
     problem: "cp.Problem"
     node_weights: "cp.Variable"
@@ -80,15 +80,15 @@ def max_margin_qp(
         s.t. a_i - sum_(j: ij) (dual of i in ij) >= w_n[:, k] . x_i + l_i [k != t_i]
              -S/2 <= b <= S/2,   w_e >= 0 .
 
-    Whatever the solver returns is repaired before it is reported: w_e and b are clipped to their
-    bounds and a is recomputed, so that ``objective`` is attained by a feasible point, and
-    ``lower_bound`` is computed from the solver's node marginals made feasible.
+    The solver's answer is made feasible: w_e and b are clipped to their bounds and a is
+    recomputed, so that a feasible point attains ``objective``; ``lower_bound`` is computed from
+    the solver's node marginals, also made feasible.
 
     Parameters
     ----------
     solver : {"osqp", "clarabel"}
-        Tried first; the other follows where it fails. OSQP runs without its own scaling, on the
-        objective multiplied by N/C, without which it does not converge on maps.
+        Tried first; if it fails, the other one is tried. OSQP runs without its own scaling, on the
+        objective multiplied by N/C; otherwise it does not converge on maps.
     tolerance : float
         Passed to the solver.
     time_limit_s : float, optional
@@ -110,11 +110,11 @@ def max_margin_qp(
     if solver not in QP_SOLVERS:
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")
     if problem.sets is not None:
-        raise InputError("the compact QP knows no cliques; take learner='cutting-plane'")
+        raise InputError("the compact QP does not support cliques; use learner='cutting-plane'")
     if is_sparse(problem.node_features):
         raise InputError(
-            "the compact QP wants dense node_features; take learner='cutting-plane', or give their "
-            "toarray()"
+            "the compact QP needs dense node_features, got sparse; use learner='cutting-plane' or "
+            "pass node_features.toarray()"
         )
     _require_room(problem, solver)
     start = time.perf_counter()
@@ -137,30 +137,30 @@ def max_margin_qp(
 
 
 def n_entries(problem: MaxMarginProblem) -> int:
-    """How many entries the program's matrices have, which its time and memory go with."""
+    """Number of entries of the program's matrices; time and memory grow with it."""
     (n, d), k = problem.node_features.shape, problem.n_labels
     n_edges, f = problem.edge_features.shape
     return k * (n * (d + f + 1) + 2 * n_edges * (f + 2))
 
 
 def _require_room(problem: MaxMarginProblem, solver: str) -> None:
-    """Refuse what does not fit into memory, and what nobody could stop."""
+    """Raise InputError if the program exceeds memory, or Clarabel would run for minutes."""
     entries, free = n_entries(problem), _free_bytes()
     size = f"{problem.n_nodes:,} nodes and {len(problem.edges):,} edges with {problem.n_labels}"
     if free is not None and entries * BYTES_PER_ENTRY > free:
         raise InputError(
             f"the compact QP of {size} labels needs about {entries * BYTES_PER_ENTRY / 2**30:.1f} "
-            f"GiB, and {free / 2**30:.1f} GiB are free; take learner='cutting-plane'"
+            f"GiB, and {free / 2**30:.1f} GiB are free; use learner='cutting-plane'"
         )
     if solver == "clarabel" and entries > CLARABEL_ENTRIES:
         raise InputError(
-            f"the compact QP of {size} labels would keep Clarabel busy for minutes, in which "
-            "nothing can stop it; take solver='osqp' or learner='cutting-plane'"
+            f"the compact QP of {size} labels would occupy Clarabel for minutes without a way to "
+            "interrupt it; use solver='osqp' or learner='cutting-plane'"
         )
 
 
 def _free_bytes() -> int | None:
-    """Memory that is free or can be freed; None where the system does not say."""
+    """Available memory in bytes; None if the system does not report it."""
     try:
         with Path("/proc/meminfo").open(encoding="ascii") as lines:
             found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
@@ -177,8 +177,8 @@ def relaxed_objective(
 ) -> float:
     """A rigorous upper bound of the relaxed objective at ``weights`` from any edge duals.
 
-    ``split`` (E, K) is b; it is clipped to [-S/2, S/2] and the node duals are recomputed as the
-    smallest feasible ones.
+    ``split`` (E, K) is b; it is clipped to [-S/2, S/2], and the node duals are recomputed as their
+    smallest feasible values.
     """
     unary, agreement = problem.augmented_potentials(weights)
     half = 0.5 * agreement
@@ -198,7 +198,7 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
     tails, heads = (_incidence(problem, end, n_rows) for end in (0, 1))
     node_weights = cp.Variable((problem.node_features.shape[1], k))
     first = problem.n_free
-    # 1 where labels earn alike, or K
+    # 1 if labels share edge weights, else K
     width = (problem.n_pair_weights - first) // max(n_edge_features, 1)
     edge_weights = cp.Variable((n_edge_features, width), nonneg=True)
     by_label = edge_weights if width == k else edge_weights @ np.ones((1, k))
@@ -236,7 +236,7 @@ def _incidence(
 def _attempt(
     state: "_State", name: str, tolerance: float, time_limit_s: float | None
 ) -> tuple[str, int]:
-    """How a solver ends, and after how many iterations; its answer is left in the program."""
+    """Status and iterations of a solver; its answer stays in the program's variables."""
     import cvxpy as cp
 
     problem = state.program.problem
@@ -259,11 +259,11 @@ def _attempt(
 
 
 def _in_chunks(state: "_State", tolerance: float, end: float | None) -> tuple[str, int]:
-    """OSQP from chunk to chunk, each from where the last one ended."""
+    """Run OSQP in chunks, each warm-started from the last."""
     import cvxpy as cp
 
     options = {"scaling": 0, "eps_abs": tolerance, "eps_rel": tolerance, "max_iter": CHUNK}
-    options["adaptive_rho_interval"] = CHUNK  # before 1.0, the clock decides unless told otherwise
+    options["adaptive_rho_interval"] = CHUNK  # before 1.0, the default depends on the clock
     problem, iterations = state.program.problem, 0
     while iterations < MAX_ITERATIONS:
         problem.solve(solver=cp.OSQP, warm_start=iterations > 0, **options)
@@ -278,10 +278,7 @@ def _in_chunks(state: "_State", tolerance: float, end: float | None) -> tuple[st
 
 
 def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
-    """The problem with its largest feature and loss about 1, and what its weights are worth.
-
-    The solvers' tolerances are absolute. Powers of two keep every number's digits.
-    """
+    """The problem scaled by powers of two to features and loss of about 1; the weights' units."""
     largest = max(np.abs(problem.node_features).max(), problem.edge_features.max(initial=0.0))
     feature, loss = (2.0 ** np.frexp(size)[1] for size in (largest, problem.loss.max()))
     return loss / feature, replace(
@@ -296,7 +293,7 @@ def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """What is solved, and who is told how it goes."""
+    """The problem, its bounds so far, and the callback."""
 
     problem: MaxMarginProblem
     program: _Program
@@ -324,7 +321,7 @@ class _State:
         lower = max(lower, 0.0)  # the true labels as marginals
         weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
         status = reached(upper, lower, max(self.tolerance, PROVED))
-        if status == "oracle_limit":  # there is none here
+        if status == "oracle_limit":  # there is no oracle here
             status = "inaccurate"
         upper = max(upper, lower)
         step = LearningStep(iterations, time.perf_counter() - self.start, upper, lower, 0)

@@ -11,12 +11,12 @@ from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, Oracl
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.trws import trws
 
-# Passes of TRW-S after which a certificate is as good as it gets.
+# Passes of TRW-S for a certificate; more hardly improve it.
 MAX_PASSES = 1_000
 
 
 def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Oracle:
-    """:func:`graph_cut_oracle` of a problem's graph, with the nodes of sets where it has some."""
+    """:func:`graph_cut_oracle` of a problem's graph, including the nodes of its sets."""
     whole = graph_cut_oracle(problem.n_whole, problem.whole_edges, from_last=from_last)
     return lambda unary, agreement: whole(unary, agreement)[: problem.n_nodes]
 
@@ -24,7 +24,7 @@ def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Ora
 def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:
     """Alpha-expansion on one graph: exact for two labels, near the best for more.
 
-    The returned function is not for two threads at a time.
+    The returned function is not thread-safe.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool 
     edges : (E, 2) int
         Node pairs.
     from_last : bool
-        Start from the last call's answer instead of the best unaries: fewer moves while the
-        weights change little, but what one call missed the next ones are likely to miss too.
+        Start from the last call's labels instead of the best unaries: fewer moves while the
+        weights change little, but a labelling missed by one call is likely missed by the next.
     """
     around = adjacency(n_nodes, edges)
     space = MoveSpace(around)
@@ -57,11 +57,11 @@ class Certificate:
     Parameters
     ----------
     objective : float
-        f(w) is at most this, and so is the objective with the LP relaxation inside, up to how far
-        the bound has converged.
+        Upper bound of f(w), and of the objective with the LP relaxation as far as the bound has
+        converged.
     labels : (N,) int
-        The best labelling of the loss-augmented problem that was found on the way: a new cut,
-        where the quick oracle missed it.
+        The best labelling found of the loss-augmented problem: a new cut if the quick oracle
+        missed it.
     """
 
     objective: float
@@ -82,9 +82,9 @@ def certify_weights(
     problem : MaxMarginProblem
     weights : (n_weights,) float
     accuracy : float
-        Passes end when the bound cannot raise the objective by more than this share of it.
+        Stop when a tighter bound could change the objective by no more than this share of it.
     max_iterations : int
-        They end after so many in any case.
+        Passes of TRW-S after which to stop.
     """
     unary, agreement = problem.augmented_potentials(weights)
     model = pairwise_model(unary, problem.whole_edges, agreement)

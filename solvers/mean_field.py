@@ -1,4 +1,4 @@
-"""Mean field: the independent beliefs closest to the model, on graphs and on rasters."""
+"""Mean-field approximation: independent beliefs closest to the model, on graphs and rasters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ __all__ = ["MeanField", "mean_field"]
 
 @dataclass(frozen=True, eq=False)
 class MeanField:
-    """Beliefs of independent nodes, and the labels they favour.
+    """Mean-field beliefs of nodes, and their most probable labels.
 
     Parameters
     ----------
     labels : (N,) int
         The most probable label per node.
     score : float
-        The labels' log-potential, without what sets earn.
+        The labels' log-potential, without the rewards of sets.
     beliefs : (N, K) float
         Probability of each label; rows sum to one.
     converged : bool
@@ -66,7 +66,7 @@ def mean_field(
     sets : SetTables, optional
         Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`).
     damping : float
-        Share of the old belief that is kept in an update, at least 0 and less than 1.
+        Weight of the old belief in an update, at least 0 and less than 1.
     tolerance : float
         Stop when no belief changed by more than this in a pass, in units of the potentials
         (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`) where these
@@ -112,7 +112,7 @@ _NODES_PER_TASK = 32_768
 
 @dataclass(frozen=True, eq=False)
 class GridMeanField:
-    """Beliefs of independent cells, and the labels they favour.
+    """Mean-field beliefs of cells, and their most probable labels.
 
     Parameters
     ----------
@@ -145,23 +145,23 @@ def grid_mean_field(
 ) -> GridMeanField:
     """Independent beliefs of a raster's cells that locally minimise ``KL(q || p)``.
 
-    What :func:`~pgm_places.solvers.mean_field.mean_field` computes, for one table on all edges. A
-    pass updates the rows of even number first, then the others, each from left to right: rows of
-    one kind do not touch, so that threads share them without changing a bit, and no two neighbours
-    are updated at once, so that without damping the bound of the partition function never falls.
+    As :func:`~pgm_places.solvers.mean_field.mean_field`, for one table on all edges. A pass updates
+    the even rows first, then the odd ones, each from left to right. Rows of equal parity do not
+    touch, so results are identical for any number of threads; no two neighbours are updated at
+    once, so without damping the bound of the partition function never falls.
 
     Parameters
     ----------
     unary : (N, K) float
         Log-potentials of the nodes; -inf forbids a label.
     cells_rc : (N, 2) int
-        Row and column of each node, row by row and from left to right, as those of a layout.
+        Row and column of each node, row by row and from left to right.
     pairwise : (K, K) float, optional
         ``pairwise[a, b]``: log-potential of label ``a`` at the earlier node of two neighbours and
         ``b`` at the later one. A node whose neighbours together forbid every label (-inf) keeps
         its beliefs.
     connectivity : {8, 4}
-        Whether cells that share a corner are neighbours, or only those that share a side.
+        8: cells that share a side or a corner are neighbours; 4: a side only.
     damping, tolerance, max_iterations, on_iteration
         As in :func:`~pgm_places.solvers.mean_field.mean_field`.
 
@@ -234,7 +234,7 @@ def _rows_of(cells_rc: ArrayLike, n_nodes: int) -> tuple[NDArray[np.int32], NDAr
 
 
 def _start(unary: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, K) the normalised unaries; piece by piece, so that no second such array is needed."""
+    """(N, K) the normalised unaries, computed in blocks to save memory."""
     beliefs = np.empty(unary.shape, np.float32)
     for some in row_blocks(len(unary)):
         barred = some.start + np.flatnonzero(unary[some].max(axis=1, initial=-np.inf) == -np.inf)
@@ -247,7 +247,7 @@ def _start(unary: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def _split(start: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Pieces of the raster, from a row up to another, with about as many nodes as a task takes."""
+    """Ranges of rows with about one task's worth of nodes each."""
     n_rows = len(start) - 1
     wanted = np.arange(0, start[-1], _NODES_PER_TASK)
     first = np.unique(np.searchsorted(start, wanted, "right") - 1)

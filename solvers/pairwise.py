@@ -1,4 +1,4 @@
-"""Checked log-potentials of a pairwise model, in the form that every solver here takes."""
+"""The pairwise model: checked unary and pairwise log-potentials on a graph."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,14 +15,14 @@ from pgm_places.solvers.adjacency import Adjacency, adjacency
 __all__ = ["PairwiseModel", "checked_labels", "label_distances", "pairwise_model", "total_score"]
 
 FEWEST_LABELS = {1.0: 24, 2.0: 48}
-"""Tables of fewer labels are looped over as fast: by the power of the distance, measured."""
+"""By power of the distance: with fewer labels a plain loop is as fast (measured)."""
 
 SAME = 1e-13
-"""Numbers closer than this share of the largest are the same, but for rounding."""
+"""Numbers closer than this share of the largest differ by rounding only."""
 
 
 class Terms(NamedTuple):
-    """Log-potentials of a pairwise model as kernels take them."""
+    """Log-potentials of a pairwise model as input of kernels."""
 
     unary: NDArray[np.float64]
     """(N, K)."""
@@ -47,7 +47,7 @@ class PairwiseModel:
         Log-potential of the labels at an edge's first and second node; not used, and (0, K, K),
         where there is ``agreement``.
     offset : float
-        What the score of every labelling has on top of these potentials.
+        Constant added to the score of every labelling.
     """
 
     around: Adjacency
@@ -68,12 +68,12 @@ class PairwiseModel:
 
     @property
     def terms(self) -> Terms:
-        """The potentials as kernels take them."""
+        """The potentials as input of kernels."""
         return Terms(self.unary, self.tables if self.agreement is None else self.agreement)
 
     @property
     def edge_tables(self) -> NDArray[np.float64]:
-        """(E, K, K) the potentials of all edges written out, or a view of what they share."""
+        """(E, K, K) the potentials of all edges; a broadcast view if they share one table."""
         n_labels = self.n_labels
         if self.agreement is not None:
             return self.agreement[:, :, None] * np.eye(n_labels)
@@ -81,9 +81,9 @@ class PairwiseModel:
 
     @cached_property
     def max_terms(self) -> Terms:
-        """The same for messages that maximise, which pass some tables faster than in O(K^2).
+        """The potentials for max-product messages, with truncated label distances in O(K).
 
-        These are tables of ``base - min(w |a - b|^p, cap)`` with p = 1 or 2: see
+        Such tables are ``base - min(w |a - b|^p, cap)`` with p = 1 or 2: see
         :func:`label_distances`.
         """
         if self.agreement is not None:
@@ -93,18 +93,17 @@ class PairwiseModel:
 
     @cached_property
     def unit(self) -> float:
-        """How much the label of one node or the labels of one edge typically matter.
+        """Typical range of the potentials of a node or an edge: the unit of tolerances.
 
-        The median range of the finite values of a node or that of an edge, whichever is smaller, of
-        those where it is not 0; hence large negative numbers in place of -inf do not change it, be
-        they in a table that all edges share. Tolerances are multiples of it, so that a problem and
-        its multiples are solved alike.
+        The smaller of two medians of non-zero ranges: of the finite values of nodes, and of edges.
+        Large negative numbers in place of -inf do not change it, even in a table that all edges
+        share. With tolerances in this unit, scaling a problem does not change its solution.
         """
         return min((float(np.median(some)) for some in self._ranges if len(some)), default=0.0)
 
     @cached_property
     def size(self) -> float:
-        """How far scores typically lie apart: the unit times how many nodes and edges matter."""
+        """Typical range of scores: the unit times the number of nodes and edges that matter."""
         return self.unit * sum(map(len, self._ranges))
 
     @cached_property
@@ -119,7 +118,7 @@ class PairwiseModel:
 
     @cached_property
     def _ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The ranges of the nodes, and edges, whose finite values are not the same but rounding."""
+        """The non-zero ranges of the finite values of nodes, and of edges, up to rounding."""
         n_edges = self.around.n_edges
         if self.agreement is not None:
             high, low = self.agreement.max(axis=1), self.agreement.min(axis=1)
@@ -139,7 +138,7 @@ def pairwise_model(
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
 ) -> PairwiseModel:
-    """The potentials checked and put in order, without copying what is in order already.
+    """A pairwise model from checked potentials; arrays are copied only if necessary.
 
     Tables that only reward agreement (one value off the diagonal) become ``agreement``, for which
     every solver is faster.
@@ -153,12 +152,12 @@ def pairwise_model(
     agreement : (E, K) float, optional
         Log-potential of agreeing on each label.
     pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels; give this or ``agreement``, or neither.
+        Log-potential of each pair of labels; excludes ``agreement``.
 
     Raises
     ------
     InputError
-        A shape does not fit, a value is NaN or +inf, or a node has no label that is allowed.
+        A shape does not fit, a value is NaN or +inf, or every label of a node is forbidden.
     """
     nodes = _read_only(finite_array("unary", unary, ("N", "K"), allow_minus_inf=True))
     n_nodes, n_labels = nodes.shape
@@ -182,10 +181,10 @@ def pairwise_model(
 
 
 def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(1 + 3 T,) what tables (T, K, K) are made of, if they fall with the distance of labels.
+    """(1 + 3 T,) parameters of tables (T, K, K) that are truncated distances of labels, or None.
 
-    The power p, then base, weight and cap of each table ``base - min(weight |a - b|^p, cap)``; None
-    where they are others, of fewer labels than it pays for, or of different powers.
+    The power p, then base, weight and cap of each table ``base - min(weight |a - b|^p, cap)``. None
+    for other tables, for mixed powers, or for too few labels to be faster.
 
     Examples
     --------
@@ -226,7 +225,7 @@ def total_score(model: PairwiseModel, labels: NDArray[np.integer]) -> float:
 
 
 def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[np.int32]:
-    """A writeable copy of the labelling to start from; the best unaries where none is given."""
+    """A writeable copy of the initial labelling; the best unaries by default."""
     if initial is None:
         return model.unary.argmax(axis=1).astype(np.int32)
     labels = integer_array("initial", initial, (model.n_nodes,), low=0, high=model.n_labels)
@@ -239,7 +238,7 @@ def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[n
 
 
 def _finite_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M,) the largest less the smallest finite value of each row (M, K); 0 if they agree."""
+    """(M,) range of the finite values of each row (M, K)."""
     high = values.max(axis=1, initial=-np.inf)
     low = np.where(np.isfinite(values), values, np.inf).min(axis=1, initial=np.inf)
     differ = np.isfinite(high)
@@ -276,7 +275,7 @@ def _with_tables(
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A contiguous view that nobody writes to."""
+    """A contiguous read-only view."""
     view = np.ascontiguousarray(array).view()
     view.setflags(write=False)
     return view

@@ -25,7 +25,7 @@ from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
 @dataclass(frozen=True, eq=False)
 class PartitionBounds:
-    """What is proved of log Z.
+    """Lower and upper bound of log Z.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def tree_bound(
 
 
 def edge_forests(around: Adjacency) -> list[NDArray[np.int64]]:
-    """The edges' numbers, split among forests: what is left after a spanning forest, and again."""
+    """Edge indices split among forests: spanning forests of the remaining edges, one by one."""
     left = np.arange(around.n_edges)
     parts = []
     while len(left):
@@ -111,7 +111,7 @@ def _smallest(
     *,
     pairs: bool = False,
 ) -> tuple[float, list[ForestMarginals]]:
-    """The smallest bound that was found, without the offset, and the forests' marginals."""
+    """The smallest bound found, without the offset, and the forests' mean marginals."""
     from scipy.optimize import minimize
 
     n_forests, shape = len(parts), model.unary.shape

@@ -1,4 +1,4 @@
-"""Max-margin learning where two nodes of one label earn the same, whichever label it is."""
+"""Max-margin learning of Potts models: one reward of agreement for all labels."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem
 class PottsMarginProblem(MaxMarginProblem):
     """A :class:`~pgm_places.solvers.max_margin.MaxMarginProblem` with edge weights (F,).
 
-    A label whose edges earn more than those of others gains in the middle of every region, by as
-    much for each node as its edges earn. Beside an offset, which has what is likely there, this
-    turns whole regions, and only borders are left to learn.
+    With weights per label, a label with larger edge rewards gains at every node inside a region,
+    by the rewards of the node's edges. Next to an offset of likely labels, this relabels entire
+    regions; with common weights only borders are left to learn.
     """
 
     @property
@@ -25,7 +25,7 @@ class PottsMarginProblem(MaxMarginProblem):
     def split(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Node weights (D, K) of a flat weight vector, and the edge weights for each label."""
+        """Node weights (D, K) of a flat weight vector, and edge weights repeated for each label."""
         start, end = self.n_free, self.n_pair_weights
         of_edges = np.repeat(weights[start:end, None], self.n_labels, axis=1)
         return weights[:start].reshape(-1, self.n_labels), of_edges

@@ -26,42 +26,38 @@ __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"
 
 NODES_PER_PART = 4096
 LANES, FOUR = 16, 4
-"""Numbers that kernels handle at a time, of nodes in a row and of a node."""
+"""Vector widths of the kernels: nodes in a row, and labels of a node."""
 
 SUMS = 3
 """Per task: largest change, sum of changes, sum of p q over labels and nodes."""
 
 MOST_ENTRIES = 2**32  # the kernel's indices have 32 bits
-GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
-PARTS_PER_THREAD = 4  # fewer parts than this a thread and starting threads costs more than it saves
+GROUPS_PER_THREAD = 2  # so that the others need not wait for an interrupted thread
+PARTS_PER_THREAD = 4  # with fewer, starting a thread costs more than it saves
 
 Beliefs = NDArray[np.floating[Any]]
 
 OnIteration = Callable[[int, float, Callable[[], Beliefs]], None]
 """Called after each iteration with its number from 1, the largest change of a belief, and a
-function that returns the beliefs (N, K) of the moment."""
+function that returns the current beliefs (N, K)."""
 
 
 class _Neighbours(NamedTuple):
-    """Adjacency in compressed rows, one row for each node and table of compatibilities.
-
-    The neighbours of node ``i`` that table ``d`` of D counts for are the entries
-    ``start[i D + d]:start[i D + d + 1]``.
-    """
+    """Neighbours in compressed rows: row ``i D + d`` has the entries of node i, table d."""
 
     start: NDArray[np.uint32]
     """(N D + 1,)."""
     place: NDArray[np.uint32]
-    """(A,) where the neighbour's beliefs begin: P times its number."""
+    """(A,) start of the neighbour's beliefs: P times its index."""
     weight: NDArray[np.float64]
-    """(A,) its weight c_ij, or (N,) where a node's neighbours all have the same."""
+    """(A,) weight c_ij, or (N,) if a node's neighbours have equal weights."""
     shared: bool
-    """Which of the two."""
+    """Whether weights are per node."""
 
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """Where a relaxation came to rest, or was stopped.
+    """The result of relaxation labelling.
 
     Parameters
     ----------
@@ -72,8 +68,7 @@ class Relaxed:
     max_change, mean_change : list of float
         Largest and mean absolute change of a belief, per iteration.
     support : list of float
-        Mean over nodes of ``sum_l p(l) q(l)`` before each iteration: how well the beliefs agree
-        with those of their neighbours (average local consistency).
+        Average local consistency before each iteration: mean over nodes of ``sum_l p(l) q(l)``.
     """
 
     beliefs: Beliefs
@@ -84,7 +79,7 @@ class Relaxed:
 
     @property
     def iterations(self) -> int:
-        """How many iterations were made."""
+        """Number of iterations."""
         return len(self.max_change)
 
 
@@ -98,10 +93,10 @@ def starting_beliefs(
     unary : (N, K) float
         ``-inf`` is probability 0 and stays so.
     floor : float
-        Other probabilities below are raised to it before rows are normalised again: a product
-        update cannot bring back a label that starts at 0.
+        Smaller positive probabilities are raised to it before rows are normalised again: a
+        product update cannot bring back a label that starts at 0.
     first_node : int
-        The number of the first row's node, for messages.
+        Index of the first row's node, for error messages.
 
     Examples
     --------
@@ -204,11 +199,11 @@ def repeat(
     on_iteration: OnIteration | None,
     last: Callable[[], Beliefs] | None = None,
 ) -> Relaxed:
-    """Iterate until nothing changes by more than the tolerance, keeping the history.
+    """Iterate until no belief changes by more than the tolerance; the result with its history.
 
-    ``calls`` are those of an iteration, which threads share, and those of the next, which goes back
-    to where that one began; they write ``sums``. ``after`` so many iterations returns the beliefs,
-    and ``last`` those of the end, if that is to be done in another way.
+    ``calls`` are the kernel calls of an odd and of an even iteration, to be shared by threads; the
+    second writes back to the first one's input. All write ``sums``. ``after(n)`` returns the
+    beliefs after ``n`` iterations; ``last`` replaces it for the final beliefs.
     """
     n_nodes, n_labels = shape
     max_change: list[float] = []
@@ -229,12 +224,12 @@ def repeat(
 
 
 def useful_threads(n_parts: int) -> int:
-    """As many threads as asked for, fewer where the work would not pay for starting them."""
+    """The requested number of threads, or fewer if there is little work."""
     return max(1, min(resolve_threads(), n_parts // PARTS_PER_THREAD))
 
 
 def thread_groups(n_parts: int, threads: int) -> list[tuple[int, int]]:
-    """First part and the one after the last of each of the groups that threads take."""
+    """First part and end of each group of parts that a thread processes."""
     cuts = np.linspace(0, n_parts, (GROUPS_PER_THREAD * threads if threads > 1 else 1) + 1)
     return list(pairwise(cuts.astype(int).tolist()))
 
@@ -250,10 +245,7 @@ def check_tables(compatibility: ArrayLike, n_labels: int) -> NDArray[np.float64]
 def _check_weights(
     weight: ArrayLike | None, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], bool]:
-    """One weight per node where its neighbours all have the same, otherwise one per entry.
-
-    Which of the two is said, too.
-    """
+    """Weights per node if its neighbours have equal ones, else per entry; whether per node."""
     degree = np.diff(rows)
     if weight is None:
         return 1.0 / np.maximum(degree, 1), True
@@ -298,7 +290,7 @@ def _neighbours(
 def _padded(
     beliefs: NDArray[np.float64], tables: NDArray[np.float64], width: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Both for the kernel, each in one row: labels padded, tables by the neighbour's label."""
+    """Beliefs and tables flat for the kernel: labels padded, tables by the neighbour's label."""
     n_nodes, n_labels = beliefs.shape
     wide = np.zeros((n_nodes, width))
     wide[:, :n_labels] = beliefs

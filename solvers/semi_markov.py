@@ -1,14 +1,14 @@
-"""Semi-Markov chains on arrays: how long a label lasts depends on how far it has lasted already.
+"""Semi-Markov chains on arrays: the rate of leaving a label depends on its age in metres.
 
 A label that was entered ``a`` metres ago is left at the rate ``r_l(a)`` per metre, so that it lasts
 longer than ``a`` with probability ``S_l(a) = exp(-integral of r_l from 0 to a)``; constant rates
-give a hidden Markov chain. Everything is exact for any distances between steps. A label that is
-left between two steps is followed by the next label at the second of them, at age 0.
+give a hidden Markov chain. Inference is exact for any distances between steps. If a label is left
+between two steps, the next label begins at the second step, at age 0.
 
 Filter and smoother after Yu and Kobayashi, "An efficient forward-backward algorithm for an
 explicit-duration hidden Markov model", IEEE Signal Processing Letters 10 (2003), with survival by
-distance in place of durations counted in steps. Time grows with the steps within the last edge of
-the rates, memory with the steps alone.
+distance in place of durations counted in steps. Time grows with the number of steps within the last
+edge of the rates, memory only with the number of steps.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 
 class _Rates(NamedTuple):
-    """Where labels lead, and how soon."""
+    """Transitions between labels, and rates of leaving."""
 
     leaving: NDArray[np.float64]
     """(K, K) probability of each label (column) after each (row), given that the row is left."""
@@ -43,25 +43,25 @@ class _Rates(NamedTuple):
 
 
 class _States(NamedTuple):
-    """What is held of every state at the current step: masses, or logarithms of the best path's."""
+    """Masses of all states at the current step, or log-probabilities of their best paths."""
 
     at_m: NDArray[np.float64]
     """(T,) distance driven until each step."""
     recent: NDArray[np.float64]
-    """(T, K) of a label entered at that step, where that is less than the last edge ago."""
+    """(T, K) of a label entered at that step, for steps within the last edge."""
     old: NDArray[np.float64]
     """(K,) of a label entered before."""
 
 
 class _Found(NamedTuple):
-    """What the filter writes, step by step."""
+    """Output of the filter, by step."""
 
     beliefs: NDArray[np.float64]
     """(T, K)."""
     factor: NDArray[np.float64]
-    """(T, K) likelihood over the total, by which each label's mass was multiplied."""
+    """(T, K) likelihood over the total: the factor of each label's mass."""
     left: NDArray[np.float64]
-    """(T, K) mass that left each label after the step, of one in all."""
+    """(T, K) mass that left each label after the step; all masses sum to one."""
     entered: NDArray[np.float64]
     """(T, K) mass that entered each label at the step, before the observation."""
     low: NDArray[np.int64]
@@ -73,12 +73,12 @@ class _Found(NamedTuple):
 
 
 class _LogFound(NamedTuple):
-    """What the filter in logarithms writes, step by step."""
+    """Output of the filter in logarithms, by step."""
 
     beliefs: NDArray[np.float64]
     """(T, K)."""
     factor: NDArray[np.float64]
-    """(T, K) what was added to each label's masses."""
+    """(T, K) logarithm added to each label's masses."""
     entered: NDArray[np.float64]
     """(T, K) mass that entered each label at the step, before the observation."""
     old: NDArray[np.float64]
@@ -86,11 +86,11 @@ class _LogFound(NamedTuple):
     low: NDArray[np.int64]
     """(T,) the first step whose entries are recent."""
     impossible: NDArray[np.bool_]
-    """(T,) whether the observation was left out."""
+    """(T,) whether the observation was skipped."""
 
 
 class _Origins(NamedTuple):
-    """Where the best paths come from."""
+    """Back-pointers of the best paths."""
 
     began: NDArray[np.int64]
     """(T, K) step at which the label was entered, on the best path that leaves it after a step."""
@@ -100,7 +100,7 @@ class _Origins(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SemiMarkovState:
-    """A belief about the label and about how far ago it was entered.
+    """A joint belief of the label and of its age in metres.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class SemiMarkovState:
 
     @property
     def belief(self) -> NDArray[np.float64]:
-        """(K,) probability of each label, however long it has lasted."""
+        """(K,) probability of each label, summed over its age."""
         return np.asarray(self.recent.sum(axis=0) + self.old)
 
 
@@ -213,19 +213,18 @@ class SemiMarkovChain:
     def step(
         self, log_likelihood: ArrayLike, state: SemiMarkovState | None = None, moved_m: float = 0.0
     ) -> tuple[SemiMarkovState, bool]:
-        """The state one step on, and whether the observation was possible at all: online use.
+        """The state after one more step, and whether its observation was possible: online use.
 
         Parameters
         ----------
         log_likelihood : (K,) float
             Of the new observation.
         state : SemiMarkovState, optional
-            That of the step before; None at the first.
+            State at the step before; None at the first.
         moved_m : float
             Distance driven since the step before.
 
-        A label of belief 0 stays at 0, also where it was more but too little for a float, until it
-        is entered anew.
+        A label of belief 0, even after underflow, stays at 0 until it is entered again.
         """
         rows = finite_array(
             "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
@@ -252,14 +251,14 @@ class SemiMarkovChain:
 
     @property
     def _logs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Logarithms of where a chain starts (K,) and of where labels lead (K, K)."""
+        """Logarithms of the initial probabilities (K,) and of the transitions (K, K)."""
         with np.errstate(divide="ignore"):
             return np.log(self._start), np.log(self._model.leaving)
 
     def _explained(
         self, moved_m: ArrayLike, log_likelihood: ArrayLike, *, smooth: bool
     ) -> ChainBeliefs:
-        """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
+        """Filtered or smoothed beliefs, in logarithms where floats underflow."""
         states, observed = self._checked(moved_m, log_likelihood)
         steps = self._filter(states, observed)
         if self._exceeds_floats(steps, observed):
@@ -269,7 +268,7 @@ class SemiMarkovChain:
         return _beliefs(steps)
 
     def _exceeds_floats(self, steps: _Found, observed: NDArray[np.float64]) -> bool:
-        """Whether a label fell so far behind that what floats leave of it may be missed later."""
+        """Whether a label may have underflowed that later steps need."""
         leaving = self._model.leaving
         if leaving.min(initial=1.0, where=leaving > 0) < RARE_ARRIVAL:
             return True
@@ -319,7 +318,7 @@ class SemiMarkovChain:
     def _checked(
         self, moved_m: ArrayLike, observed: ArrayLike
     ) -> tuple[_States, NDArray[np.float64]]:
-        """States to work on, and the log-likelihoods (T, K)."""
+        """Initial states, and the checked log-likelihoods (T, K)."""
         n_labels = len(self._start)
         rows = finite_array("log_likelihood", observed, ("T", n_labels), allow_minus_inf=True)
         moved = finite_array("moved_m", moved_m, (max(len(rows) - 1, 0),))

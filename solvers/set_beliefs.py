@@ -1,9 +1,9 @@
 """Sum-product messages from cliques to their nodes.
 
-Nodes that stand for sets, as :mod:`pgm_places.solvers.set_terms` makes them, are right for the best
-labelling: there the best label of such a node counts. In a sum over labellings all of its labels
-would, which is another distribution. Beliefs therefore take the sets themselves, as functions of
-how many of their nodes have each label.
+The auxiliary nodes of :mod:`pgm_places.solvers.set_terms` are exact for the best labelling, where
+only the best label of an auxiliary node counts. In a sum over labellings all of its labels count,
+which is another distribution. Beliefs therefore need the sets themselves, as functions of the
+number of their nodes with each label.
 """
 
 from dataclasses import replace
@@ -20,10 +20,10 @@ from pgm_places.solvers.set_terms import SetNodes
 
 
 class SetTables(NamedTuple):
-    """C sets with M members together, and what they earn."""
+    """Rewards of C sets with M members in total."""
 
     start: NDArray[np.int64]
-    """(C + 1,) where the members of each set begin, and where those of the last one end."""
+    """(C + 1,) start of the members of each set, and the end of the last set."""
     member: NDArray[np.int64]
     """(M,) nodes."""
     worth: NDArray[np.float64]
@@ -34,19 +34,19 @@ class SetTables(NamedTuple):
 
 
 def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
-    """What sets earn, as a sum over labels of a worth by the number of nodes with the label.
+    """Rewards of sets as a sum over labels of a function of the number of nodes with the label.
 
     Parameters
     ----------
     sets : SetNodes
     rewards : (C, K) float
-        What a set in which all nodes agree earns for each of them.
+        Reward per node of a set whose nodes all agree.
 
     Raises
     ------
     InputError
-        With three labels or more and a dissent above 1/2 several labels of a set may earn
-        something, of which the most counts: that is no sum over labels.
+        Three labels or more and a dissent above 1/2: several labels of a set may then earn a
+        reward, of which only the largest counts, which is not a sum over labels.
     """
     k, dissent = sets.n_labels, sets.dissent
     if k > 2 and dissent > 0.5:
@@ -58,7 +58,7 @@ def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
     for size, reward in zip(sets.cliques.sizes, rewards, strict=True):
         differing = size - np.arange(size + 1.0)
         earned = reward[:, None] * np.maximum(size - differing / dissent, 0.0)
-        if k == 2:  # the number of nodes with one label is that of those without the other
+        if k == 2:  # a node without one label has the other
             earned = np.stack([np.zeros(size + 1), np.maximum(earned[0][::-1], earned[1])])
         parts.append(earned)
     worth = np.concatenate(parts, axis=1)
@@ -70,7 +70,7 @@ def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
 
 
 class SetMessages:
-    """What sets tell their members, and the model whose unaries include it.
+    """Messages of sets to their members, and the model whose unaries include them.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ class SetMessages:
         self.model = replace(model, unary=self._field)
 
     def renew(self, heard: NDArray[np.float64]) -> float:
-        """Renew all messages from what the nodes hear (N, K), which follows; the largest change."""
+        """Update all messages, and ``heard`` (N, K) of the nodes in place; the largest change."""
         return float(pass_from_sets(self._tables, heard, self._field, self._message))
 
 
 def set_slots(model: PairwiseModel, tables: SetTables | None) -> tuple[Any, ...]:
-    """What mean field takes of sets: the tables, and where the members of each node are; or ()."""
+    """Input of mean field for sets: the tables, and the slots of each node; () without sets."""
     if tables is None:
         return ()
     set_of = np.repeat(np.arange(len(tables.start) - 1), np.diff(tables.start))
@@ -101,7 +101,7 @@ def set_slots(model: PairwiseModel, tables: SetTables | None) -> tuple[Any, ...]
 
 
 def set_unit(model: PairwiseModel, tables: SetTables | None) -> float:
-    """The unit of a model's potentials; with sets, the smaller of it and of what a node changes."""
+    """The unit of a model's potentials, or of the reward per node of sets if that is smaller."""
     steps = np.zeros(0) if tables is None else np.diff(tables.worth, axis=1)
     steps = steps[steps > 0]
     units = [model.unit, float(np.median(steps)) if len(steps) else 0.0]

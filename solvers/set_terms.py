@@ -1,10 +1,10 @@
-"""What sets of nodes that want one label bring to max-margin learning: features, linear weights.
+"""Robust P^n Potts terms of sets of nodes in max-margin learning: features and linear weights.
 
-With features z_c (G,) and weights w_s (G, K) >= 0, both at least 0, a set c earns::
+With features z_c (G,) and weights w_s (G, K), both at least 0, a set c earns::
 
     max_k (w_s[:, k] . z_c) max(0, n - d_k / q),
 
-which is linear in the weights up to q = 1/2, since only one label can then earn anything.
+which is linear in the weights up to q = 1/2, since then only one label can earn a reward.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from pgm_places.graph.cliques import Cliques, check_cliques
 
 @dataclass(frozen=True, eq=False)
 class SetNodes:
-    """The nodes and links that stand for the sets of a graph.
+    """Auxiliary nodes and links that represent the sets of a graph.
 
     Parameters
     ----------
     cliques : Cliques
         C sets with M members together.
     n_nodes : int
-        N, the nodes of the graph; those of the sets follow them.
+        N, the nodes of the graph; the nodes of sets follow.
     n_labels : int
         K.
     dissent : float
@@ -70,14 +70,14 @@ class SetNodes:
 
     @cached_property
     def _speaks(self) -> NDArray[np.bool_]:
-        """(A, K) the labels that each of the A nodes of a set speaks for."""
+        """(A, K) whether each of the A nodes of a set represents a label."""
         if self.n_labels == 2 and self.dissent < 0.5:
             return np.eye(2, dtype=np.bool_)
         return np.ones((1, self.n_labels), np.bool_)
 
     @cached_property
     def links(self) -> NDArray[np.int32]:
-        """(A M, 2) each member with each node of its set, after the edges of the graph."""
+        """(A M, 2) links of each member with each node of its set."""
         node, of_set = self.cliques.links.T
         first = self.n_nodes + self.n_sets * np.arange(len(self._speaks))
         ends = (first[:, None] + of_set).ravel()
@@ -87,7 +87,7 @@ class SetNodes:
     def unary(
         self, unary: NDArray[np.float64], rewards: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N + A C, K') the unary (N, K) with that of the nodes of sets; rewards are (C, K)."""
+        """(N + A C, K') the unary (N, K), then the unary of the nodes of sets; rewards (C, K)."""
         k = self.n_labels
         out = np.full((self.n_whole, self.n_whole_labels), -np.inf)
         out[: self.n_nodes, :k] = unary
@@ -98,7 +98,7 @@ class SetNodes:
         return out
 
     def link_rewards(self, rewards: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(A M, K') what each link earns where both ends have a label."""
+        """(A M, K') reward of each link for each label at both ends."""
         k = self.n_labels
         out = np.zeros((len(self._speaks), len(self.cliques.members), self.n_whole_labels))
         out[:, :, :k] = self._speaks[:, None] * (rewards / self.dissent)[self.cliques.links[:, 1]]
@@ -107,20 +107,20 @@ class SetNodes:
     def agreement(
         self, agreement: NDArray[np.float64], rewards: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(E + A M, K') the rewards of agreement (E, K) with those of the links."""
+        """(E + A M, K') rewards of agreement of the edges (E, K), then of the links."""
         wide = np.pad(agreement, ((0, 0), (0, self.n_whole_labels - self.n_labels)))
         return np.concatenate([wide, self.link_rewards(rewards)])
 
     def tables(
         self, tables: NDArray[np.float64], rewards: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(E + A M, K', K') the tables of the edges (E, K, K) with those of the links."""
+        """(E + A M, K', K') tables of the edges (E, K, K), then of the links."""
         wider = (0, self.n_whole_labels - self.n_labels)
         links = self.link_rewards(rewards)[:, :, None] * np.eye(self.n_whole_labels)
         return np.concatenate([np.pad(tables, ((0, 0), wider, wider)), links])
 
     def lift(self, labels: NDArray[np.int64], rewards: NDArray[np.float64]) -> NDArray[np.int64]:
-        """A labelling (N,) with that of the nodes of sets, which earns them the most."""
+        """A labelling (N,) extended by the best labels of the nodes of sets."""
         k = self.n_labels
         member, end = self.links.T
         earned = self.unary(np.zeros((self.n_nodes, k)), rewards)
@@ -129,9 +129,9 @@ class SetNodes:
         return np.concatenate([labels, earned[self.n_nodes :].argmax(axis=1)])
 
     def agreed(self, labels: NDArray[np.integer]) -> NDArray[np.float64]:
-        """(C, K) ``max(0, n - d_k / q)`` for a labelling (N,): what a reward is multiplied by.
+        """(C, K) ``max(0, n - d_k / q)`` for a labelling (N,): the factor of each reward.
 
-        Up to q = 1/2 no set has two entries above 0: what it earns is linear in the rewards.
+        Up to q = 1/2 a set has at most one entry above 0, so its score is linear in the rewards.
         """
         node, of_set = self.cliques.links.T
         cells = of_set * self.n_labels + labels[node]
@@ -141,11 +141,11 @@ class SetNodes:
         return np.maximum(sizes - differing / self.dissent, 0.0)
 
     def score(self, rewards: NDArray[np.float64], labels: NDArray[np.integer]) -> float:
-        """What the sets of a labelling (N,) earn together, for rewards (C, K)."""
+        """Total score of the sets for a labelling (N,) and rewards (C, K)."""
         return float((rewards * self.agreed(labels)).max(axis=1, initial=0.0).sum())
 
 
-# Beyond, two labels of a set may earn something, and the larger is no linear function.
+# Beyond, two labels of a set may earn a reward, and their maximum is not linear.
 MOST_DISSENT = 0.5
 
 
@@ -156,7 +156,7 @@ class SetTerms:
     Parameters
     ----------
     nodes : SetNodes
-        The nodes and links that stand for them.
+        Their auxiliary nodes and links.
     features : (C, G) float
         At least 0.
     """
@@ -171,7 +171,7 @@ class SetTerms:
         if self.nodes.dissent > MOST_DISSENT:
             raise InputError(
                 f"weights of sets are learned up to a dissent of {MOST_DISSENT}, got "
-                f"{self.nodes.dissent}; beyond, more than one label of a set may earn something"
+                f"{self.nodes.dissent}; with more, several labels of a set could earn a reward"
             )
         set_frozen(self, features=features)
 
@@ -179,19 +179,19 @@ class SetTerms:
     def of(
         cls, cliques: Cliques, features: ArrayLike, n_nodes: int, n_labels: int, dissent: float
     ) -> "SetTerms":
-        """The terms of sets of a graph of that many nodes."""
+        """The terms of the cliques of a graph of ``n_nodes`` nodes."""
         return cls(SetNodes(cliques, n_nodes, n_labels, dissent), np.asarray(features, np.float64))
 
     def check_fits(self, n_nodes: int, n_labels: int) -> None:
-        """Raise InputError unless they are of a problem of that size."""
+        """Raise InputError unless the sets belong to a problem of this size."""
         if (self.nodes.n_nodes, self.nodes.n_labels) != (n_nodes, n_labels):
             raise InputError(
-                f"the sets are of {self.nodes.n_nodes} nodes and {self.nodes.n_labels} labels, the "
-                f"problem has {n_nodes} and {n_labels}"
+                f"the sets belong to a problem of {self.nodes.n_nodes} nodes and "
+                f"{self.nodes.n_labels} labels, but this one has {n_nodes} and {n_labels}"
             )
 
     def joint_features(self, labels: NDArray[np.integer]) -> NDArray[np.float64]:
-        """(G K,) the features of the sets by the label for which they earn something, summed."""
+        """(G K,) sums of the features of sets by rewarded label, times the reward's factor."""
         return (self.features.T @ self.nodes.agreed(labels)).ravel()
 
     def among(self, keep: NDArray[np.bool_]) -> "SetTerms":
@@ -203,7 +203,7 @@ class SetTerms:
 
     @property
     def joins(self) -> NDArray[np.int32]:
-        """Pairs of nodes that join the nodes of each set to its first one."""
+        """Pairs of nodes that join each set's nodes to its first node."""
         node, of_set = self.nodes.cliques.links.T
         first = self._first[of_set]
         return np.stack([first, node], axis=1)[first != node].astype(np.int32)
@@ -213,12 +213,12 @@ class SetTerms:
         return self.nodes.cliques.members[self.nodes.cliques.start[:-1]]
 
     def times(self, shares: NDArray[np.float64]) -> "SetTerms":
-        """The terms with features multiplied by the share of a set's nodes, from (N,) of all."""
+        """The terms with features multiplied by the ``share`` (N,) of each set's nodes."""
         return SetTerms(self.nodes, self.features * shares[self._first][:, None])
 
     @staticmethod
     def beside(parts: Sequence["SetTerms"], starts: ArrayLike) -> "SetTerms | None":
-        """The terms of several problems as those of one, whose nodes begin at ``starts``."""
+        """The terms of several problems as blocks of one, whose nodes begin at ``starts``."""
         if not parts:
             return None
         first = parts[0].nodes

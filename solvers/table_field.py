@@ -1,11 +1,11 @@
-"""Scores that are linear in weights, with a full table of label pairs for each edge feature.
+"""Linear scores of a conditional random field, with a full label-pair table per edge feature.
 
 Node weights (D, K) and tables (F, K, K) of any sign give the score of a labelling y::
 
     score(y) = sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij = w . phi(y) .
 
-Weights are one flat vector: node weights, then tables, both row by row. Where sets of nodes want
-one label (:mod:`pgm_places.solvers.set_terms`), clique weights (G, K) >= 0 follow.
+Weights are one flat vector: node weights, then tables, both row by row, then clique weights
+(G, K) >= 0 if there are sets (:mod:`pgm_places.solvers.set_terms`).
 """
 
 from collections.abc import Sequence
@@ -24,31 +24,31 @@ from pgm_places.solvers.set_terms import SetTerms
 
 
 class FieldTables(NamedTuple):
-    """The log-potentials that weights give, as decoders take them."""
+    """Log-potentials for given weights, as input of decoders."""
 
     unary: NDArray[np.float64]
     """(N, K)."""
     tables: NDArray[np.float64]
-    """(E, K, K), or (K, K) where all edges have the same features."""
+    """(E, K, K), or (K, K) if all edges share their features."""
 
 
 @dataclass(frozen=True, eq=False)
 class TableField:
-    """What a conditional random field knows of its nodes and edges before it has weights.
+    """Features and graph of a conditional random field, without weights.
 
     Parameters
     ----------
     node_features : (N, D) float
         Dense or sparse.
     around : Adjacency
-        The graph, N nodes and E edges; the first and second label of a table are those of the
-        first and second node of an edge.
+        The graph, N nodes and E edges; rows and columns of a table are labels of the first and
+        second node of an edge.
     edge_features : (E, F) float
         Of any sign.
     n_labels : int
         K.
     symmetric : bool
-        Whether a table must not tell the first node of an edge from the second.
+        Whether tables are symmetric.
     sets : SetTerms, optional
         Sets of nodes that want to have one label, and their features.
     """
@@ -97,9 +97,9 @@ class TableField:
 
     @cached_property
     def whole(self) -> Adjacency:
-        """The graph on which the score is pairwise, with the nodes and links of sets after its own.
+        """The pairwise graph: nodes and edges, then nodes and links of sets.
 
-        Its nodes have one more label where there are sets and three labels or more.
+        Its nodes have one more label if there are sets and three labels or more.
         """
         if self.sets is None:
             return self.around
@@ -132,8 +132,8 @@ class TableField:
         unary = self.node_features @ node_weights
         if not self.around.n_edges:
             return FieldTables(unary, np.zeros((k, k)))
-        seen = self.edge_features[:1] if self._is_uniform else self.edge_features
-        pairs = (seen @ tables.reshape(-1, k * k)).reshape(-1, k, k)
+        features = self.edge_features[:1] if self._is_uniform else self.edge_features
+        pairs = (features @ tables.reshape(-1, k * k)).reshape(-1, k, k)
         return FieldTables(unary, pairs[0] if self._is_uniform else pairs)
 
     def set_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,7 +141,7 @@ class TableField:
         return weights[self.n_free :].reshape(-1, self.n_labels)
 
     def whole_potentials(self, weights: NDArray[np.float64]) -> FieldTables:
-        """Those of the whole graph, and so of the whole score."""
+        """The log-potentials of the pairwise graph, including sets."""
         unary, tables = self.potentials(weights)
         if self.sets is None:
             return FieldTables(unary, tables)
@@ -165,11 +165,11 @@ class TableField:
     ) -> NDArray[np.float64]:
         """The mean of phi under marginals of the nodes (N, K) and of the edges (E, K, K).
 
-        Where all edges have the same features, the sum (1, K, K) of the latter is enough.
+        If all edges share their features, the sum (1, K, K) over edges is enough.
         """
         pairs = pair_beliefs.reshape(len(pair_beliefs), self.n_labels**2)
-        seen = self.edge_features[: len(pairs)]
-        return self._flat(self.node_features.T @ beliefs, seen.T @ pairs[: len(seen)])
+        features = self.edge_features[: len(pairs)]
+        return self._flat(self.node_features.T @ beliefs, features.T @ pairs[: len(features)])
 
     def _flat(self, nodes: NDArray[np.float64], pairs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums over nodes (D, K) and edges (F, K K) as one vector."""
@@ -181,7 +181,7 @@ class TableField:
 
 
 def beside(fields: Sequence[TableField]) -> TableField:
-    """Several fields with the same features and labels as one of separate blocks."""
+    """Several fields with equal features and labels as one field of separate blocks."""
     if len(fields) == 1:
         return fields[0]
     starts = np.cumsum([0, *(field.n_nodes for field in fields)])

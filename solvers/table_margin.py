@@ -1,8 +1,8 @@
 """Max-margin learning of full tables of label pairs, for the cutting plane.
 
 The objective is that of :mod:`pgm_places.solvers.max_margin` with the score of a
-:class:`~pgm_places.solvers.table_field.TableField`: no weight is bounded but those of cliques,
-since nothing else needs to be associative (I. Tsochantaridis et al., "Large margin methods for
+:class:`~pgm_places.solvers.table_field.TableField`. Only clique weights are bounded, since tables
+need not be associative (I. Tsochantaridis et al., "Large margin methods for
 structured and interdependent output variables", JMLR 6 (2005)).
 """
 
@@ -21,13 +21,13 @@ from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import RepeatedDecoding, trws
 
-# Passes of TRW-S for a cut; the certificate takes more.
+# Passes of TRW-S for a cut; a certificate needs more.
 ORACLE_PASSES = 40
 
 
 @dataclass(frozen=True, eq=False)
 class TableMarginProblem(MarginProblem):
-    """One training problem, or several side by side.
+    """One training problem, or several as blocks.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class TableMarginProblem(MarginProblem):
     labels : (N,) int
         The true label of every node.
     loss : (N,) float
-        What a wrong label costs at each node; 0 where the label is only assumed.
+        Cost of a wrong label at each node; 0 if the label is only assumed.
     penalty : float
         C > 0, the price of the mean hinge against the size of the weights.
     observed : (N,) int, optional
-        Labels that are known to every labelling, -1 elsewhere.
+        Observed labels, -1 elsewhere.
     costs : (K, K) float, optional
         What label ``j`` costs where ``i`` is true, times the node's loss; 1 for all by default.
     """
@@ -68,25 +68,22 @@ class TableMarginProblem(MarginProblem):
 
     @property
     def n_free(self) -> int:
-        """All weights may have any sign but those of cliques."""
+        """Number of weights of any sign: all but the clique weights."""
         return self.field.n_free
 
     def potentials(self, weights: NDArray[np.float64]) -> FieldTables:
-        """Those of the field's whole graph."""
+        """Potentials of the field's pairwise graph."""
         return self.field.whole_potentials(weights)
 
     def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
-        """The field's own."""
+        """The joint features, see :meth:`TableField.features_of`."""
         return self.field.features_of(labels)
 
 
 def best_labels(
     field: TableField, unary: NDArray[np.float64], tables: NDArray[np.float64], max_passes: int
 ) -> NDArray[np.int64]:
-    """A labelling of large score: the best on a forest, elsewhere the best that is found.
-
-    It is one of the field's whole graph, whose potentials are given.
-    """
+    """A labelling of the field's pairwise graph of large score: optimal on a forest."""
     if field.is_forest:
         return forest_maximum(pairwise_model(unary, field.around, pairwise=tables)).labels
     if field.sets is None:
@@ -102,11 +99,7 @@ def _best_with_sets(
     tables: NDArray[np.float64],
     max_passes: int,
 ) -> NDArray[np.int64]:
-    """The best that TRW-S and a local search find, from its labels and from one label for all.
-
-    TRW-S labels each node beside those before it; with the nodes of sets first, members follow
-    their sets.
-    """
+    """The best labelling by TRW-S (nodes of sets first) and local search, also from constants."""
     n_after = whole.n_nodes - n_nodes
     edges = (whole.edges + n_after) % whole.n_nodes
     turned = pairwise_model(np.roll(unary, n_after, axis=0), edges, pairwise=tables)
@@ -121,15 +114,14 @@ def _best_with_sets(
 
 
 def table_oracle(field: TableField, *, from_last: bool = False) -> Oracle:
-    """What finds labellings of large score for given potentials of a field's whole graph.
+    """A function that finds labellings of large score on a field's pairwise graph.
 
     Parameters
     ----------
     field : TableField
     from_last : bool
-        Go on from the last call's messages with a few passes and a local search: a fifth of the
-        time while the weights change little. The returned function is then not for two threads at
-        a time.
+        Continue from the last call's messages with a few passes and a local search: a fifth of the
+        time while the weights change little. The returned function is then not thread-safe.
     """
     if from_last and not field.is_forest and field.sets is None:
         again = RepeatedDecoding()

@@ -14,32 +14,32 @@ from pgm_places.solvers.elimination import lifted_duals, reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, total_score
 
 _DECODE_EVERY = 5
-"""Passes between two labellings: one costs a quarter of an iteration."""
+"""Iterations between two decodings; a decoding costs a quarter of an iteration."""
 _STALL_WINDOW = 10
-"""Iterations over which the bound must have moved, or the method has converged."""
+"""Iterations over which the bound is compared to detect convergence."""
 
-# Of decoding one graph again and again: the first time, and from then on.
+# Iterations of repeated decoding of one graph: at the first call, and at later ones.
 FIRST_PASSES, FURTHER_PASSES = 10, 2
 
 
 @dataclass(frozen=True, eq=False)
 class DualDecoding:
-    """A labelling with a bound that tells how far from the best it may be.
+    """A labelling with an upper bound of the best score.
 
     Parameters
     ----------
     labels : (N,) int
-        The best labelling that was seen.
+        The best labelling found.
     score : float
         Its log-potential.
     bound : float
         No labelling scores more.
     converged : bool
-        Whether the gap closed to the tolerance or the bound came to rest.
+        Whether the gap closed to the tolerance, or the bound stopped falling.
     history : (T, 2) float
         After each pass up and down the best score so far and the bound.
     duals : (2 E, K) float or None
-        What gives the bound (:func:`pgm_places.solvers.duals.dual_bound`), where it was asked for.
+        The dual variables of the bound (:func:`pgm_places.solvers.duals.dual_bound`), if requested.
     """
 
     labels: NDArray[np.int64]
@@ -72,11 +72,11 @@ def trws(
     model : PairwiseModel
         The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. Nodes are visited
         in index order, for a grid row by row. Rewards of agreement may have any sign and cost O(K)
-        a message; tables O(K^2), and O(K) where they fall with the distance of labels, linearly or
-        by its square, down to some value.
+        a message; tables O(K^2), or O(K) for truncated linear or truncated quadratic distances of
+        labels.
     initial : (N,) int, optional
-        A labelling to beat, for instance of a graph cut: where none better is found it is returned,
-        and its score counts for the gap.
+        A labelling to improve on, for instance of a graph cut: it is returned if no better one is
+        found, and its score counts for the gap.
     max_iterations : int
         Passes up and down after which to stop.
     tolerance : float
@@ -134,8 +134,8 @@ reduce_model`), which changes neither the best score nor the bound's validity.
 class RepeatedDecoding:
     """Labellings of large score for potentials on one graph that change little from call to call.
 
-    Messages stay from call to call, so that a few passes lead about as far as many from nothing.
-    Not for two threads at a time.
+    Messages are reused, so that a few passes are about as good as many from zero messages. Not
+    thread-safe.
     """
 
     def __init__(self) -> None:
@@ -179,7 +179,7 @@ class _Passing:
     def run(
         self, max_iterations: int, closed: float, on_iteration: Callable[[int, float], None] | None
     ) -> None:
-        """Pass up and down until the gap is ``closed``, the bound rests or the limit is reached."""
+        """Pass up and down until the gap is ``closed``, the bound stops falling, or the limit."""
         for iteration in range(1, max_iterations + 1):
             self.up_and_down()
             rests = self._rests(closed)
@@ -214,11 +214,7 @@ class _Passing:
         )
 
     def duals(self) -> NDArray[np.float64]:
-        """(2 E, K) what each edge gives its ends after the last pass up and down.
-
-        The upper end of an edge has heard what came up, and gives the edge its share of all that it
-        believes; the lower end hears what comes back.
-        """
+        """(2 E, K) dual variables of the edges after the last iteration."""
         edges = self.model.around.edges
         lower, upper = edges.min(axis=1), edges.max(axis=1)
         belief = self.model.unary.copy()
@@ -233,7 +229,7 @@ class _Passing:
         return np.stack([to_second, to_first], axis=1).reshape(-1, self.model.n_labels)
 
     def decode(self) -> None:
-        """The labelling that the messages say now, if it is the best so far."""
+        """Decode a labelling from the current messages, and store it if it is the best so far."""
         model = self.model
         score = decode_nodes(model.terms, model.around.arcs, self.message, self.trial)
         if score + model.offset > self.score:

@@ -135,5 +135,5 @@ def test_sets_must_be_as_in_training(taught: Any) -> None:
     wanted = "got cliques with 1 features, no cliques; a problem without"
     with pytest.raises(InputError, match=wanted):
         build("amn").fit([problem, bare], [truth, truth])
-    with pytest.raises(InputError, match="the compact QP knows no cliques"):
+    with pytest.raises(InputError, match="the compact QP does not support cliques"):
         build("amn", {"learner": "qp"}).fit([problem], [truth])

@@ -101,7 +101,7 @@ def test_max_margin_finds_the_same_weights() -> None:
     sparse, dense = solutions
     np.testing.assert_allclose(sparse.weights, dense.weights, atol=1e-9)
     assert sparse.objective == pytest.approx(dense.objective)
-    with pytest.raises(InputError, match="wants dense node_features; take learner='cutting-plane'"):
+    with pytest.raises(InputError, match="needs dense node_features, got sparse"):
         max_margin_qp(margin_problem(rows))
 
 

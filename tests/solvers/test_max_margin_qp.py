@@ -265,7 +265,7 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
         max_margin_qp(problem)
     monkeypatch.setattr(module, "_free_bytes", lambda: None)
     monkeypatch.setattr(module, "CLARABEL_ENTRIES", entries - 1)
-    with pytest.raises(InputError, match="take solver='osqp' or learner='cutting-plane'"):
+    with pytest.raises(InputError, match="use solver='osqp' or learner='cutting-plane'"):
         max_margin_qp(problem, solver="clarabel")
     assert max_margin_qp(problem).gap < 1e-2
 

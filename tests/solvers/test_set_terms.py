@@ -144,7 +144,7 @@ def test_what_cannot_be_learned_is_refused() -> None:
         SetTerms.of(sets, one, 2, 2, 0.7)
     with pytest.raises(InputError, match="clique_features must be at least 0, got -1"):
         SetTerms.of(sets, -one, 2, 2, 0.5)
-    with pytest.raises(InputError, match="knows no cliques; take learner='cutting-plane'"):
+    with pytest.raises(InputError, match="does not support cliques; use learner='cutting-plane'"):
         max_margin_qp(with_sets(50, 2))
-    with pytest.raises(InputError, match="the sets are of 2 nodes and 2 labels, the problem has"):
+    with pytest.raises(InputError, match="a problem of 2 nodes and 2 labels, but this one has"):
         replace(with_sets(50, 2), sets=SetTerms.of(sets, one, 2, 2, 0.5))
