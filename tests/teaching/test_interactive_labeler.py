@@ -114,7 +114,7 @@ def test_learning_from_nothing_but_paint() -> None:
 def test_classes_must_hold_those_of_the_labeler() -> None:
     with pytest.raises(LabelError, match="'doorway' is a label of the labeler and must be among"):
         InteractiveLabeler(building().grid, trained_labeler(), classes=NAMES[:2])
-    with pytest.raises(LabelError, match="without a labeler, 'classes' must say"):
+    with pytest.raises(LabelError, match="without a labeler, 'classes' must list"):
         InteractiveLabeler(building().grid)
 
 
