@@ -1,1 +1,1 @@
-"""A learned view of the whole floor: a small convolutional network over the map."""
+"""The floor network: a small convolutional network that labels the complete map."""

@@ -1,1 +1,1 @@
-"""Labelling while the map grows: a core that knows no middleware."""
+"""Live labelling of a growing map and a robot's scans, independent of the middleware."""

@@ -25,40 +25,39 @@ DOMAIN = '<CycloneDDS xmlns="https://cdds.io/config"><Domain id="any">{}</Domain
 OWN = """\
 <Internal><SocketReceiveBufferSize max="10MB"/></Internal>
 <Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"""
-"""The buffer takes a map of four million cells in one burst. Fast DDS from 3.1 on marks sequences
-in its types otherwise than Cyclone does, so types are compared by name."""
+"""The buffer holds a map of four million cells in one burst. From version 3.1 on, Fast DDS encodes
+sequences in its types differently from Cyclone, so types are compared by name."""
 
 LOCAL = """\
 <General>
   <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
   <AllowMulticast>false</AllowMulticast>
 </General>"""
-"""Only processes of this machine are seen, and see us."""
+"""Discovery is limited to processes of this machine."""
 
 DISCOVERY = """\
 <Discovery>
   <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex>
   <Peers>{}</Peers>
 </Discovery>"""
-"""Numbered participants listen where those that name us as a peer look for them."""
+"""Participants with an index listen on ports that peers can compute."""
 
 
 @dataclass(frozen=True)
 class DdsNetwork:
-    """Over which network DDS is spoken, and with whom.
+    """The network interface and the peers of DDS.
 
-    Without any of these, Cyclone chooses the interface and finds others by multicast, or does what
-    the environment variable CYCLONEDDS_URI says.
+    By default, Cyclone chooses the interface and discovers participants by multicast, or follows
+    the environment variable CYCLONEDDS_URI.
 
     Parameters
     ----------
     local_only : bool
-        Whether only this machine is spoken to.
+        Whether communication is limited to this machine.
     interface : str
         Name or address of the network interface; Cyclone's choice if empty.
     peers : tuple of str
-        Addresses or names of machines that are looked for one by one, where multicast does not
-        pass.
+        Addresses or names of machines to contact individually, for networks without multicast.
 
     Examples
     --------
@@ -71,9 +70,9 @@ class DdsNetwork:
     peers: tuple[str, ...] = ()
 
     def config(self, environment: Mapping[str, str] | None = None) -> str:
-        """The configuration for Cyclone: XML, after which what the user's variable says follows.
+        """The configuration for Cyclone: XML, followed by the value of the user's variable.
 
-        It is handed over and not put into the environment, as programs that are started would
+        It is passed as an argument and not set in the environment, where child processes would
         inherit it.
 
         Raises
@@ -100,18 +99,18 @@ class DdsNetwork:
     def _network(self) -> str:
         if self.local_only:
             return LOCAL + DISCOVERY.format('<Peer address="127.0.0.1"/>')
-        found = ""
+        elements = ""
         if self.interface:
             key = "address" if _is_address(self.interface) else "name"
             chosen = f"<NetworkInterface {key}={quoteattr(self.interface)}/>"
-            found += f"<General><Interfaces>{chosen}</Interfaces></General>"
+            elements += f"<General><Interfaces>{chosen}</Interfaces></General>"
         if self.peers:
             listed = "".join(f"<Peer address={quoteattr(peer)}/>" for peer in self.peers)
-            found += DISCOVERY.format(listed)
-        return found
+            elements += DISCOVERY.format(listed)
+        return elements
 
     def refusal(self, error: object) -> ConfigError:
-        """What to say where Cyclone does not start with this."""
+        """The error message if Cyclone does not start with this configuration."""
         there = ", ".join(name for _, name in socket.if_nameindex())
         if self.interface:
             return ConfigError(
@@ -137,7 +136,7 @@ PURPOSE = "speaking DDS"
 _BLOCKED_MS = 100
 
 _OTHERWISE = {"bool": bool, "string": str}
-"""Plain types that are not among Cyclone's own of the same name."""
+"""Primitive types whose name differs in Cyclone."""
 
 
 class DdsBus:
@@ -179,13 +178,13 @@ class DdsBus:
         Parameters
         ----------
         what : str
-            A key of ``TYPES``: what is read, as :meth:`take` names it.
+            A key of ``TYPES``, which :meth:`take` passes on.
         topic : str
             Its ROS name, from the root.
         reliable : bool
             Whether lost messages are sent again.
         kept : bool
-            Whether the last messages from before are wanted (transient local).
+            Whether earlier messages are requested (transient local).
         depth : int
             How many messages wait to be taken.
         """
@@ -200,35 +199,35 @@ class DdsBus:
         self._readers[what] = _Reader(topic, reader, condition)
 
     def writer(self, what: str, topic: str, *, kept: bool = False, depth: int = 10) -> "DdsWriter":
-        """A reliable publisher of a topic; ``kept`` messages reach those who come later."""
+        """A reliable publisher of a topic; late subscribers receive ``kept`` messages."""
         pubs = needed("cyclonedds.pub", extra="dds", purpose=PURPOSE)
         entity, qos = self._topic(what, topic, reliable=True, kept=kept, depth=depth)
         return DdsWriter(pubs.DataWriter(self._participant, entity, qos=qos), self._class_of(what))
 
     def take(self, on_message: Callable[[str, bytes], None]) -> int:
-        """Hand over all messages that have come, topic by topic as they were subscribed to.
+        """Hand over all received messages, topic by topic in the order of subscription.
 
         The number of messages is returned.
         """
         count = 0
         for what, item in self._readers.items():
             for sample in item.reader.take(N=item.depth):
-                if isinstance(sample, _Raw):  # others say that a writer has gone
+                if isinstance(sample, _Raw):  # other samples report a writer that has gone
                     on_message(what, sample.data)
                     count += 1
         return count
 
     def wait(self, seconds: float) -> None:
-        """Sleep until a message comes, or for so many seconds."""
+        """Sleep until a message comes, or until a timeout in seconds."""
         util = needed("cyclonedds.util", extra="dds", purpose=PURPOSE)
         self._waits.wait(util.duration(microseconds=max(int(1e6 * seconds), 1)))
 
     def lonely(self) -> list[str]:
-        """The topics that nobody publishes, or not as they are asked for."""
+        """The topics without a matching publisher."""
         return [item.topic for item in self._readers.values() if not item.reader.matched_pub]
 
     def mismatched(self) -> list[str]:
-        """The topics that are published with another quality of service than is asked for."""
+        """The topics that are published only with an incompatible quality of service."""
         return [
             item.topic
             for item in self._readers.values()
@@ -257,7 +256,7 @@ class DdsBus:
         )
 
     def _class_of(self, what: str) -> Any:
-        """The type of a message for Cyclone, which passes bytes through as they are."""
+        """The Cyclone type of a message, which passes its bytes through unchanged."""
         kind = TYPES[what]
         if kind not in self._classes:
             cls = _IdlTypes(self.codec.store.fielddefs).declared(kind)
@@ -282,7 +281,7 @@ class DdsWriter:
 
     @property
     def n_readers(self) -> int:
-        """How many subscribers it has."""
+        """The number of subscribers."""
         return int(self._writer.get_publication_matched_status().current_count)
 
 
@@ -290,12 +289,12 @@ class DdsWriter:
 class _Reader:
     topic: str
     reader: Any
-    condition: Any  # kept alive: the wait set only knows its handle
+    condition: Any  # keeps it alive: the wait set holds only its handle
     depth: int = 100
 
 
 class _Raw:
-    """The bytes of a message that has come; Cyclone adds where from."""
+    """The bytes of a received message; Cyclone adds its source."""
 
     __slots__ = ("data", "sample_info")
 

@@ -13,10 +13,10 @@ from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 from pgm_places.live.ros_codec import OUTPUTS
 
 TURN_S = 0.02
-"""How often maps are looked after where no message comes."""
+"""Seconds between turns of the node when no message comes."""
 
 LONELY_AFTER_S = 5.0
-"""Discovery takes up to three seconds: by then, who publishes has been found."""
+"""Seconds after which missing publishers are reported: discovery takes up to three."""
 
 
 class DdsNode:
@@ -45,7 +45,7 @@ class DdsNode:
         self._bus = DdsBus(_domain(options), network)
         name, out = options.full_name, options.full_name(options.output_namespace)
         kept = options.map_subscribe_transient_local
-        # Transforms come first, so that a scan finds those that were sent with it.
+        # Transforms are read first, so that they are available to scans sent with them.
         self._bus.read("tf_static", f"{name(options.tf_topic)}_static", reliable=True, kept=True)
         self._bus.read("tf", name(options.tf_topic), reliable=True, depth=100)
         self._bus.read("map", name(options.map_topic), reliable=True, kept=kept, depth=1)
@@ -71,7 +71,7 @@ class DdsNode:
         )
 
     def run(self, seconds: float = float("inf")) -> None:
-        """Work until interrupted, or for so many seconds."""
+        """Work until interrupted, or for a time in seconds."""
         start = time.monotonic()
         next_look = start + LONELY_AFTER_S
         while (now := time.monotonic()) < start + seconds:
@@ -103,7 +103,7 @@ class DdsNode:
         lonely = [topic for topic in self._bus.lonely() if topic not in optional]
         if missing := [topic for topic in lonely if topic not in self._lonely]:
             self._complain(
-                f"nobody publishes {', '.join(missing)}: are the topics and their types right, is "
+                f"no publisher of {', '.join(missing)}: are the topics and their types right, is "
                 f"the domain (ROS_DOMAIN_ID) {_domain(self._options)}, and does multicast pass?"
             )
         if come := [topic for topic in self._lonely if topic not in lonely]:

@@ -1,4 +1,4 @@
-"""Laser features of a map that changes: only scans that can have changed are cast again."""
+"""Growing features: laser features of a changing map; only affected scans are cast again."""
 
 from typing import NamedTuple
 
@@ -20,11 +20,11 @@ from pgm_places.unary.feature_table import CachedFeatures
 __all__ = ["GrowingFeatures", "Update"]
 
 MOST_SECTORS = 72
-"""Sectors whose longest range is kept: with 72, a tenth more is cast than has changed."""
+"""Sectors whose longest range is stored: with 72, a tenth more scans are cast than change."""
 SQUARE = 4
-"""Side in cells of the smallest squares that changes are gathered in,"""
+"""Side in cells of the smallest squares that group changed cells,"""
 MOST_SQUARES = 256
-"""and how many there may be: with more, looking for stale scans takes as long as casting them."""
+"""and the most squares: with more, the search for stale scans costs as much as casting them."""
 
 
 _AT_ONCE = 32_768
@@ -32,7 +32,7 @@ _CELLS_PER_TASK = 8192
 
 
 class Update(NamedTuple):
-    """What one map took: its free cells, how many were cast, and how many cells had changed."""
+    """Counts of one update: free cells, cells cast, and changed cells."""
 
     n_cells: int
     n_cast: int
@@ -40,30 +40,29 @@ class Update(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """The map before, and the row of each of its free cells."""
+    """The previous map, and the row of each of its free cells."""
 
     grid: OccupancyGrid
     row_of: NDArray[np.int64]
 
 
 class GrowingFeatures:
-    """Features of the free cells of map after map, each from the one before.
+    """Features of the free cells of a sequence of maps, updated from map to map.
 
-    A scan is the same as before if no cell that its beams entered has become blocked or free: they
-    would enter the same cells again. How far the beams of each sector of five degrees reached is
-    kept, so that scans that cannot have entered a changed cell are known without casting; all
-    others are cast again. Space outside the map blocks beams as unknown space does, so a map that
-    grows by unknown cells changes nothing, wherever its origin moves.
+    A scan does not change unless a cell that its beams entered has become blocked or free. The
+    reach of the beams in each sector of five degrees is stored. A scan whose beams cannot have
+    entered a changed cell is not cast again; all others are. Space outside the map blocks beams
+    like unknown space, so growth by unknown cells changes no scan, even if the origin moves.
 
-    Maps must share resolution, yaw and raster (origins that differ by whole cells); one that does
-    not is started over, as is every map of a noisy sensor, whose noise depends on a cell's number.
-    Rows of features stay where they are; all columns take 1.6 kB per free cell.
+    Maps must share resolution, yaw and raster (origins that differ by whole cells). All scans are
+    cast again for any other map, and with a noisy sensor, as noise depends on the index of a cell.
+    Rows of features are not moved; all columns take 1.6 kB per free cell.
 
     Parameters
     ----------
     sensor : Sensor
     columns : (n,) int, optional
-        The features that are wanted, ascending; all by default.
+        The columns to compute, ascending; all by default.
     n_threads : int, optional
 
     Examples
@@ -104,7 +103,7 @@ class GrowingFeatures:
         if not len(cells_rc):
             raise InputError("the map has no free cell whose features could be computed")
         kept_row, n_changed = self._unchanged(grid, cells_rc)
-        # If casting fails, some rows are neither of this map nor of the one before.
+        # If casting fails, the rows belong partly to this map and partly to the previous one.
         self._seen = None
         fresh = self._table.assign(kept_row)
         missing = self._table.n_rows - len(self._reach)
@@ -120,13 +119,13 @@ class GrowingFeatures:
     def _unchanged(
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], int]:
-        """(N,) the row of each cell whose scan is the same, else -1; and changed cells."""
+        """(N,) the row of each cell with an unchanged scan, else -1; count of changed cells."""
         seen = self._seen
         shift = None if seen is None else raster_shift(seen.grid, grid)
         if seen is None or shift is None or self.sensor.noise is not None:
             return np.full(len(cells_rc), -1, np.int64), grid.cells.size
         if (shift + seen.grid.shape <= 0).any() or (shift >= grid.shape).any():
-            # Of a map that lies elsewhere nothing is the same, and what both cover may be huge.
+            # A map elsewhere shares no cell, and the box around both may be huge.
             return np.full(len(cells_rc), -1, np.int64), grid.cells.size
         old_rc = np.argwhere(seen.grid.free)
         entered, n_changed = _changed(seen.grid, grid, shift, self.sensor)
@@ -156,7 +155,7 @@ class GrowingFeatures:
     def _cast(
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64], nodes: NDArray[np.int64]
     ) -> None:
-        """Cast from some cells, and fill in their rows."""
+        """Cast the scans of some cells, and write their rows."""
         if not len(nodes):
             return
         mask = np.zeros(grid.shape, np.bool_)
@@ -178,11 +177,11 @@ class GrowingFeatures:
 def _changed(
     old: OccupancyGrid, new: OccupancyGrid, shift: NDArray[np.int64], sensor: Sensor
 ) -> tuple[NDArray[np.int64], int]:
-    """(M, 2) cells by which a beam of the old map can first enter changed ones, and all changed.
+    """(M, 2) changed cells that a beam of the old map can enter first; number of changed cells.
 
-    Cells have changed that block beams in one map and not in the other; outside of either,
-    everything is blocked. A beam that enters one comes from a cell beside it that has not changed
-    and was open: the others need not be looked for. Cells are numbered as in the new map.
+    A cell has changed if it blocks beams in one of the maps only; space outside a map blocks
+    beams. A beam first enters a changed cell from an adjacent cell that was open and has not
+    changed, so other changed cells are left out. Rows and columns are those of the new map.
     """
     low = np.minimum(shift, 0)
     shape = tuple(np.maximum(shift + old.shape, new.shape) - low)
@@ -198,7 +197,7 @@ def _changed(
 def _squares(cells_rc: NDArray[np.int64]) -> NDArray[np.float64]:
     """(M, 3) rows and columns of the centres of squares that cover cells, and half diagonals.
 
-    Small where few cells have changed, and larger where many have, for which less is worth while.
+    The squares are small if few cells have changed, and larger if many have.
     """
     side = SQUARE
     while True:

@@ -1,4 +1,4 @@
-"""Health: how a live node is doing, for those who watch a robot's diagnostics."""
+"""Health: the state of a live node as ROS diagnostics."""
 
 from dataclasses import dataclass, field
 from math import inf
@@ -11,25 +11,25 @@ OK, WARN, ERROR = 0, 1, 2
 """Levels of ``diagnostic_msgs/DiagnosticStatus``."""
 
 FRESH_S = 10.0
-"""How long a complaint counts."""
+"""Seconds for which a complaint affects the level."""
 
 
 @dataclass
 class Health:
-    """What has been done, and what was wrong lately.
+    """Counters and recent complaints of a live node.
 
     Parameters
     ----------
     n_placed, n_dropped, n_maps : int
-        Scans whose place was told, scans that were dropped, and maps that were labelled.
+        Numbers of scans with a published place, of dropped scans, and of labelled maps.
     said : dict of str to (float, str)
-        When each kind of complaint was last made, on the clock of ``status``, and its text.
+        Time of the last complaint of each kind, on the clock of ``status``, and its text.
     last : FoundPlace or None
         The latest place.
     heard_s : float
-        When the last scan came.
+        Time of the last scan.
     silent_s : float
-        Without scans for longer than this, all is wrong.
+        Without scans for longer than this, the level is an error.
     """
 
     n_placed: int = 0
@@ -41,7 +41,7 @@ class Health:
     silent_s: float = inf
 
     def level(self, now_s: float) -> tuple[int, str]:
-        """How bad it is, and why."""
+        """The level, and its reason."""
         if self.heard_s == -inf:
             return WARN, "no scan has come yet"
         if now_s - self.heard_s > self.silent_s:
@@ -61,11 +61,11 @@ class Health:
         ----------
         codec : RosCodec
         name : str
-            Of what is being diagnosed.
+            Name of the diagnosed component.
         now_s : float
-            On the clock of complaints.
+            The time on the clock of complaints.
         clock_s : float
-            The time that the message is stamped with.
+            The stamp of the message.
         """
         level, text = self.level(now_s)
         since = "never" if self.heard_s == -inf else f"{now_s - self.heard_s:.1f}"

@@ -1,4 +1,4 @@
-"""LatestMap: the map as it is now: the last that came, with the updates since."""
+"""LatestMap: the last received map with all later updates."""
 
 from typing import Any
 
@@ -9,16 +9,16 @@ from pgm_places.live.ros_codec import RosCodec
 
 
 class LatestMap:
-    """Keeps the last ``nav_msgs/OccupancyGrid`` and applies ``map_msgs/OccupancyGridUpdate``s.
+    """Stores the last ``nav_msgs/OccupancyGrid`` and applies ``map_msgs/OccupancyGridUpdate``s.
 
-    An update is a rectangle of cells that replaces those of the map. Maps are neither looked into
-    nor copied until an update comes.
+    An update is a rectangle of cells that replaces cells of the map. A map is neither decoded nor
+    copied until an update comes.
 
     Parameters
     ----------
     codec : RosCodec
     frame : str
-        The frame that maps must be in; those that name none are taken.
+        The required frame of maps; maps without a frame are accepted.
     """
 
     def __init__(self, codec: RosCodec, frame: str) -> None:
@@ -27,23 +27,23 @@ class LatestMap:
         self._message: Any = None
 
     def take(self, raw: bytes) -> None:
-        """A map has come.
+        """Replace the map.
 
         Raises
         ------
         InputError
-            It is in another frame. The one before stays.
+            It is in another frame. The previous map stays.
         """
         try:
             message = self._codec.read(raw, "map")
         except InputError:
-            pass  # labelling it will say so
+            pass  # labelling reports the error
         else:
             self._check_frame(message)
         self._raw, self._message = raw, None
 
     def update(self, raw: bytes) -> None:
-        """A part of the map has changed.
+        """Apply an update of a part of the map.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class LatestMap:
             if self._raw is None:
                 raise InputError("an update of the map came before the map, and is dropped")
             message = self._codec.read(self._raw, "map")
-            message.data = np.array(message.data)  # those of the bytes cannot be written to
+            message.data = np.array(message.data)  # arrays on the message's bytes are read-only
             self._message, self._raw = message, None
         info = self._message.info
         rows, columns = (
@@ -76,7 +76,7 @@ class LatestMap:
         cells[rows, columns] = np.reshape(update.data, (update.height, update.width))
 
     def raw(self) -> bytes:
-        """The bytes of the map as it is now."""
+        """The bytes of the updated map."""
         if self._raw is None:
             self._raw, self._message = self._codec.write(self._message, "map"), None
         return self._raw

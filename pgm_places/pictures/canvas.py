@@ -1,4 +1,4 @@
-"""Maps as small palette images: cropped, downscaled if needed, with the right side up."""
+"""Canvas: a map as a small palette image, cropped, downscaled if needed, and right side up."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -27,18 +27,17 @@ Window = tuple[slice, slice]
 """Rows and columns of a map."""
 
 N_LEVELS = 24
-"""Steps of probability and entropy: finer ones are invisible and make files larger."""
+"""Steps of probability and entropy: finer steps are invisible and enlarge files."""
 
 _GROUND_WEIGHTS = (1, 3, 1)
 _LABEL_WEIGHT, _STRONG_WEIGHT = 2, 4
-"""What a block of cells shows when a map is made smaller: the kind with the largest weighted
-count of unknown, wall, free without a label, and labels. Walls and errors weigh most, as they are
-thin."""
+"""Weights of unknown, wall, free without a label, and labels when a map is shrunk: a block of cells
+shows the kind with the largest weighted count. Walls and errors, which are thin, weigh most."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The part of a map that is shown, and how many cells along a side become one pixel."""
+    """The displayed window of a map, and the cells along the side of a pixel."""
 
     rows: slice
     columns: slice
@@ -91,7 +90,7 @@ class Canvas:
 def view_of(
     grid: OccupancyGrid, shown: NDArray[np.bool_] | None = None, *, most_pixels: int
 ) -> View:
-    """The known part of the map, or the cells ``shown`` (H, W), with a margin of half a metre.
+    """The window of the known cells, or of the cells ``shown`` (H, W), with a margin of 0.5 m.
 
     Shrunk by a whole factor until it has at most ``most_pixels`` pixels.
     """
@@ -182,7 +181,7 @@ def _steps(
 def _painted(
     grid: OccupancyGrid, shown: Callable[[Window], NDArray[np.integer]], cells: Window
 ) -> NDArray[np.uint8]:
-    """Unknown, wall, free without a label, or what is shown of a free cell."""
+    """Colour indices of cells: unknown, wall, free without a label, or the label."""
     part, over = grid.cells[cells], shown(cells)
     picture = np.full(part.shape, _UNKNOWN, np.uint8)
     picture[part == OCCUPIED] = _WALL
@@ -201,9 +200,9 @@ def _canvas(
     strong: int | None = None,
     averaged: bool = False,
 ) -> Canvas:
-    """The view painted band by band, shrunk, striped and turned the right way up.
+    """The view, painted band by band, shrunk, striped and flipped to have y upwards.
 
-    ``shown`` gives the number of one of the ``own_colours`` for each cell of a window, or -1.
+    ``shown`` gives an index into ``own_colours`` for each cell of a window, or -1.
     """
     colours = (*_GROUND, *own_colours)
     height, width = view.shape

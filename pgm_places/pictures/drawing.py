@@ -1,4 +1,4 @@
-"""Drawings measured in pixels, by Pillow: importing matplotlib takes longer than drawing a map."""
+"""Drawings in pixels, by Pillow, which is imported faster than matplotlib."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,7 +22,7 @@ INK, MUTED = "#1a202c", "#5a6472"
 """Colours of text and lines."""
 
 _FINER = 4
-"""Shapes are drawn this many times as large and averaged, which gives them smooth edges."""
+"""Factor of oversampling: shapes are drawn larger and averaged, for smooth edges."""
 
 _RIM = 1.4
 """Width of the rim of discs and squares in pixels."""
@@ -53,7 +53,7 @@ class Drawing:
         return drawing
 
     def paste(self, other: "Drawing", x: int, y: int) -> None:
-        """Put another drawing in, its upper left corner at (x, y)."""
+        """Insert another drawing with its upper left corner at (x, y)."""
         self.image.paste(other.image, (x, y))
 
     def text(
@@ -75,7 +75,7 @@ class Drawing:
         from PIL import ImageDraw
 
         ImageDraw.Draw(self.image).text(
-            (round(x, 3), round(y, 3)),  # no glyph moves by the rounding of its position
+            (round(x, 3), round(y, 3)),  # rounding moves no glyph
             content,
             fill=colour,
             font=_font(size, bold),
@@ -129,7 +129,7 @@ class Drawing:
             self._stamp(part, width / 2, colour, paint)
 
     def polygon(self, rings: Sequence[ArrayLike], *, fill: str) -> None:
-        """The area inside the first ring (n, 2) and outside the others, which are its holes."""
+        """The area inside the first ring (n, 2), without the other rings, which are holes."""
         outer, *holes = (np.asarray(ring, np.float64) for ring in rings)
 
         def paint(draw: "ImageDraw.ImageDraw", on_mask: _Scaling) -> None:
@@ -161,7 +161,7 @@ class Drawing:
         colour: str,
         paint: Callable[["ImageDraw.ImageDraw", _Scaling], None],
     ) -> None:
-        """Fill with a colour what ``paint`` draws on a mask, all within ``reach`` of the points.
+        """Fill a mask with a colour; ``paint`` draws the mask within ``reach`` of the points.
 
         ``paint`` is given the map from positions on the picture to positions on the mask.
         """
@@ -172,7 +172,7 @@ class Drawing:
         low = np.floor(points.min(axis=0) - reach - 1).clip(0)
         high = np.ceil(points.max(axis=0) + reach + 1).clip(None, self.image.size)
         if (high <= low).any():
-            return  # it lies beside the picture
+            return  # outside the picture
         width, height = (int(side) for side in high - low)
         mask = Image.new("L", (_FINER * width, _FINER * height))
         paint(ImageDraw.Draw(mask), lambda xy: np.round(_FINER * (xy - low)))
@@ -180,7 +180,7 @@ class Drawing:
 
 
 def _dashes(xy: NDArray[np.float64], dash: float, gap: float) -> Iterator[NDArray[np.float64]]:
-    """The pieces of a line (n, 2) that are drawn, by the length along it."""
+    """The dashes of a line (n, 2)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
     for start in np.arange(0.0, along[-1], dash + gap):
         end = min(start + dash, along[-1])
@@ -217,7 +217,7 @@ class Packing:
     Parameters
     ----------
     n_threads : int, optional
-        As many as may be used; all cores by default.
+        Number of threads; all cores by default.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:
@@ -241,11 +241,11 @@ class Packing:
             pool.shutdown(cancel_futures=True)
 
     def write(self, path: Path, picture: Drawing) -> Path:
-        """The path to which the picture is written, at the end of the block at the latest."""
+        """Write a picture at the end of the block at the latest; the path."""
         return self.write_made(path, picture.png)
 
     def write_made(self, path: Path, make: Callable[[], bytes]) -> Path:
-        """The same for a file whose content a function makes."""
+        """Write a file whose content a function makes, at the end of the block at the latest."""
         if self._pool is None:
             return write_bytes(path, make())
         self._waiting.append((path, self._pool.submit(make)))

@@ -13,18 +13,18 @@ _LEAST_WIDTH = 420
 
 
 _LARGEST_CELL = 12
-"""Pixels of a cell's side: small maps need not fill a screen."""
+"""Most pixels along the side of a cell, so that small maps do not fill a screen."""
 
 
 _WIDE = 1500
-"""From this width on everything but the maps is half as large again: it will be seen shrunk."""
+"""From this width on, text and bars are 1.5 times as large, as the figure is viewed shrunk."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A map, the line above it, and what is drawn over it.
+    """A map, its title, and an overlay.
 
-    ``overlay`` is given the enlarged map and how many of its pixels one of the canvas takes.
+    ``overlay`` receives the enlarged map and the factor by which it was enlarged.
     """
 
     canvas: Canvas
@@ -69,10 +69,10 @@ def figure_grid(
     scale_bar: bool = True,
     long_side: int = 2400,
 ) -> Drawing:
-    """The sheet as a drawing.
+    """The panels in a grid, as a drawing.
 
-    All panels are enlarged by the same whole number: as far as they stay within ``long_side``
-    pixels, all columns together.
+    All panels are enlarged by the same integer, the largest at which the columns together stay
+    within ``long_side`` pixels.
     """
     shapes = np.array([panel.canvas.indices.shape for panel in panels])
     columns = min(columns, len(panels))
@@ -121,7 +121,7 @@ def round_length(metres: float) -> float:
 def draw_scale_bar(
     page: Drawing, canvas: Canvas, corner: tuple[int, int], scale: int, *, size: int
 ) -> None:
-    """A bar of a round length below a map that is drawn enlarged, with text of a size in pixels."""
+    """A bar of a round length below an enlarged map; the size of its text is in pixels."""
     x, y = corner
     metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
     length, tick = metres / canvas.m_per_pixel * scale, (size + 1) * 2 // 3
@@ -132,7 +132,7 @@ def draw_scale_bar(
 
 
 def _flow(legend: Sequence[Swatch], width: int, sizes: _Sizes) -> list[list[tuple[float, Swatch]]]:
-    """The entries in lines that fit the width, each with its place in the line."""
+    """The entries of a legend, broken into lines of the width, with their positions."""
     lines: list[list[tuple[float, Swatch]]] = []
     x = 0.0
     for entry in legend:

@@ -1,4 +1,4 @@
-"""A graph drawn on a raster: a dot per node, to paint values of nodes as on a map."""
+"""Graph layout: a graph drawn on a raster, with a dot per node, to paint values of nodes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,23 +16,23 @@ SIDE = 1000
 """Cells along the longer side of a drawing."""
 
 DOT_SHARE = 0.3
-"""Radius of a dot over the distance at which so many nodes would lie if they were spread evenly."""
+"""Radius of a dot over the distance between the nodes if they were spread evenly."""
 
 LARGEST_DOT, SMALLEST_DOT = 17.0, 2.0
-"""Radius of dots in cells."""
+"""Largest and smallest radius of dots in cells."""
 
 _MARGIN = int(np.ceil(LARGEST_DOT)) + 2
 
 MOST_SPRINGS = 3000
-"""Nodes that are laid out as if edges were springs; more are put on a circle, part by part."""
+"""Most nodes of a spring layout; larger graphs are drawn on circles, one per component."""
 
 MOST_EDGES = 30_000
-"""More edges than this would cover everything, and are not drawn."""
+"""Most edges drawn; more would cover the nodes."""
 
 
 @dataclass(frozen=True, eq=False)
 class GraphLayout:
-    """The nodes of a graph as dots, where they are or, without positions, where springs put them.
+    """The nodes of a graph as dots, at their positions or, without positions, by a spring layout.
 
     The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for graphs of any kind. Edges
     are drawn as walls are on maps; nodes are painted over them.
@@ -69,7 +69,7 @@ class GraphLayout:
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
-        """(H, W) the node that each cell shows, -1 beside the dots."""
+        """(H, W) the node drawn at each cell, -1 outside the dots."""
         raster = np.full(self.cells_rc.max(axis=0) + _MARGIN + 1, -1, np.int32)
         n_nodes = self.graph.n_nodes
         radius = np.clip(DOT_SHARE * SIDE / np.sqrt(n_nodes), SMALLEST_DOT, LARGEST_DOT)
@@ -77,7 +77,7 @@ class GraphLayout:
         side = np.arange(-reach, reach + 1)
         brush = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
         brush = brush[(brush**2).sum(axis=1) <= radius**2]
-        # From the rim inwards, so that a dot's centre is its own wherever dots overlap.
+        # From the rim inwards, so that the centre of each dot is visible where dots overlap.
         for offset in brush[np.argsort(-(brush**2).sum(axis=1), kind="stable")]:
             rows, columns = (self.cells_rc + offset).T
             raster[rows, columns] = np.arange(n_nodes, dtype=np.int32)
@@ -85,7 +85,7 @@ class GraphLayout:
 
     @cached_property
     def grid(self) -> OccupancyGrid:
-        """The drawing as a map: dots are free, edges are walls, all else is unknown."""
+        """The drawing as a map: dots are free, edges are walls, the rest is unknown."""
         cells = np.full(self.node_of_cell.shape, UNKNOWN, np.int8)
         if self.graph.n_edges <= MOST_EDGES:
             for first, second in self.cells_rc[self.graph.edges]:
@@ -95,7 +95,7 @@ class GraphLayout:
         return OccupancyGrid(cells, resolution_m=1.0 / SIDE)
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
-        """Values (N, ...) of the nodes on the raster (H, W, ...); ``fill`` beside the dots."""
+        """Values (N, ...) of the nodes on the raster (H, W, ...); ``fill`` outside the dots."""
         return painted(self.node_of_cell, self.graph.n_nodes, values, fill)
 
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
@@ -108,7 +108,7 @@ class GraphLayout:
 
 
 def _places(graph: LabelGraph) -> NDArray[np.float64]:
-    """(N, 2) where to draw the nodes."""
+    """(N, 2) positions of the nodes in the drawing."""
     if graph.positions_m is not None:
         return graph.positions_m[:, :2]
     if graph.is_chain:  # row below row, as text is written

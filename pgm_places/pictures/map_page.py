@@ -1,4 +1,4 @@
-"""index.html of a labelled map: its places in a picture and a table, what to check, the files."""
+"""Page of a labelled map, index.html: picture and table of places, checks, and files."""
 
 import html
 import re
@@ -20,7 +20,7 @@ PAGE_FILE = "index.html"
 _TITLE = re.compile("<title>([^<]+)</title>")
 
 _MOST_ROWS = 1000
-"""Rows of a table; places.json has all."""
+"""Most rows of a table; places.json has all."""
 
 _FILES = (
     ("labels.png", "the label of each cell, on the map image's own raster"),
@@ -125,7 +125,7 @@ def _cards(
     doorways: Sequence[Region],
     share: float | None,
 ) -> list[tuple[str, str]]:
-    """The figures that most readers come for."""
+    """The main figures."""
     cards = [
         (f"{len(places):,}", "place" if len(places) == 1 else "places"),
         (f"{len(doorways):,}", "doorway" if len(doorways) == 1 else "doorways"),
@@ -148,7 +148,7 @@ def _rows(regions: Iterable[Region], found: TopologicalMap) -> list[dict[str, An
 
 
 def _near(region: Region, found: TopologicalMap) -> list[str]:
-    """The names of the places that one leads to: directly, or through doorways."""
+    """The names of the places next to a place: directly, or through doorways."""
     if region.label == found.doorway_label:
         return [other.name for other in found.neighbours(region.id)]
     reached, todo = {region.id}, [region.id]

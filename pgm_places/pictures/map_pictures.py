@@ -37,7 +37,7 @@ def label_map(
     scale_bar: bool = True,
     legend: bool = True,
 ) -> bytes:
-    """A PNG file of a labelled map, right way up and cropped to what is known.
+    """A PNG file of a labelled map, with y upwards, cropped to its known cells.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def label_map(
 def thumbnail(
     grid: OccupancyGrid, label_raster: NDArray[np.integer], label_names: Sequence[str]
 ) -> bytes:
-    """A PNG file of a labelled map the size of a stamp, of some kilobytes: nothing but the map."""
+    """A thumbnail of a labelled map without legend: a PNG file of a few kilobytes."""
     labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
     view = view_of(grid, most_pixels=_THUMBNAIL_PIXELS)
     return label_canvas(grid, labels, label_names, view).png()
@@ -134,7 +134,7 @@ _PATH, _CASING, _OTHER = 5.0, 8.0, 2.0
 _TEXT = 16
 _NO_LABEL = "#8d96a3"
 _OTHER_COLOUR = "#0f766e"
-"""Neither a place's nor a wall's; the line is thin and dashed besides."""
+"""Different from the colours of labels and walls; the line is also thin and dashed."""
 
 
 def path_map(
@@ -147,7 +147,7 @@ def path_map(
     other_name: str = "odometry",
     title: str | None = None,
 ) -> bytes:
-    """A PNG file of a path over a map, right way up and cropped to what is known.
+    """A PNG file of a path over a map, with y upwards, cropped to the known cells.
 
     Parameters
     ----------
@@ -156,13 +156,13 @@ def path_map(
     positions_m : (T, 2) float
         The robot's positions, step by step.
     labels : (T,) int
-        The place at each step, -1 for none; it colours the path up to the next step.
+        Label of each step, -1 for none; it colours the path up to the next step.
     label_names : sequence of str
         Names of the labels; they choose the colours too.
     other_m : (S, 2) float, optional
-        A thin line to compare with, such as what the odometry tells.
+        Another path, drawn as a thin line for comparison, such as the odometry.
     other_name : str
-        What that line is.
+        Name of that line.
     title : str or None
 
     Raises
@@ -182,7 +182,7 @@ def path_map(
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     nowhere = np.full(grid.shape, -1, np.int16)
     canvas = label_canvas(grid, nowhere, label_names, view)
-    # Free space in plain white: on this picture no cell is expected to have a label.
+    # Free space in plain white, because no cell has a label on this picture.
     plain = (IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
     canvas = replace(canvas, colours=tuple(plain))
     colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end

@@ -25,13 +25,13 @@ def render(
     Parameters
     ----------
     template : str
-        File name in the folder, or in the package's folder of templates.
+        File name in ``folder``, or in the package's folder of templates.
     folder : Path
         A folder of further templates, which may extend those of the package.
     script : str or None
         File name of the page's only script; the page's content policy allows this one by its hash.
     values : object
-        What the template calls by name; a name that it does not find is an error.
+        The variables of the template; an undefined variable is an error.
     """
     code = "" if script is None else template_text(script)
     digest = base64.b64encode(hashlib.sha256(code.encode("utf-8")).digest()).decode("ascii")
@@ -44,12 +44,12 @@ def render(
 
 
 def template_text(name: str) -> str:
-    """A style sheet or a script of the package as it stands in its file."""
+    """The text of a style sheet or script of the package."""
     return (_TEMPLATES / name).read_text("utf-8")
 
 
 def data_uri(content: bytes, kind: str = "image/png") -> str:
-    """The content as an address that holds it."""
+    """The content as a data URI."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
@@ -78,22 +78,22 @@ def _or_dash(value: float | None, form: str) -> str:
 
 
 def percent(share: float | None, digits: int = 1) -> str:
-    """A share in percent, a dash where there is none."""
+    """A share in percent, a dash for None."""
     return _or_dash(None if share is None else 100 * share, f".{digits}f")
 
 
 def decimals(value: float | None) -> str:
-    """A number with three decimals, a dash where there is none."""
+    """A number with three decimals, a dash for None."""
     return _or_dash(value, ",.3f")
 
 
 def spent(seconds: float | None) -> str:
-    """Seconds, a dash for none."""
+    """Seconds, a dash for None."""
     return "< 0.01" if seconds and seconds < 0.01 else _or_dash(seconds or None, ".2f")
 
 
 def _plain(value: Any) -> str:
-    """A value as a reader likes it: short numbers, long arrays by their shape."""
+    """A value for display: short numbers, long arrays by their shape."""
     if isinstance(value, float | np.floating):
         return f"{float(value):.6g}"
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""The route graph of a topological map: its files, its picture, and a summary."""
+"""Route picture: the route graph of a topological map drawn, written to files, and summarised."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -32,17 +32,17 @@ def write_routes(
 ) -> RouteGraph:
     """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
 
-    No way leads into the places of ``keep_out``, which are classes or names.
-    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
-    other files for Nav2 as well. The files will lie in ``lies_in``, where they are moved: nodes and
-    edges of a graph that is there already keep their ids.
+    The robot does not enter the places of ``keep_out``, which are classes or names.
+    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, the
+    other files for Nav2 are written, too. The files are later moved to ``lies_in``; nodes and edges
+    of an earlier graph there keep their ids.
 
     Raises
     ------
     InputError
-        Such a robot can go nowhere, or a name is neither a place nor a class.
+        The robot fits nowhere, or a name is neither a place nor a class.
     OutputError
-        Where a file cannot be written.
+        A file cannot be written.
     """
     closed = topology.ids_of(keep_out)
     routes = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
@@ -57,7 +57,7 @@ def write_routes(
 
 
 def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:
-    """How large a graph is and how narrow its ways are; the places that cannot be reached."""
+    """A line with the size and the narrowest clearance of a graph, and its unreachable places."""
     if not routes.edges:
         why = (
             "the map has one place, and all of it is near one point"
@@ -85,7 +85,7 @@ _LINE, _DISC, _DOOR, _DOT, _NAME = 2.0, 13.0, 9.0, 4.0, 13
 
 
 def route_drawing(topology: TopologicalMap, routes: RouteGraph) -> Drawing:
-    """Nodes and edges over the places; places that cannot be reached are named in red.
+    """Nodes and edges over the places; unreachable places are named in red.
 
     Places that the robot keeps out of are hatched.
 
@@ -151,7 +151,7 @@ def _draw_names(
     at: NDArray[np.float64],
     pixels: Callable[[ArrayLike], NDArray[np.float64]],
 ) -> None:
-    """The names of places other than doorways, and of all that it cannot or must not reach."""
+    """The names of places, of doorways only if the robot cannot or must not reach them."""
     doors, named = [], []
     for node, point in zip(routes.nodes, at, strict=True):
         region = topology.place(node.region)

@@ -1,4 +1,4 @@
-"""The topological map drawn over the map, and as a diagram (paper Figs. 9 and 11)."""
+"""Topology pictures: the topological map over the map, and as a diagram (paper Figs. 9, 11)."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,13 +19,13 @@ from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _SQUARE = 64.0
-"""Side of the squares by which boxes are found, in pixels: about the length of a name."""
+"""Side in pixels of the squares of the index of boxes: about the length of a name."""
 
 
 def name_spots(
     names: Sequence[str], discs: ArrayLike, others: ArrayLike, *, size: float, radius: float
 ) -> NDArray[np.float64]:
-    """(N, 2) the middles of N names: below their discs, or above or beside them if that is freer.
+    """(N, 2) the middles of N names: below, above or beside their discs, where least is covered.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def name_spots(
     discs : (N, 2) float
         The middles of the discs that are named, in pixels.
     others : (M, 2) float
-        The middles of what else should not be hidden; as large as the discs.
+        The middles of other marks to keep visible, as large as the discs.
     size : float
         Of the text.
     radius : float
@@ -51,14 +51,14 @@ def name_spots(
         down, across = radius + half[1] + 3, radius + half[0] + 1
         ways = np.array([(0, down), (0, -down), (across, 0), (-across, 0)])
         boxes = np.concatenate([point + ways - half, point + ways + half], axis=1)
-        best = int(np.argmin(_hidden(boxes, taken.near(boxes))))  # the first of equals
+        best = int(np.argmin(_hidden(boxes, taken.near(boxes))))  # the first of equal ones
         spots[number] = point + ways[best]
         taken.add(boxes[best])
     return spots
 
 
 class _Boxes:
-    """Boxes (left, top, right, bottom), found by the squares of the picture that they touch."""
+    """A spatial index of boxes (left, top, right, bottom), by squares of the picture."""
 
     def __init__(self, boxes: NDArray[np.float64]) -> None:
         self._boxes: list[NDArray[np.float64]] = []
@@ -72,7 +72,7 @@ class _Boxes:
         self._boxes.append(box)
 
     def near(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(M, 4) at least those that overlap any of some boxes, in the order they were added."""
+        """(M, 4) in the order of insertion, at least the boxes that overlap any of some boxes."""
         around = np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
         numbers = {number for square in _squares(around) for number in self._in_square[square]}
         return np.array([self._boxes[number] for number in sorted(numbers)]).reshape(-1, 4)
@@ -117,7 +117,7 @@ def topology_drawing(
     corridors, and other places with more than six neighbours, they end at the passage. In the
     diagram these keep their shape, every other place is a disc, doorways are squares. Doorways
     that are gates have their rectangles drawn over the map. The places to check first have their
-    ids in red, and red lines cross the openings of places that look like several rooms.
+    ids in red, and red lines cross the openings of split candidates.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def topology_drawing(
 
 
 def places_drawing(grid: OccupancyGrid, topology: TopologicalMap) -> Drawing:
-    """The places over the map with their names, doorways as rectangles, and what to check in red.
+    """The places over the map with their names, doorways as rectangles, and checks in red.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def places_drawing(grid: OccupancyGrid, topology: TopologicalMap) -> Drawing:
 def paled_canvas(
     grid: OccupancyGrid, labels: NDArray[np.int16], label_names: Sequence[str], view: View
 ) -> Canvas:
-    """The map with its labels' colours (all that come after the four of the ground) made pale."""
+    """The map with pale label colours: all colours after the four of the ground."""
     canvas = label_canvas(grid, labels, label_names, view)
     pale = (tinted(colour, PALE) for colour in canvas.colours[4:])
     return replace(canvas, colours=(*canvas.colours[:4], *pale))
@@ -236,13 +236,13 @@ def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> 
 
 
 def _draw_splits(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
-    """A line across each opening that could part rooms, and what to say of it."""
-    for item in split_candidates(topology):
-        for line in item.lines_m:
+    """Draw a line across each opening of the split candidates, and their numbers of rooms."""
+    for candidate in split_candidates(topology):
+        for line in candidate.lines_m:
             panel.line(pixels(line), colour="white", width=7)
             panel.line(pixels(line), colour=ERROR, width=4)
-        ends = pixels(item.lines_m[0])
-        text = f"{item.place.id}: {item.count} rooms?"
+        ends = pixels(candidate.lines_m[0])
+        text = f"{candidate.place.id}: {candidate.count} rooms?"
         x, y = float(ends[:, 0].mean()), float(ends[:, 1].min()) - 14
         panel.text(x, y, text, size=13, bold=True, centred=True, colour=ERROR, halo=2)
 
@@ -270,7 +270,7 @@ def _draw_diagram(
 
 
 def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
-    """Corridors lead past many places: a disc in their middle would hide which comes first."""
+    """Whether a place keeps its shape in the diagram, as corridors with many neighbours do."""
     return region.label != topology.doorway_label and (
         region.label == "corridor" or len(topology.neighbours(region.id)) > 6
     )
@@ -314,7 +314,7 @@ def marked_checks(topology: TopologicalMap) -> list[PlaceCheck]:
 
 
 def count_line(topology: TopologicalMap) -> str:
-    """How many places of each class there are, and how many connections."""
+    """The numbers of places of each class and of connections."""
     parts = []
     for label in topology.label_names:
         count = sum(region.label == label for region in topology.regions)

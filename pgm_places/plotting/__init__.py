@@ -1,1 +1,1 @@
-"""What maps, drives and results draw on matplotlib axes in notebooks."""
+"""Plots of maps, drives and results on matplotlib axes, for notebooks."""

@@ -1,4 +1,4 @@
-"""Axes to draw on: the caller's, new ones, or those of a picture in a notebook's cell."""
+"""Axes to draw on: the caller's, or new ones; pictures for notebook cells."""
 
 import io
 from typing import TYPE_CHECKING, Any
@@ -10,14 +10,14 @@ _DPI = 100
 
 
 class Plotted:
-    """A record with ``plot(ax)``, which notebooks show as the picture that it draws."""
+    """A record with ``plot(ax)``, which notebooks display as a picture."""
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw on the axes."""
         raise NotImplementedError
 
     def _repr_png_(self) -> bytes:
-        """The plot as a PNG file; pyplot's own figures are left alone."""
+        """The plot as a PNG file; pyplot's current figure is not changed."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
@@ -39,7 +39,7 @@ def axes_or_new(ax: "Axes | None") -> "Axes":
 
 
 def legend_beside(ax: "Axes", handles: list[Any]) -> None:
-    """A legend to the right of the axes, where it hides nothing."""
+    """A legend to the right of the axes."""
     ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1), frameon=False)
 
 

@@ -31,7 +31,7 @@ def draw_beliefs(
 def draw_curves(
     ax: "Axes", curves: Mapping[str, NDArray[np.floating[Any]]], xlabel: str, ylabel: str
 ) -> None:
-    """A line for each curve, from 1 on; values that are not finite are left out."""
+    """Draw a line for each curve over 1, 2, ...; values that are not finite are left out."""
     for number, (name, values) in enumerate(curves.items()):
         colour = palette.LABEL_COLOURS[(1, 2, 0)[number % 3]]
         finite = np.where(np.isfinite(values), values, np.nan)

@@ -31,7 +31,7 @@ def draw_ground(ax: "Axes", cells: NDArray[np.int8], frame: Frame) -> None:
     _draw(ax, colours[np.sign(cells[::step, ::step]) + 1], frame, step)
     known = cells >= 0
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if len(rows):  # the view is of what is known
+    if len(rows):  # the view covers the known cells
         sides = [(columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)]
         low, high = (np.array(side) * frame.resolution_m for side in sides)
         corners = [low, (low[0], high[1]), (high[0], low[1]), high]
@@ -44,10 +44,10 @@ def draw_ground(ax: "Axes", cells: NDArray[np.int8], frame: Frame) -> None:
 def draw_labels(
     ax: "Axes", labels: NDArray[np.integer[Any]], names: Sequence[str], frame: Frame
 ) -> None:
-    """Draw the cells (H, W) that have a label in its colour, with a legend of those there are."""
+    """Draw the labelled cells (H, W) in the colours of their labels, with a legend."""
     step = _step(labels.shape)
     shown = labels[::step, ::step]
-    colours = np.zeros((len(names) + 1, 4), np.uint8)  # the last one, of -1, is transparent
+    colours = np.zeros((len(names) + 1, 4), np.uint8)  # the last one, for -1, is transparent
     for number, colour in enumerate(palette.label_colours(names)):
         colours[number] = [*palette.rgb_of(colour), 255]
     _draw(ax, colours[shown], frame, step)
@@ -75,7 +75,7 @@ def _patch(swatch: palette.Swatch) -> Any:
 
 
 def _step(shape: tuple[int, ...]) -> int:
-    """Every how many cells one is drawn: a figure has fewer pixels than a huge map."""
+    """The step at which cells are drawn: a figure has fewer pixels than a huge map."""
     return max(1, max(shape) // _MOST_PIXELS)
 
 

@@ -40,19 +40,19 @@ def comparison_record(comparison: Comparison, *, marginals: bool = False) -> dic
 
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
     confusion (rows are true labels), seconds, 95 % intervals, and per map the status, score, bound
-    and gap. ``learned_with`` names the method that learned for this one, too. ``doors`` counts the
-    doors that were found, missed and invented, on all maps together and per map, where there is a
-    label for doorways. Where cells and steps were labelled together, ``cells`` and ``steps`` hold
-    the figures of each. ``differences`` has how much more of a figure the first of two methods has
-    than the second, with its 95 % interval, in how many buildings it is ahead, even and behind, and
-    which method is better beyond chance. ``best`` names a method that is better than all others.
-    ``preset`` has the name of the configuration's preset, what it set, and what was given instead.
+    and gap. ``learned_with`` names another method whose training this one shares. With a doorway
+    label, ``doors`` counts the doors found, missed and invented, in total and per map. If cells
+    and steps were labelled together, ``cells`` and ``steps`` hold the figures of each.
+    ``differences`` has the figures of one method less those of another, with their 95 % intervals,
+    the numbers of buildings in which the first is ahead, even and behind, and the method that is
+    significantly better. ``best`` names a method that is significantly better than all others.
+    ``preset`` has the name of the configuration's preset, its options, and overridden options.
     With several seeds, figures are of all of them together, and ``by_seed`` of each method and
-    difference has those of each. ``choices`` of the whole and of each method say what was chosen on
-    training data. ``splits`` has what each split tested on, ``by_split`` of each
-    method its accuracies there. ``gates`` counts the doors that accepted gates match. With
+    difference has the figures of each seed. ``choices``, of the comparison and of each method, are
+    the options chosen on training data. ``splits`` lists the tests of each split, ``by_split`` of
+    each method its accuracies there. ``gates`` counts the doors that accepted gates match. With
     ``marginals``, ``info`` of each map has the ``node_marginals`` of linear programs. ``tables``
-    has the tables of the report, with the texts that stand there.
+    has the tables of the report as text.
     """
     record = {
         "schema": SCHEMA,
@@ -156,7 +156,7 @@ def _labeling_record(labeling: Labeling, marginals: bool) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Nested mappings, sequences and NumPy values as what JSON knows; NaN and infinity as None."""
+    """Nested mappings, sequences and NumPy values as JSON types; NaN and infinity as None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

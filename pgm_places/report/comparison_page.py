@@ -17,13 +17,13 @@ from pgm_places.report.map_layers import label_layers, probability_layers
 from pgm_places.report.summary import summary_of
 
 _SHARED_QUANTITIES = ("accuracy", "balanced_accuracy", "change", "residual")
-"""Quantities that mean the same for every method: drawn in one chart. Energies are not."""
+"""Quantities that are comparable between methods, and share a chart. Energies are not."""
 
 _MOST_LINES = 12
 
 
 def reliability_chart(comparison: Comparison) -> Chart | None:
-    """Accuracy over confidence, a line per method with beliefs; None where there is none."""
+    """Accuracy over confidence, a line per method with beliefs; None without such methods."""
     lines = []
     for style, method in enumerate(comparison.methods):
         table = method.evaluation.reliability
@@ -61,7 +61,7 @@ def _by_title(comparison: Comparison) -> dict[tuple[str, ...], list[Line]]:
 
 
 def _learning_charts(comparison: Comparison) -> Iterator[tuple[str, Chart | None]]:
-    """How learning closed in on the optimum from both sides, per method that records it."""
+    """Objective and bound during learning, for each method that records them."""
     for method in comparison.methods:
         lines = [
             Line.over_steps(name, values, style)
@@ -86,12 +86,12 @@ _MIXED_BLOCKS = f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths"
 
 
 def write_report(comparison: Comparison, path: Path | str) -> Path:
-    """The path, once the file holds the whole report.
+    """Write the complete report; the path.
 
     Raises
     ------
     OutputError
-        The file cannot be written; what stood there before is then untouched.
+        The file cannot be written; an existing file is not changed.
     """
     return write_text(path, report_page(comparison))
 

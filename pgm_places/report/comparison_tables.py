@@ -15,10 +15,10 @@ from pgm_places.spaces.door_truth import DoorScores
 
 NONE = "–"
 MOST_PAIRS = 15
-"""Of more methods, each one is compared with the most accurate alone."""
+"""Most methods of which all pairs are compared; of more, each with the most accurate one."""
 
 CERTIFIED = {"objective", "lower_bound", "certified_objective", "certified_gap"}
-"""What methods that learn by optimisation record of their weights."""
+"""Records of methods that learn their weights by optimisation."""
 
 _STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
 
@@ -41,15 +41,16 @@ FIGURES: dict[str, tuple[str, Figure]] = {
 
 @dataclass(frozen=True)
 class Cell:
-    """A rounded value, with its spread and interval, and whether it stands out.
+    """A rounded value, with its spread and interval, and whether it is highlighted.
 
     Parameters
     ----------
     text : str
     is_sure : bool
-        Better than all others, or another than 0, beyond chance; the highest of a split.
+        Significantly better than all others, or significantly different from 0; or the highest
+        of a split.
     spread, interval : str
-        "" where there is none.
+        "" for none.
     """
 
     text: str
@@ -65,7 +66,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """A headed row; ``kind`` is the class of a method whose id is another."""
+    """A row with a head; ``kind`` is the class of a method if its id differs."""
 
     head: str
     cells: tuple[Cell, ...]
@@ -80,10 +81,10 @@ class Table:
     ----------
     caption : str
     columns : tuple of str
-        That of the heads first.
+        The column of heads first.
     rows : tuple of Row
     groups : tuple of str
-        Of what the columns after the first are figures, in equal shares; () for one group.
+        Titles of groups of equal size of the columns after the first; () for one group.
     """
 
     caption: str
@@ -112,7 +113,7 @@ class Table:
 
 
 def comparison_tables(comparison: Comparison) -> dict[str, Table]:
-    """The tables that a comparison has, by name."""
+    """The tables of a comparison, by name."""
     found = {
         "results": _results(comparison),
         "differences": _differences(comparison),
@@ -156,7 +157,7 @@ def _figure(comparison: Comparison, method: MethodResult, key: str, figure: Figu
 
 
 def _differences(comparison: Comparison) -> Table:
-    """Accuracy and balanced accuracy of pairs of methods: the more accurate one first."""
+    """Differences of (balanced) accuracy between pairs of methods, the more accurate first."""
     ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
     pairs = list(combinations([item.id for item in ranked], 2))
     if len(pairs) > MOST_PAIRS:
@@ -223,7 +224,7 @@ def _by_label(comparison: Comparison) -> Table:
 
 
 def _by_split(comparison: Comparison) -> Table:
-    """The most accurate of each split stands out, by however little."""
+    """Accuracies in each split; the highest is highlighted."""
     found = [comparison.by_split(method) for method in comparison.methods]
     rows = []
     for name in comparison.splits:
@@ -251,7 +252,7 @@ def _both(found: Evaluation, is_sure: bool = False) -> Cell:
 
 
 def _doors(comparison: Comparison) -> Table:
-    """Those of each method, then those that gates match."""
+    """The doors of each method, then the doors that gates match."""
     rows, several = [], len(comparison.maps) > 1
     counted = [(method.id, method.doors) for method in comparison.methods]
     for name, by_map in (*counted, ("gates, before any method", comparison.gates)):
@@ -269,7 +270,7 @@ def _found(doors: DoorScores) -> Cell:
 
 
 def _truth(comparison: Comparison) -> Table:
-    """How many nodes have each label, which is the score of a constant labelling."""
+    """The share of each label, which is the accuracy of a constant labelling."""
     names, unit = comparison.label_names, comparison.unit
     counts, areas_m2 = np.zeros(len(names), np.int64), np.zeros(len(names))
     for item in comparison.maps:

@@ -1,4 +1,4 @@
-"""Why a cell has its label, as a picture: its scan on the map, and the votes of its features."""
+"""Picture of the explanation of a label: the scan on the map, and the votes of features."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,7 +19,7 @@ _BEAM = "#1f5fa8"
 
 
 def explanation_lines(found: CellExplanation) -> list[str]:
-    """The explanation in words, a line each."""
+    """The explanation as lines of text."""
     alone = "" if found.label == found.alone else f"; without its neighbours {found.alone}"
     painted = " (painted)" if found.painted else ""
     place = "" if found.region is None else f", {found.region.name}"
@@ -68,13 +68,13 @@ def _gate_text(found: CellExplanation) -> str:
 
 
 def explanation_picture(taught: InteractiveResult, found: CellExplanation) -> bytes:
-    """A PNG file: the scan over the labelled map, and the features that weighed most.
+    """A PNG file: the scan over the labelled map, and the features with the largest votes.
 
     Parameters
     ----------
     taught : InteractiveResult
     found : CellExplanation
-        Of one of its cells.
+        The explanation of one of its cells.
     """
     colours = dict(zip(taught.label_names, label_colours(taught.label_names), strict=True))
     votes = [question.votes[:_MOST_VOTES] for question in found.questions]
@@ -105,14 +105,14 @@ def _subtitle(found: CellExplanation) -> str:
 
 
 def _map_panel(taught: InteractiveResult, found: CellExplanation, size: tuple[int, int]) -> Drawing:
-    """The surroundings that the scan sees, labelled, with its beams; at most of a size."""
+    """The labelled map around the cell with the beams of its scan, limited in size."""
     grid = taught.grid
     here = np.array([found.x_m, found.y_m])
     ways = np.stack([np.cos(found.angles_rad), np.sin(found.angles_rad)], axis=1)
     ends = here + found.ranges_m[:, None] * ways
     cells = grid.cells_at_m(ends).clip(0, np.array(grid.shape) - 1)
     shown = np.zeros(grid.shape, np.bool_)
-    # Of long corridors no more than fits beside the votes; view_of adds a margin of half a metre.
+    # Long corridors are cut to the space beside the votes; view_of adds half a metre on each side.
     [middle] = grid.cells_at_m([here])
     reach = np.array([size[1], size[0]]) // 2 - int(0.5 / grid.resolution_m) - 1
     (r0, c0) = np.maximum(np.maximum(cells.min(axis=0), middle - reach), 0)

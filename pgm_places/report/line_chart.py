@@ -36,7 +36,7 @@ class PixelFigure:
         FigureCanvasAgg(self.figure)
 
     def axes(self, x: int, y: int, width: int, height: int) -> Any:
-        """Axes with their upper left corner at a pixel."""
+        """Axes with the upper left corner at a pixel."""
         box = (
             x / self.width,
             1 - (y + height) / self.height,
@@ -46,7 +46,7 @@ class PixelFigure:
         return self.figure.add_axes(box)
 
     def text(self, x: float, y: float, content: str, *, size: int = 14, **options: Any) -> None:
-        """A line of text, its size in pixels; dollar signs are not taken for mathematics."""
+        """A line of text, its size in pixels; dollar signs do not mark mathematics."""
         options = {"color": INK, "va": "center", "ha": "left", **options}
         self.figure.text(
             x / self.width,
@@ -81,7 +81,7 @@ class PixelFigure:
     def _saved(self, **options: Any) -> bytes:
         buffer = io.BytesIO()
         with warnings.catch_warnings():
-            # Label names may be in any script; a box in place of a letter is no reason to fail.
+            # Label names may be in any script; a missing glyph is no reason to fail.
             warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
             self.figure.savefig(buffer, dpi=_DPI, **options)
         return buffer.getvalue()
@@ -97,7 +97,7 @@ _N_STYLES = 6
 _DASHES = ((), (5, 2.5), (1.3, 2), (6, 2, 1.3, 2), (3, 1.5), (8, 2.5))
 _VARIABLES = ("ink", "muted", "rule", *(f"m{style}" for style in range(_N_STYLES)))
 _STAND_IN = {name: f"#abcd{index:02x}" for index, name in enumerate(_VARIABLES)}
-"""Matplotlib knows no CSS: it draws with a colour that stands for each variable of theme.css."""
+"""Placeholder colours for the variables of theme.css: matplotlib does not support CSS."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Chart:
     svg : str
         The file.
     words : str
-        What it shows, for those who cannot see it.
+        Description for screen readers.
     """
 
     svg: str
@@ -138,7 +138,7 @@ class Chart:
 
     @property
     def source(self) -> str:
-        """The address of the image that holds it."""
+        """The data URI of the image."""
         return data_uri(self.svg.encode("utf-8", "replace"), "image/svg+xml")
 
 
@@ -207,7 +207,7 @@ def _decorate(axes: Any, x_name: str, y_name: str) -> None:
 def _scale(
     axes: Any, drawn: Sequence[tuple[Line, NDArray[np.float64], NDArray[np.float64]]]
 ) -> None:
-    """Whole steps; few and plainly written values."""
+    """Set integer ticks of the steps, and few ticks of the values."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, ScalarFormatter
 
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
@@ -241,7 +241,7 @@ def _legend(page: PixelFigure, axes: Any) -> None:
 
 
 def _themed(svg: str) -> str:
-    """The drawing with the page's variables in place of the colours that stand for them."""
+    """The drawing with the page's CSS variables in place of the placeholder colours."""
     style = f"{template_text('theme.css')}text {{ font-family: system-ui, sans-serif !important }}"
     svg = re.sub(r"#abcd(\d\d)", lambda found: f"var(--{_VARIABLES[int(found[1], 16)]})", svg)
     return re.sub(r"(<svg [^>]*>)", lambda found: f"{found[1]}<style>{style}</style>", svg, count=1)

@@ -29,7 +29,7 @@ some 0.05 bytes, of the second at most 0.6, so that a report stays below 8 MB.""
 _MOST_PIXELS = 1_500_000
 _THUMBNAIL_PIXELS = 300_000
 _LEAST_WIDTH = 1000
-"""Narrower pictures are enlarged by a whole number, so that a browser's smoothing does no harm."""
+"""Narrower pictures are enlarged by an integer, so that a browser's smoothing has no effect."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Layer:
     name : str
         Its name among the map's layers.
     words, caption : str
-        What it shows, in full and in short.
+        Its content, in full and in short.
     canvas : Canvas
     """
 
@@ -61,7 +61,7 @@ class Layer:
 
     @property
     def source(self) -> str:
-        """The address of the image that holds the picture."""
+        """The data URI of the picture."""
         return data_uri(self._enlarged.png())
 
     @property
@@ -87,9 +87,9 @@ class Layer:
 
 @dataclass(frozen=True)
 class MapLayers:
-    """A test map: what it is, its truth, and per method its labels and its errors.
+    """A test map: its title, its truth, and per method its labels and its errors.
 
-    Drives also have a plot per method of labels and beliefs along the path, as an image's address.
+    Drives also have a plot per method of labels and beliefs along the path, as a data URI.
     """
 
     name: str
@@ -100,7 +100,7 @@ class MapLayers:
 
 
 def label_layers(comparison: Comparison) -> list[MapLayers]:
-    """Per test map: the truth, then each method's labels beside where they are wrong."""
+    """Per test map: the truth, then the labels and the errors of each method."""
     n_pictures = len(comparison.maps) * (1 + 2 * len(comparison.methods))
     most_pixels = min(_MOST_PIXELS, _LABEL_PIXELS // max(n_pictures, 1))
     found = []
@@ -118,7 +118,7 @@ def label_layers(comparison: Comparison) -> list[MapLayers]:
 def thumbnails(
     comparison: Comparison, methods: Sequence[str]
 ) -> tuple[Layer, list[tuple[Layer, Layer]]]:
-    """The first test map small: its truth, and the labels and errors of each method by its id."""
+    """Thumbnails of the first test map: the truth, and each method's labels and errors by id."""
     truth, pairs = _pictures(comparison, 0, _THUMBNAIL_PIXELS)
     by_id = dict(pairs)
     return truth, [by_id[name] for name in methods]

@@ -1,4 +1,4 @@
-"""The places of a map in a few lines: counts, doubt, and places that could be several rooms."""
+"""Summary of a map's places: counts, area in doubt, and places that could be several rooms."""
 
 import shlex
 from pathlib import Path
@@ -13,9 +13,9 @@ _MOST_SPLITS = 5
 
 
 def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
-    """How many places of each class, connections and corrections; what is in doubt, if known.
+    """Lines with the counts of places, connections and corrections, and the area in doubt if known.
 
-    With the ``folder`` that they lie in, also the places that could be several rooms.
+    With their ``folder``, also the places that could be several rooms.
     """
     n = len(topology.corrections)
     lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
@@ -34,7 +34,7 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
 
 
 def hidden_line(item: SplitCandidate) -> str:
-    """How many rooms a place could be, how large they are, and how wide the openings between."""
+    """A split candidate as text: number and areas of its rooms, and widths of the openings."""
     sizes = ", ".join(f"{area_m2:.1f}" for area_m2 in item.areas_m2)
     widths = ", ".join(f"{line_width_m(line):.2f}" for line in item.lines_m)
     openings = "an opening" if len(item.lines_m) == 1 else "openings"
@@ -43,7 +43,7 @@ def hidden_line(item: SplitCandidate) -> str:
 
 
 def doubt_summary(topology: TopologicalMap) -> str | None:
-    """One line: how much of the area is in doubt and where most of it lies; None if unknown."""
+    """A line with the share of area in doubt, and the places with most of it; None if unknown."""
     share = doubtful_share(topology)
     if share is None:
         return None

@@ -10,18 +10,18 @@ from pgm_places.experiment.significance import Difference
 from pgm_places.report.map_layers import Layer, thumbnails
 
 MOST_METHODS = 6
-"""Methods drawn; the tables below have all."""
+"""Most methods drawn; the tables have all."""
 
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5)
 """Distances between the ticks of the scale."""
 
 PAPER = ("Relaxation", "AssociativeMarkovNetwork")
-"""The two that the paper compares."""
+"""The two methods that the paper compares."""
 
 
 @dataclass(frozen=True)
 class MethodSummary:
-    """A method as the first page shows it.
+    """A method on the first page.
 
     Parameters
     ----------
@@ -29,13 +29,13 @@ class MethodSummary:
     low, high : float
         The 95 % interval of its accuracy.
     words : str
-        How it compares with the method that is right most often.
+        Comparison with the most accurate method.
     learning : str
-        How long it learned.
+        Training time.
     is_best : bool
-        Whether it is better than all others beyond chance.
+        Whether it is significantly better than all others.
     labels, errors : Layer
-        The first map as it labels it, and where that is wrong.
+        Its labels of the first map, and their errors.
     """
 
     method: MethodResult
@@ -55,14 +55,14 @@ class Summary:
     Parameters
     ----------
     headline, cost : str
-        The comparison that matters most, in a sentence, and what both methods cost.
+        The main comparison in a sentence, and the cost of both methods.
     truth : Layer
         The first map with its true labels.
-    standings : sequence of Standing
+    standings : sequence of MethodSummary
         The most accurate first.
-    scale : Scale
+    scale : AccuracyAxis
     n_more : int
-        Methods that are not drawn.
+        Number of methods that are not drawn.
     """
 
     headline: str
@@ -74,7 +74,7 @@ class Summary:
 
 
 def summary_of(comparison: Comparison) -> Summary | None:
-    """The first page of a comparison; None for a single method, which nothing is compared with."""
+    """The first page of a comparison; None for a single method."""
     ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
     if len(ranked) < 2:
         return None
@@ -96,7 +96,7 @@ def summary_of(comparison: Comparison) -> Summary | None:
 
 
 def _pair(ranked: Sequence[MethodResult]) -> tuple[MethodResult, MethodResult]:
-    """The paper's two methods where one of them is the most accurate, else the first two."""
+    """The paper's two methods if one of them is the most accurate, else the first two."""
     kinds = {item.name: item for item in reversed(ranked)}
     if ranked[0].name in PAPER and all(kind in kinds for kind in PAPER):
         [other] = [kind for kind in PAPER if kind != ranked[0].name]
@@ -111,7 +111,7 @@ def _ends(method: MethodResult) -> tuple[float, float]:
 
 
 def _headline(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
-    """What the two differ in: how many nodes they label correctly, and how evenly over labels."""
+    """The difference of two methods: correct nodes, and balance over the labels."""
     found = comparison.judgement.between(first.id, second.id)
     one, other = (100 * item.evaluation.accuracy for item in (first, second))
     values = f"{one:.1f} against {other:.1f} %"
@@ -125,7 +125,7 @@ def _headline(comparison: Comparison, first: MethodResult, second: MethodResult)
 
 
 def _balance(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
-    """Which of two finds more of every label, with the label that shows it most."""
+    """The method with the higher recall of each label, with the largest difference."""
     found = comparison.judgement.between(first.id, second.id, "balanced_accuracy")
     one, other = (100 * item.evaluation.balanced_accuracy for item in (first, second))
     if found.winner is None:
@@ -144,7 +144,7 @@ def _balance(comparison: Comparison, first: MethodResult, second: MethodResult) 
 
 
 def _evidence(found: Difference) -> str:
-    """The interval of a difference, and in which buildings and with which seeds it is one."""
+    """The interval of a difference, and the numbers of buildings and seeds that show it."""
     text = f"(95 % interval of the difference: {_span(found)} points)"
     signs = found.buildings
     if signs.n_buildings > 1:
@@ -188,7 +188,7 @@ def _span(found: Difference) -> str:
 
 
 def _cost(method: MethodResult) -> str:
-    """What a method takes, beside the evidence that all methods share."""
+    """The computing time of a method, without the scores that all methods share."""
     return f"{method.id} {_learning(method)} and labels in {_duration(method.seconds['infer'])}"
 
 
@@ -217,7 +217,7 @@ class AccuracyAxis:
 
     @classmethod
     def over(cls, low: float, high: float) -> "AccuracyAxis":
-        """At most five steps that hold both ends."""
+        """An axis of at most five steps that contains both ends."""
         for step in STEPS:
             first = np.floor(low / step + 1e-9) * step
             last = min(np.ceil(high / step - 1e-9) * step, 1.0)
@@ -227,7 +227,7 @@ class AccuracyAxis:
         return cls(float(first), float(last), step)
 
     def percent(self, value: float) -> float:
-        """Where a share lies, in percent of the width."""
+        """The position of a share, in percent of the width."""
         return 100 * (value - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[tuple[float, str]]:

@@ -1,4 +1,4 @@
-"""A tracked trajectory as one self-contained HTML file."""
+"""Page of a tracked trajectory: one self-contained HTML file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ from pgm_places.report.line_chart import PixelFigure
 from pgm_places.trajectories.path_layout import PathLayout
 
 PLOT_COLUMNS = 1400
-"""Most columns of the belief plot; longer logs show means."""
+"""Most columns of the belief plot; each column of a longer log is a mean."""
 
 
 def path_raster(track: Track, grid: OccupancyGrid) -> NDArray[np.int16]:
@@ -30,7 +30,7 @@ def path_raster(track: Track, grid: OccupancyGrid) -> NDArray[np.int16]:
 
 
 def path_picture(track: Track, grid: OccupancyGrid, *, title: str | None = None) -> bytes:
-    """A PNG file of the map with the path in the colours of the places it was labelled as."""
+    """A PNG file of the map with the path in the colours of its labels."""
     return label_map(grid, path_raster(track, grid), track.label_names, title=title)
 
 
@@ -81,7 +81,7 @@ def belief_plot(track: Track, *, title: str | None = None) -> bytes:
 
 
 def _filled(column: NDArray[np.int64], beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """(PLOT_COLUMNS, K) mean beliefs per column; a column without a step shows the one before."""
+    """(PLOT_COLUMNS, K) mean beliefs per column; a column without a step repeats the last one."""
     sums = np.zeros((PLOT_COLUMNS, beliefs.shape[1]))
     counts = np.bincount(column, minlength=PLOT_COLUMNS)
     np.add.at(sums, column, beliefs)
@@ -97,7 +97,7 @@ def _strip(
     colours: tuple[str, ...],
     end: float,
 ) -> None:
-    """Bars in the colour of each stretch of one label; nothing where it is unknown."""
+    """Bars in the colours of stretches of one label; no bar where it is unknown."""
     changes = np.flatnonzero(np.diff(labels)) + 1
     starts = [0, *changes.tolist()] if len(labels) else []
     ends = [*changes.tolist(), len(labels) - 1] if len(labels) else []
@@ -121,11 +121,11 @@ __all__ = ["belief_table", "track_page", "write_track"]
 
 
 MOST_VISITS = 300
-"""Visits listed; a longer list is of no use, and ``beliefs.csv`` has every step."""
+"""Most visits listed; ``beliefs.csv`` has every step."""
 
 
 def track_page(track: Track, grid: OccupancyGrid) -> str:
-    """The report as text: pictures and style are in it, and it loads nothing else."""
+    """The report as text, with pictures and style embedded."""
     labels = label_swatches(track.label_names)
     scores = None
     if track.truth is not None and track.accuracy is not None:

@@ -1,1 +1,1 @@
-"""The studio: a map taught in the browser, on this computer alone."""
+"""The studio: labels of a map corrected and learned in the browser, on this computer only."""

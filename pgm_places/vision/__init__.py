@@ -1,1 +1,1 @@
-"""Objects seen by a camera, counted: features in addition to the laser's (paper, section 4.1)."""
+"""Object counts from camera images, as features beside the laser's (paper, section 4.1)."""

@@ -127,7 +127,7 @@ def test_topics_that_nobody_publishes_are_named(
         "--seconds", 3,
     )  # fmt: skip
     assert code == 0
-    assert "nobody publishes /tf_static, /tf, /map, /scan: are the topics" in error
+    assert "no publisher of /tf_static, /tf, /map, /scan: are the topics" in error
     assert f"(ROS_DOMAIN_ID) {domain + 20}" in error
 
 

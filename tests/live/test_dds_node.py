@@ -84,14 +84,14 @@ def test_topics_lie_where_they_are_looked_for(watched: Watched) -> None:
 
 def test_who_is_missing_and_who_comes_later_is_said_once(watched: Watched) -> None:
     [line] = watched.look(["/robot1/scan", "/robot1/odom", "/robot1/map_updates"], [])
-    assert line.startswith("nobody publishes /robot1/scan: are the topics and their types right")
+    assert line.startswith("no publisher of /robot1/scan: are the topics and their types right")
     assert watched.look(["/robot1/scan"], []) == []
     [line] = watched.look(["/robot1/scan", "/tf"], [])
-    assert line.startswith("nobody publishes /tf:")
+    assert line.startswith("no publisher of /tf:")
     assert watched.look(["/tf"], []) == ["/robot1/scan: somebody publishes now"]
     assert watched.look([], []) == ["/tf: somebody publishes now"]
     [line] = watched.look(["/tf"], [])
-    assert line.startswith("nobody publishes /tf:")
+    assert line.startswith("no publisher of /tf:")
 
 
 def test_another_quality_of_service_is_said_whenever_it_appears(watched: Watched) -> None:
