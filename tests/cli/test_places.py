@@ -107,7 +107,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
 
 
 def test_nav2_without_routes_says_so_and_writes_the_rest(places: Path, run: Run) -> None:
-    code, out, _ = run("export", places, "--to", "nav2", "--robot-radius", "0.7")
+    code, out, _ = run("export", places, "--to", "nav2", "--robot-radius", "1.0")
     assert code == 0
     assert "no route graph: no two places are connected by a passage wide enough" in out
     assert (places / "poses.yaml").exists()
