@@ -60,11 +60,11 @@ from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.potts_margin import PottsMarginProblem
 
-# What C="auto" tries, and what it is where nothing can be held out.
+# Candidates of C="auto", and its value if nothing can be held out.
 AUTO_PENALTIES = (10.0, 100.0, 1000.0)
 PENALTY = 100.0
 
-# The same beside an offset.
+# The candidates and the value with an offset.
 OFFSET_PENALTIES = (0.01, 1.0, 10.0, 100.0)
 OFFSET_PENALTY = 10.0
 
@@ -75,51 +75,51 @@ _REMEDIES = "take a smaller C{}, or method 'crf' where neighbours do not only ag
 
 @dataclass(frozen=True, eq=False)
 class AssociativeMarkovNetwork(LinearModel):
-    """Labels all nodes at once: node scores plus rewards where neighbours agree, both learned.
+    """Joint labelling by learned node scores and learned rewards for agreeing neighbours.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij`` with
-    ``w_e >= 0``, and the weights maximise the margin between the true labelling and every other
-    one, which must be the larger the more nodes it gets wrong (paper section 6.3; Taskar,
+    ``w_e >= 0``. The weights maximise the margin between the true labelling and every other one;
+    the required margin grows with the number of wrong nodes (paper section 6.3; Taskar,
     Chatalbashev and Koller, ICML 2004).
 
     Parameters
     ----------
     learner : {"auto", "cutting-plane", "qp"}
-        How weights are found: by the compact QP in cvxpy, exact for the relaxed objective (some
-        thousand nodes), or by cuts from a graph cut with a small QP over them (any size). ``auto``
-        is the QP where it costs about a second or two; ``summary`` says which it was, and why.
+        ``qp``: the compact QP in cvxpy, exact for the relaxed objective (some thousand nodes).
+        ``cutting-plane``: cuts from a graph cut with a small QP over them (any size). ``auto`` is
+        the QP if it needs about a second or two; ``summary`` has the choice and its reason.
     inference : str
         Any decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``lp``, ``trw-s``, ...
     C : float, "auto" or tuple of float
         The price of the mean hinge against the size of the weights; it means the same for maps of
         any size. Several values, or ``auto`` for 10, 100, 1000, are compared by the mean of
         accuracy and balanced accuracy on held-out maps, or on held-out blocks of a single one.
-        With an offset ``auto`` is one of 0.01, which hardly changes the unary's labels, 1 and 10,
-        no less accurate there than the unary alone, or 100, if it is better by a point. It is 100
-        where labels are being completed.
+        With an offset ``auto`` chooses among 0.01, which hardly changes the unary's labels, 1 and
+        10, if no less accurate than the unary alone on held-out parts, and 100, if better by a
+        point. It is 100 if labels are completed.
     node_features : str
-        Parts joined by ``+``. ``offset`` adds the log-probabilities of the unary, as they are, to
-        what is learned, which then corrects them. ``auto`` is what the problem has of ``logz`` and
-        ``raw``, with the offset where C is ``auto``, too; ``raw`` is taken beside ``logz`` only if
-        it labels held-out parts better by a point.
+        Parts joined by ``+``. ``offset`` adds the unary's log-probabilities, unscaled, to the
+        learned scores, which then correct them. ``auto`` is ``logz`` and ``raw`` as far as the
+        problem has them, with the offset if C is ``auto`` as well; ``raw`` is used in addition to
+        ``logz`` only if it labels held-out parts better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, ``raw-difference`` where the problem has node
         features, and ``given`` where it has edge features.
     edge_scale : float
-        Edge features are multiplied by this before learning: the larger, the less the size of
-        edge weights counts against that of node weights.
+        Factor of the edge features before learning: the larger, the less edge weights are
+        regularised in comparison with node weights.
     unlabelled : {"auto", "hidden", "dropped"}
-        Nodes without a label: completed by what has been learned, in turn with learning, or left
-        out with their edges. ``auto`` completes them where most links of the labelled nodes lead to
-        them, without which links would be far too strong. ``completion_objectives`` then holds the
-        objective of each round.
+        Nodes without a label: completed by the model, alternating with learning, or omitted with
+        their edges. ``auto`` completes them if most links of labelled nodes lead to them; omitting
+        them would then make links far too strong. ``completion_objectives`` has the objective of
+        each round.
     solver : {"osqp", "clarabel"}
-        Of the compact QP; the other follows where it fails.
+        Solver of the compact QP; if it fails, the other one is tried.
     max_cuts : int
         Limit of the cuts in learning.
     certify_learning : bool
         Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
-        The cutting plane then also learns from what its graph cut missed.
+        The cutting plane then also adds the labellings that its graph cut missed.
     certified_tolerance : float
         The relative gap of that objective to the lower bound that the cutting plane tries to reach.
 
@@ -162,47 +162,47 @@ class AssociativeMarkovNetwork(LinearModel):
         sample_weight: Sequence[ArrayLike] | None = None,
         on_iteration: OnStep | None = None,
     ) -> Self:
-        """A new, fitted network; ``unlabelled`` says what becomes of nodes labelled -1.
+        """A new, fitted network; see ``unlabelled`` for nodes labelled -1.
 
         Parameters
         ----------
         problems : sequence of LabelingProblem
             The training maps.
         labelings : sequence of (N,) int
-            The true label index of every node of each map, -1 where it is unknown. Labels that a
-            problem tells (its ``known``) are evidence: the others are learned given these, and
-            where it tells all, part of them in turn (:mod:`pgm_places.models.observed_labels`).
+            The true label index of every node of each map, -1 where it is unknown. Observed labels
+            of a problem (its ``known``) are evidence: learning conditions on them, or, if all are
+            observed, on folds of them (:mod:`pgm_places.models.observed_labels`).
         sample_weight : sequence of float or (N,) float, optional
-            For each map what it counts, or each of its nodes: a wrong label costs as much more, and
-            a connected part of a graph counts as the mean of its nodes.
+            Weight of each map, or of each of its nodes: the factor of the cost of a wrong label. A
+            connected part of a graph has the mean weight of its nodes.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` (cuts, gap,
-            seconds) as learning goes on; when it returns True, the best weights so far are taken.
+            seconds) during learning; True stops it with the best weights so far.
 
         Raises
         ------
         LabelError
             A label without an example in any map.
         InputError
-            Maps and labellings that do not belong together, or features that are missing.
+            Maps and labellings do not match, or features are missing.
         """
         weights = None if sample_weight is None else weights_of(sample_weight, problems)
         problems, labelings, weights = with_observed(problems, labelings, weights)
         hidden = completes(self.unlabelled, labelled_problems(problems, labelings))
         if hidden and weights is not None:
             raise InputError(
-                "sample_weight needs unlabelled='dropped': labels are being completed, and "
-                "completed nodes have a weight of their own"
+                "sample_weight cannot be combined with the completion of missing labels, which "
+                "sets the weights of completed nodes; use unlabelled='dropped'"
             )
         if hidden and OFFSET in parse_parts(self.node_features):
             raise InputError(
-                "an offset needs unlabelled='dropped': labels are being completed by what is "
-                "learned; leave offset out of node_features"
+                "an offset cannot be combined with the completion of missing labels; remove offset "
+                "from node_features, or use unlabelled='dropped'"
             )
         if hidden and self._goes_on:
             raise InputError(
-                "warm_start needs unlabelled='dropped': where labels are being completed, learning "
-                "begins with a completion, not with weights"
+                "warm_start cannot be combined with the completion of missing labels, which begins "
+                "with labels instead of weights; use unlabelled='dropped' or warm_start=False"
             )
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         counts = None if weights is None else np.concatenate(labelled_weights(weights, labelings))
@@ -248,7 +248,7 @@ class AssociativeMarkovNetwork(LinearModel):
         hidden: bool,
         prepared: Callable[[str], tuple[PreparedProblems, MaxMarginProblem]],
     ) -> tuple[str, float, NDArray[np.float64] | None]:
-        """The node features and the C that label held-out nodes best, and what all reach."""
+        """The node features and the C that label held-out nodes best, and all scores."""
         choices = self._node_choices([problem for problem, _ in examples])
         if self._goes_on and self.C == "auto" and self.learning is not None:
             return choices[0], float(self.summary["penalty"]), None
@@ -293,9 +293,9 @@ class AssociativeMarkovNetwork(LinearModel):
     def learning_problem(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> MaxMarginProblem:
-        """The max-margin problem of all maps that :meth:`fit` hands to the learner.
+        """The max-margin problem of all maps, as :meth:`fit` passes it to the learner.
 
-        It has the first C where there are several, 100 for ``auto``, and no choice of features.
+        C is the first of several, 100 for ``auto``; features are not chosen.
         """
         penalty = PENALTY if self.C == "auto" else penalties_of(self.C, AUTO_PENALTIES)[0]
         return self._task(
@@ -305,7 +305,7 @@ class AssociativeMarkovNetwork(LinearModel):
     def _task(
         self, ready: PreparedProblems, penalty: float, counts: NDArray[np.float64] | None = None
     ) -> MaxMarginProblem:
-        """All maps as one problem, each node with its count; unknown labels are 0, at no loss."""
+        """All maps as one weighted problem; unknown labels are 0, with a loss of 0."""
         kind = MaxMarginProblem if ready.offset is None else PottsMarginProblem
         task = kind(
             ready.nodes,
@@ -338,7 +338,7 @@ class AssociativeMarkovNetwork(LinearModel):
             raise InputError(
                 "an associative network needs edge_features of at least 0, got "
                 f"{features.min():g}; shift signed features, split each into a positive and a "
-                "negative column, or take method 'crf', whose tables may have any sign"
+                "negative column, or use method 'crf', whose tables may have any sign"
             )
         return self.edge_scale * features
 
@@ -347,7 +347,7 @@ class AssociativeMarkovNetwork(LinearModel):
         return np.ones_like(sizes) if self.scale == "none" else sizes
 
     def _learner_options(self, task: MaxMarginProblem, hidden: bool) -> tuple[LearningOptions, str]:
-        """The options of learning, and why its learner is this one."""
+        """The options of learning, and the reason for the learner."""
         learner, reason = resolved_learner(task, self.learner, needs_cuts=hidden or self._goes_on)
         options = LearningOptions(
             learner,
@@ -363,9 +363,9 @@ class AssociativeMarkovNetwork(LinearModel):
 
     @in_learned_order
     def potentials(self, problem: LabelingProblem) -> Potentials:
-        """The log-potentials that the learned weights give a problem's nodes and edges.
+        """The log-potentials of a problem's nodes and edges by the learned weights.
 
-        What its cliques earn is in :meth:`clique_rewards`.
+        Rewards of cliques are in :meth:`clique_rewards`.
 
         Raises
         ------
@@ -387,8 +387,8 @@ class AssociativeMarkovNetwork(LinearModel):
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.
 
-        ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
-        one or ``certify`` asks for it.
+        ``info["learning"]`` has the record of learning; ``bound`` is set if the decoder proves one
+        or ``certify`` is set.
         """
         return self._decoded(problem, self.potentials(problem), self.inference)
 

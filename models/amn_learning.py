@@ -1,4 +1,4 @@
-"""How an associative Markov network is trained: learners by name, the choice of C."""
+"""Training of associative Markov networks: learners by name, the choice of C."""
 
 import time
 from collections.abc import Sequence
@@ -28,10 +28,10 @@ from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 
 Learner = Literal["auto", "cutting-plane", "qp"]
 
-# Learning is only this exact while C is being chosen: C changes by factors of several.
+# Tolerance of learning while C is chosen: candidates of C differ by large factors.
 SEARCH_TOLERANCE = 1e-2
 
-# Where each C goes on with the cuts of the smaller ones, it takes so many more at most.
+# Limit of further cuts for each C, which starts with the cuts of the smaller ones.
 PATH_STEPS = 50
 
 
@@ -49,7 +49,7 @@ class LearningOptions:
 
     @property
     def quick(self) -> "LearningOptions":
-        """The same while a value of C is being chosen."""
+        """Reduced accuracy for the choice of C."""
         return replace(self, tolerance=SEARCH_TOLERANCE, certified_tolerance=None, is_quick=True)
 
 
@@ -61,20 +61,20 @@ def learn(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
-    """The weights that the chosen learner finds.
+    """The weights found by the chosen learner.
 
-    The cutting plane begins at given weights where there are any.
+    The cutting plane can start from earlier weights.
     """
     if start is not None and options.learner != "cutting-plane":
         raise InputError(
-            f"warm_start is for learner 'cutting-plane', got {options.learner!r}; take that, or "
+            f"warm_start needs learner='cutting-plane', got {options.learner!r}; use that, or "
             "warm_start=False"
         )
     if options.learner == "qp":
         if problem.observed is not None:
             raise InputError(
-                "learner='qp' takes no known labels as evidence; take 'cutting-plane', or leave "
-                "known out of the training problems"
+                "learner='qp' does not support known labels as evidence; use 'cutting-plane', or "
+                "remove known from the training problems"
             )
         from pgm_places.solvers.max_margin_qp import max_margin_qp
 
@@ -87,7 +87,7 @@ def learn(
         )
     from pgm_places.solvers.cutting_plane import cutting_plane
 
-    exact = problem.n_labels <= 2  # one cut: nothing is left to verify
+    exact = problem.n_labels <= 2  # a graph cut is exact: no need to verify
     return cutting_plane(
         problem,
         problem_oracle(problem, from_last=True),
@@ -107,9 +107,9 @@ def learn(
 def resolved_learner(
     problem: MaxMarginProblem, learner: Learner, *, needs_cuts: bool
 ) -> tuple[str, str]:
-    """The learner of a problem, and why it is this one: a sentence of the learning record.
+    """The learner of a problem, and the reason for the learning record.
 
-    ``auto`` is the quadratic program where it costs about a second or two and can be asked.
+    ``auto`` is the quadratic program if it applies and needs about a second or two.
     """
     from pgm_places.solvers.max_margin_qp import QUICK_ENTRIES, n_entries
 
@@ -125,7 +125,7 @@ def resolved_learner(
 def held_out_path(
     task: MaxMarginProblem, part: NDArray[np.bool_], options: LearningOptions
 ) -> Path:
-    """What learns without a part (N,) of the nodes, each C beginning with the cuts of the last."""
+    """A learner without a part (N,) of the nodes; each C starts with the cuts of the last."""
     rest, held_out = _restricted(task, ~part), _restricted(task, part)
     steps = min(options.max_steps, PATH_STEPS)
     quick = replace(options.quick, learner="cutting-plane", max_steps=steps)
@@ -135,7 +135,7 @@ def held_out_path(
     def at(penalty: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         nonlocal cuts
         solution = learn(replace(rest, penalty=penalty), quick, cuts=cuts)
-        cuts = solution.cuts  # planes hold at any C
+        cuts = solution.cuts  # cuts are valid at any C
         return _labels_at(held_out, solution.weights, oracle), solution.weights
 
     return at
@@ -144,7 +144,7 @@ def held_out_path(
 def _labels_at(
     problem: MaxMarginProblem, weights: NDArray[np.float64], oracle: Oracle
 ) -> NDArray[np.int64]:
-    """The labels that an oracle gives a problem at some weights."""
+    """The labels of a problem by an oracle at some weights."""
     unary, agreement = problem.potentials(weights)
     if problem.offset is not None:
         unary[: problem.n_nodes, : problem.n_labels] += problem.offset
@@ -181,10 +181,10 @@ def learning_record(
     options: LearningOptions,
     reason: str,
 ) -> LearningRecord:
-    """How learning went, with a certificate of the objective where it is asked for."""
+    """The record of learning, with a certificate of the objective if requested."""
     start, tolerance = time.perf_counter(), options.certified_tolerance
     certified = None if tolerance is None else solution.certified
-    is_local = solution.status == "local_optimum"  # of a bounded step, not of the whole
+    is_local = solution.status == "local_optimum"  # the bound is of one step, not of the procedure
     if tolerance is not None and certified is None and not is_local:
         certified = certify_weights(task, solution.weights).objective
     status = solution.status
@@ -215,7 +215,7 @@ def choose_completed(
     loss_of: LossOf,
     options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
-    """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy."""
+    """The C that labels hidden nodes best, and (P, 2) each C with its accuracy."""
     quick = replace(options.quick, learner="cutting-plane")
     best = problem_oracle(problem)
 
@@ -228,9 +228,9 @@ def choose_completed(
 
 
 def weighted(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
-    """The problem with losses multiplied by weights (N,), scaled so that the mean loss stays.
+    """The problem with losses multiplied by weights (N,), scaled to the same mean loss.
 
-    Each connected part also scores as much as it counts: its hinge is then multiplied as a whole.
+    Features of each connected part are multiplied by its weight, which multiplies its hinge.
     """
     after = task.loss * weight
     if not after.any():
@@ -244,7 +244,7 @@ def weighed_terms(
 ) -> dict[str, Any]:
     """Features of nodes, edges and sets times the weight of their connected part, by name.
 
-    ``terms`` is a learning problem or a field; a part's weight is the mean of its nodes' (N,).
+    ``terms`` is a learning problem or a field; a part's weight is the mean over its nodes (N,).
     """
     joins = edges if terms.sets is None else np.concatenate([edges, terms.sets.joins])
     share = part_means(terms.n_nodes, joins, weight)
@@ -261,7 +261,7 @@ def weighed_terms(
 def terms_among(
     terms: Any, edges: NDArray[np.int32], keep: NDArray[np.bool_]
 ) -> tuple[dict[str, Any], NDArray[np.int64]]:
-    """Features of the nodes of a mask, the edges and the sets among them; and these edges."""
+    """Features of the nodes of a mask, of the edges and sets among them; and these edges."""
     inside = keep[edges].all(axis=1)
     kept = {
         "node_features": terms.node_features[keep],

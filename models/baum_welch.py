@@ -1,14 +1,13 @@
-"""Baum-Welch: transitions and confusions from chains of which only some steps are labelled.
+"""Baum-Welch: transitions and confusions of an HMM from partly labelled chains.
 
 Expectation maximisation of ::
 
-    sum over chains weight * log p(what was seen, known labels)
+    sum over chains weight * log p(observations, known labels)
     + smoothing * (sum of the tables' logarithms)
 
 (L. Baum et al., "A maximization technique occurring in the statistical analysis of probabilistic
-functions of Markov chains", Annals of Mathematical Statistics 41 (1970)). A known label is certain,
-so that counts of labelled steps enter as they are, and unlabelled steps add what is expected of
-them. No round lowers the objective.
+functions of Markov chains", Annals of Mathematical Statistics 41 (1970)). Labelled steps add their
+counts, unlabelled steps their expected counts. No round lowers the objective.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +31,7 @@ from pgm_places.solvers.relaxation import starting_beliefs
 MAX_ROUNDS = 100
 
 AT_REST = 1e-4
-"""Learning ends when a round raises the objective by less than this a step."""
+"""Learning ends when a round raises the objective per step by less than this."""
 
 
 class ChainTables(NamedTuple):
@@ -47,7 +46,7 @@ class ChainTables(NamedTuple):
 
 
 class ChainToLearn(NamedTuple):
-    """What is known of one chain."""
+    """The training data of one chain."""
 
     unary: NDArray[np.float64]
     """(T, K) log-probabilities of a classifier."""
@@ -56,11 +55,11 @@ class ChainToLearn(NamedTuple):
     moved: NDArray[np.bool_]
     """(T - 1,) whether the robot moved between each step and the next; else the label stays."""
     weight: float = 1.0
-    """How often the chain counts."""
+    """Weight of the chain."""
 
 
 class _Expected(NamedTuple):
-    """Expected counts of all chains, and the log-probability of what was seen."""
+    """Expected counts of all chains, and the log-probability of the observations."""
 
     first: NDArray[np.float64]
     moves: NDArray[np.float64]
@@ -86,19 +85,19 @@ def baum_welch(
     smoothing: float = 1.0,
     max_rounds: int = MAX_ROUNDS,
 ) -> LearnedChains:
-    """The tables at which expectation maximisation comes to rest.
+    """The tables at which expectation maximisation converges.
 
     Parameters
     ----------
     chains : sequence of ChainToLearn
     tables : ChainTables
-        Where to begin: those that were counted on labelled steps.
+        Initial tables, counted on labelled steps.
     prior : (K,) float
-        Share of each label, which ``observation="posterior"`` divides by.
+        Share of each label, the divisor of ``observation="posterior"``.
     observation : {"posterior", "hard", "soft"}
-        As of the hidden Markov model; the confusions stay as they are with ``posterior``.
+        Observation model of the HMM; with ``posterior`` the confusions are not learned.
     learns_start : bool
-        Whether chains begin by ``tables.initial``, or with any label alike.
+        Whether the initial distribution is learned, or uniform.
     smoothing : float
         Added to every expected count.
     max_rounds : int
@@ -139,19 +138,19 @@ def with_unlabelled(
     moved: Callable[[LabelGraph], NDArray[np.bool_]],
     weights: Sequence[NDArray[np.float64]],
 ) -> dict[str, Any]:
-    """What a hidden Markov model learns of unlabelled steps, by the names of its fields.
+    """Tables of a hidden Markov model learned with unlabelled steps, by the names of its fields.
 
-    ``model`` has the tables that were counted on labelled steps; ``moved`` says of a chain whether
+    ``model`` has the tables counted on labelled steps; ``moved`` is a function of a chain: whether
     the robot moved between its steps.
 
     Raises
     ------
     InputError
-        Steps of one chain differ in weight: what is expected of them belongs to the whole chain.
+        Steps of one chain differ in weight: expected counts have one weight per chain.
     """
     if any(len(np.unique(part)) > 1 for part in weights):
         raise InputError(
-            "sample_weight needs one weight per chain with unlabelled='hidden'; take 'dropped' for "
+            "sample_weight needs one weight per chain with unlabelled='hidden'; use 'dropped' for "
             "weights of single steps"
         )
     pairs = labelled_problems(problems, labelings)
@@ -210,15 +209,15 @@ def _confusions(
     confusion: NDArray[np.float64],
     observation: Observation,
 ) -> NDArray[np.float64]:
-    """(K, K) how often the classifier is expected to say the column where the row is true."""
+    """(K, K) expected counts of the classifier's label (column) by true label (row)."""
     said_something = ~np.isnan(unary).any(axis=1)
     unary, beliefs = unary[said_something], beliefs[said_something]
     if observation == "hard":
         return beliefs.T @ np.eye(unary.shape[1])[unary.argmax(axis=1)]
-    said = starting_beliefs(unary)
-    likelihood = said @ confusion.T
+    reported = starting_beliefs(unary)
+    likelihood = reported @ confusion.T
     share = np.divide(beliefs, likelihood, out=np.zeros_like(beliefs), where=likelihood > 0)
-    return (share.T @ said) * confusion
+    return (share.T @ reported) * confusion
 
 
 def _log_prior(

@@ -24,15 +24,14 @@ _DECISIONS = ("list", "argmax")
 
 @dataclass(frozen=True, eq=False)
 class BoostedList:
-    """Classes asked for one after the other; needs neither scikit-learn nor training data.
+    """A fitted decision list of boosted classifiers; needs neither scikit-learn nor training data.
 
     Attributes
     ----------
     classes : (K,) array
         The labels, ascending; columns of the histogram follow them.
     order : (K,) int64
-        Indices into ``classes``: the class that each classifier asks for, and at last the class
-        that remains.
+        Indices into ``classes``: the positive class of each classifier, then the remaining class.
     classifiers : tuple of K - 1 StrongClassifier or BoostedTrees
         In the order of the list; all of stumps, or all of trees of one depth.
     calibration : (K - 1, 2) float64
@@ -44,9 +43,9 @@ class BoostedList:
     clip : float
         The smallest probability in the histogram, before it is normalised again; 0 for none.
     in_list_order : bool
-        Whether bins are summed, and columns made of them, in the order of the list, the last first,
-        so that the numbers of the classes have no part in rounding and ties; else in the order of
-        ``classes``, as by lists that earlier versions stored.
+        Whether bins are summed and arranged in columns in the order of the list, the last first, so
+        that rounding and ties do not depend on the numbering of the classes; else in the order of
+        ``classes``, as in lists stored by earlier versions.
     """
 
     classes: NDArray[Any]
@@ -59,12 +58,12 @@ class BoostedList:
     in_list_order: bool = False
 
     def __post_init__(self) -> None:
-        """Check that the parts belong together and freeze them."""
+        """Check that the fields are consistent, and freeze them."""
         n_classes = len(self.classes)
         if n_classes < 2:
             raise InputError(f"a decision list needs at least two classes, got {n_classes}")
         if len(np.unique(self.classes)) != n_classes:
-            raise InputError("classes must differ from each other")
+            raise InputError("classes must not repeat")
         order = integer_array("order", self.order, (n_classes,), low=0, high=n_classes)
         if len(np.unique(order)) != n_classes:
             raise InputError(f"order must name each class once, got {order.tolist()}")
@@ -79,19 +78,19 @@ class BoostedList:
         for k, item in enumerate(self.classifiers):
             if (item.feature >= self.n_features).any():
                 raise InputError(
-                    f"classifier {k} looks at feature {int(item.feature.max())}, "
+                    f"classifier {k} uses feature {int(item.feature.max())}, "
                     f"but there are {self.n_features} features"
                 )
         set_frozen(self, classes=np.asarray(self.classes), order=order, calibration=calibration)
 
     @property
     def sequence(self) -> NDArray[np.int64]:
-        """(K,) the classes, by number, in the order of sums and columns made of them."""
+        """(K,) class indices in the order of sums and columns."""
         return self.order[::-1] if self.in_list_order else np.arange(len(self.classes))
 
     @property
     def used_features(self) -> NDArray[np.int64]:
-        """The distinct columns that any classifier looks at, ascending."""
+        """The distinct columns that any classifier uses, ascending."""
         return np.unique(np.concatenate([item.used_features for item in self.classifiers]))
 
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -110,7 +109,7 @@ class BoostedList:
         return self.log_histogram_of(self.scores(X))
 
     def log_histogram_of(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, K) log z from F (K - 1, N), as :meth:`log_histogram` has it."""
+        """(N, K) log z from F (K - 1, N); see :meth:`log_histogram`."""
         log_z = self._unclipped(scores)
         if self.clip > 0:
             np.maximum(log_z, np.log(self.clip), out=log_z)
@@ -137,12 +136,12 @@ class BoostedList:
         return first_positive(scores, self.order)
 
     def restricted(self, columns: ArrayLike) -> Self:
-        """The same list for matrices that hold only these columns, in this order.
+        """The list for matrices with only these columns, in this order.
 
         Raises
         ------
         InputError
-            A column is unknown or named twice, or one that the list looks at is missing.
+            A column is unknown or named twice, or a used column is missing.
         """
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         place = np.full(self.n_features, -1, np.int64)
@@ -152,22 +151,22 @@ class BoostedList:
         missing = self.used_features[place[self.used_features] < 0]
         if len(missing):
             raise InputError(
-                f"the list looks at columns {missing[:5].tolist()} that are not among the "
-                f"{len(kept)} given; used_features_ names all it needs"
+                f"the list needs columns {missing[:5].tolist()}, which are not among the "
+                f"{len(kept)} passed; used_features_ has all that it needs"
             )
         parts = tuple(item.renumbered(place) for item in self.classifiers)
         return replace(self, classifiers=parts, n_features=len(kept))
 
     def part(self, columns: ArrayLike) -> Self:
-        """The stumps that look at these columns, for matrices that hold only them, in this order.
+        """The stumps on these columns, for matrices with only these columns, in this order.
 
-        F is a sum over stumps: the :meth:`scores` of parts that share no column and together have
-        all add up to those of the list, but for rounding.
+        F is a sum over stumps: the :meth:`scores` of parts with disjoint columns that cover all
+        columns sum to the scores of the list, up to rounding.
 
         Raises
         ------
         InputError
-            The list is one of trees, which look at several columns together.
+            The list consists of trees, which use several columns together.
         """
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
         if isinstance(self.classifiers[0], BoostedTrees):
@@ -208,7 +207,7 @@ class BoostedList:
                     yield from item.splits(t)
 
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What JSON can hold, and the arrays: all that :meth:`from_arrays` needs."""
+        """A JSON-compatible description and the arrays, as input of :meth:`from_arrays`."""
         sizes = [item.n_rounds for item in self.classifiers]
         like = self.classifiers[0]
         meta = {
@@ -233,12 +232,12 @@ class BoostedList:
 
     @classmethod
     def from_arrays(cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
-        """The list that :meth:`to_arrays` described.
+        """The list stored by :meth:`to_arrays`.
 
         Raises
         ------
         ModelFileError
-            Something is missing, of another type, out of bounds, or does not fit together.
+            An entry is missing, of the wrong type, out of bounds, or inconsistent.
         """
         try:
             return cls._from_checked(meta, arrays)
@@ -285,7 +284,7 @@ class BoostedList:
 
 
 def check_decision(decision: str, clip: float, n_classes: int) -> None:
-    """Refuse an unknown decision rule, or a clip that leaves no room for ``n_classes`` bins."""
+    """Raise InputError on an unknown decision rule, or a clip not below 1/n_classes."""
     if decision not in _DECISIONS:
         raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {quoted(decision)}")
     is_number = isinstance(clip, int | float | np.number) and not isinstance(clip, bool)

@@ -39,7 +39,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     tolerance : float
         Boosting stops when the best stump's ``|r|`` is below this.
     n_threads : int or None
-        None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
+        None means ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
     on_round : callable or None
         Called after each round with the number of rounds so far and the stump's r.
 
@@ -53,8 +53,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     Notes
     -----
     Among stumps of equal ``|r|`` (to 2**-40) the lowest column wins, then the lowest threshold.
-    Data without any information give no stump at all: F is 0 everywhere and the first label is
-    predicted.
+    Uninformative data give no stump: F is 0 everywhere and the first label is predicted.
 
     References
     ----------
@@ -139,7 +138,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
 
 def check_two_classes(classes: NDArray[Any]) -> None:
-    """Refuse training labels that all agree, in the words scikit-learn's users know."""
+    """Raise scikit-learn's usual error if all training labels are equal."""
     if len(classes) < 2:
         raise InputError(
             f"boosting needs at least two classes, but y has only one class: {classes}"
@@ -149,7 +148,7 @@ def check_two_classes(classes: NDArray[Any]) -> None:
 def check_carried(
     classes: NDArray[Any], labels: NDArray[np.int64], weight: NDArray[np.float64]
 ) -> None:
-    """Refuse weights that leave a class, or everything, without an example."""
+    """Raise InputError if a class has no example of positive weight."""
     carried = np.bincount(labels, weights=weight, minlength=len(classes))
     if not carried.any():
         raise InputError("sample_weight is zero for every example")
@@ -160,7 +159,9 @@ def check_carried(
 
 def float32_matrix(estimator: BaseEstimator, X: ArrayLike) -> NDArray[np.float32]:
     """X as finite float32, checked against what the estimator was fitted on."""
-    with np.errstate(over="ignore"):  # too large for float32 becomes infinite and is refused
+    with np.errstate(
+        over="ignore"
+    ):  # values too large for float32 become infinite and are rejected
         return validate_data(estimator, X, dtype=np.float32, reset=False)
 
 

@@ -26,7 +26,7 @@ def boost(
     margin: NDArray[np.float64] | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> StrongClassifier:
-    """The strong classifier that tells the positive parts from the negative ones.
+    """A strong classifier that separates positive from negative examples, by AdaBoost.
 
     Generalised AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
     each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
@@ -37,7 +37,7 @@ def boost(
     Parameters
     ----------
     prepared : SortedFeatures
-        Shared by all problems on the same matrix; not changed but for its cache of sorted bins.
+        Shared by all problems on one matrix; only its cache of sorted bins changes.
     positive, negative : list of int
         The parts that make up each class; other parts are ignored.
     shrinkage : float
@@ -45,8 +45,8 @@ def boost(
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
     margin : (rows of X,) float64, optional
-        F of earlier rounds, from which boosting goes on: see :func:`initial_weights`. ``|r|`` is
-        then at most 1 - 1/n for n examples, and a stump without error does not end it.
+        F of earlier rounds, which boosting continues: see :func:`initial_weights`. ``|r|`` is
+        then at most 1 - 1/n for n examples, and a stump without error does not end boosting.
     on_round : callable, optional
         Called after each round with the number of rounds so far and r.
 
@@ -58,7 +58,7 @@ def boost(
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
     search = StumpSearch(prepared, segments, weights)
-    # After other rounds a stump without error has to be heard again and again, not infinitely loud.
+    # After earlier rounds a stump without error gets a bounded vote, and may be chosen repeatedly.
     most_edge = MAX_EDGE if margin is None else 1.0 - 1.0 / len(weights)
     chosen: list[tuple[int, float, int, float]] = []
     while len(chosen) < n_rounds:
@@ -89,9 +89,9 @@ def initial_weights(
 ) -> NDArray[np.float64]:
     """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out.
 
-    With a ``margin`` F of earlier rounds, the weights are in proportion to ``sample_weight / (1 +
-    exp(2 y F))``, however much of it each class has: the slope of the logistic loss, which no
-    example can dominate that the earlier rounds are sure about, and wrong.
+    With a ``margin`` F of earlier rounds, the weights are proportional to ``sample_weight / (1 +
+    exp(2 y F))`` without balancing the classes: the slope of the logistic loss, which bounds the
+    weight of examples with a confident but wrong F.
     """
     weights = np.zeros(len(prepared.rows))
     given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight

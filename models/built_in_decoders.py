@@ -1,4 +1,4 @@
-"""The decoders that ship with the package: each asks one solver."""
+"""The built-in decoders: adapters of the solvers."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 
 MAX_PRODUCT_DAMPING = 0.5
-"""On a Potts grid of 128 x 128 nodes and 16 labels 96 % right, without any 61 %."""
+"""Damping of max-product: 96 % correct on a Potts grid of 128 x 128 nodes and 16 labels, 61 %
+without damping."""
 
 MAX_PRODUCT_SWEEPS = 500
-"""Damped messages move half as far in a sweep."""
+"""Sweeps of damped messages, which change half as much per sweep."""
 
 ROUNDING = 1e-12
 
@@ -42,7 +43,7 @@ def _lp(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.marginal_lp import solve_marginal_lp
 
     ideal = solve_marginal_lp(problem.model)
-    # an integral solution is the best only as far as the solver is exact: its bound proves it
+    # an integral solution is optimal only up to the solver's tolerance: its bound proves it
     status = Status.CONVERGED if ideal.integral else Status.RELAXED
     info = {"integral": ideal.integral, "node_marginals": ideal.node_marginals}
     if problem.inside:
@@ -82,7 +83,7 @@ def _mean_field(problem: DecodingTask) -> DecodingAnswer:
 
 
 def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
-    """Mean field without a list of the edges, where one table holds for all edges of a raster."""
+    """Mean field on a raster without an edge list, for one table on all edges."""
     links, known = problem.graph.links, problem.potentials
     one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
     if not (isinstance(links, RasterEdges) and one_table):
@@ -111,7 +112,7 @@ def _max_product(problem: DecodingTask) -> DecodingAnswer:
 
 
 def _better(problem: DecodingTask, labels: NDArray[np.int64], score: float) -> dict[str, Any]:
-    """What a local search from a labelling finds, where that scores more: it is not the best."""
+    """The result of a local search from a labelling that is not optimal, if it scores more."""
     if score == -np.inf:
         return {}
     from pgm_places.solvers.local_search import iterated_conditional_modes
@@ -153,9 +154,9 @@ def _exact_on_cycles(problem: DecodingTask) -> DecodingAnswer:
     tree = BucketTree.of(problem.model)
     if tree is None:
         raise InputError(
-            f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers: too many nodes part "
+            f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers: the treewidth of "
             f"this graph of {around.n_nodes} nodes and {around.n_edges} edges with "
-            f"{unary.shape[1]} labels. Use 'trw-s' for a labelling with a bound, or "
+            f"{unary.shape[1]} labels is too large. Use 'trw-s' for a labelling with a bound, or "
             "'sum-product' for beliefs"
         )
     labels, marginals = tree.solved(unary)
@@ -178,4 +179,4 @@ DECODERS: Mapping[str, NamedDecoder] = {
     "sum-product": NamedDecoder(_sum_product, gives_beliefs=True),
     "exact": NamedDecoder(_exact, gives_beliefs=True, labels_maps=False),
 }
-"""Built-in decoders by name; ``docs/inference.md`` says which to take when."""
+"""Built-in decoders by name; ``docs/inference.md`` compares them."""

@@ -14,23 +14,23 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
 logger = logging.getLogger(__name__)
 
-# Of a table that has a logarithm: below, one step forgets all that was before.
+# Smallest eigenvalue of a table with a logarithm: below, one step forgets the past.
 LEAST_EIGENVALUE = 1e-12
 
 _NEAR_IDENTITY, _N_NODES = 0.1, 8
-"""The logarithm of what differs from the identity by less, in the 1-norm, is exact to the last
-digits with so many nodes of Gauss and Legendre."""
+"""Gauss-Legendre nodes with which the logarithm of a matrix nearer to the identity (1-norm) is
+accurate to the last digits."""
 
 
 def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np.float64], float]:
-    """The transitions (K, K) over ``exponent`` steps, and how far the table had to be changed.
+    """The transitions (K, K) over ``exponent`` steps, and the largest change of the table.
 
     ``P^e = exp(e Q)`` with the generator ``Q = log P``, whose rates must not be negative. Not every
-    table of probabilities is that of a process in continuous time. Where ``Q`` has negative rates,
-    they are set to 0 and its rows made to sum to 0 (Israel, Rosenthal and Wei, "Finding generators
-    for Markov chains via empirical transition matrices", Mathematical Finance 11, 2001); the second
-    result is then the largest difference of any probability between ``P`` and ``exp(Q)``. Whole
-    powers are exact, and it is 0.
+    table is embeddable in a process in continuous time. Negative rates of ``Q`` are set to 0 and
+    its rows made to sum to 0 (Israel, Rosenthal and Wei, "Finding generators for Markov chains via
+    empirical transition matrices", Mathematical Finance 11, 2001); the second result is then the
+    largest difference of any probability between ``P`` and ``exp(Q)``. Integer powers are exact,
+    with a second result of 0.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np
 def transition_powers(transition: ArrayLike, exponents: NDArray[np.float64]) -> NDArray[np.float64]:
     """(A, K, K) the transitions over steps of several lengths: :func:`transition_power` of each.
 
-    Exponents (A,) are at least 0. One generator serves them all, so that a table that no process
-    in continuous time has is also changed where the exponent is whole.
+    Exponents (A,) are at least 0. They share one generator, so that a table that is not embeddable
+    is also changed for integer exponents.
     """
     from scipy.linalg import expm
 
@@ -84,11 +84,11 @@ def transition_powers(transition: ArrayLike, exponents: NDArray[np.float64]) -> 
 def transition_at(
     transition: ArrayLike, counted_m: float, from_m: float, to_m: float
 ) -> tuple[NDArray[np.float64], float]:
-    """The transitions (K, K) for updates every ``to_m`` metres, and how far they were changed.
+    """The transitions (K, K) for updates every ``to_m`` metres, and their largest change.
 
-    They were in use for updates every ``from_m``, and counted over ``counted_m``. If that is more,
-    as on simulated runs, they are right for updates as far apart, and stay as they are until there.
-    Raises as :func:`transition_power`.
+    They were used for updates every ``from_m``, and counted over ``counted_m``. If the latter is
+    larger, as on simulated runs, they do not change up to that distance. Raises as
+    :func:`transition_power`.
     """
     factor = to_m / from_m
     if factor > 1:
@@ -101,8 +101,8 @@ def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:
     values = np.linalg.eigvals(table)
     if ((np.abs(values.imag) < 1e-12) & (values.real < LEAST_EIGENVALUE)).any():
         raise InputError(
-            "these transitions have no fractional power: one step forgets what came before; "
-            "train the model at the distance it is used at"
+            "these transitions have no fractional power, since one step forgets the past; "
+            "train the model at the step length of its use"
         )
     rates = np.real(_logarithm(table))
     np.fill_diagonal(rates, 0.0)
@@ -112,11 +112,7 @@ def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _logarithm(table: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """The principal logarithm (K, K): of a square root near the identity, times the power of it.
-
-    ``log(1 + X)`` is the integral of ``X / (1 + t X)`` from 0 to 1. SciPy's ``logm`` estimates
-    norms with NumPy's global random numbers, so that its last digits change from call to call.
-    """
+    """The principal logarithm (K, K) by square roots; SciPy's ``logm`` is not deterministic."""
     from scipy.linalg import sqrtm
 
     one, root, power = np.eye(len(table)), table.astype(np.complex128), 1.0
@@ -140,7 +136,7 @@ def learned_tables(
     weights: Sequence[NDArray[np.float64]],
     lengths: Sequence[NDArray[np.float64]],
 ) -> dict[str, Any]:
-    """The tables that a hidden Markov model learns from counts over all chains, by name.
+    """Tables of a hidden Markov model from counts over all chains, by name.
 
     Parameters
     ----------
@@ -149,19 +145,19 @@ def learned_tables(
     moved : function of a chain
         (T - 1,) whether the robot moved between each step and the next.
     method : str
-        Its name, for errors.
+        Name of the method for error messages.
     smoothing : float
         Added to every count.
     weights : sequence of (T,) float
-        What each step counts; a move counts as the lighter of its two steps, which is what a chain
-        of one weight does as a whole.
+        Weight of each step; a move has the smaller weight of its two steps.
     lengths : sequence of (T - 1,) float
-        Those of the steps, of chains where they are known.
+        Step lengths of the chains for which they are known.
 
     Raises
     ------
     InputError
-        A problem is no chain, has no unary, or other labels than the first; no step is labelled.
+        A problem is not a chain, has no unary, or other labels than the first; no step is
+        labelled.
     """
     pairs = labelled_problems(problems, labelings)
     n_labels = pairs[0][0].n_labels
@@ -181,7 +177,7 @@ def learned_tables(
         np.add.at(share, truth[known], weight[known])
         first[truth[known[:1]]] += weight[known[:1]]
     if share.sum() == smoothing * n_labels:
-        raise InputError("no step is labelled, or all that are weigh 0: nothing to train on")
+        raise InputError("no labelled step has a positive weight: nothing to train on")
     return {
         "transition": normalised(moves),
         "confusion": normalised(seen),
@@ -205,9 +201,9 @@ def counted_tables(
     smoothing: float,
     begun: bool,
 ) -> dict[str, Any]:
-    """The learned tables of a hidden Markov model by name, as far as counts of them are given.
+    """The tables of a hidden Markov model by name, for the counts that are passed.
 
-    ``begun`` says whether the model has a distribution of first labels; without, it is even.
+    ``begun``: whether the model has an initial distribution; otherwise it is uniform.
 
     Raises
     ------
@@ -238,24 +234,24 @@ def counted_tables(
 
 
 def usual_step(lengths: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
-    """(1,) the median length of the steps of chains that are not 0; None where there are none."""
+    """(1,) the median of all non-zero step lengths; None without any."""
     steps = np.concatenate([*lengths, np.zeros(0)])
     steps = steps[steps > 0]
     return np.array([np.median(steps)]) if len(steps) else None
 
 
 def usual_length(counted: NDArray[np.float64] | None, of_runs: float) -> float:
-    """The length of step that transitions were counted over; that of simulated runs if None."""
+    """The step length over which transitions were counted; None means simulated runs."""
     return of_runs if counted is None else float(counted[0])
 
 
 def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:
-    """(T - 1,) whether the robot moved, so far or farther, between each step and the next.
+    """(T - 1,) whether the robot moved at least the threshold between each step and the next.
 
     Raises
     ------
     InputError
-        A distance is given, and the graph has no positions.
+        The threshold is above 0, and the graph has no positions.
     """
     if stay_below_m <= 0:
         return np.ones(max(graph.n_nodes - 1, 0), np.bool_)
@@ -268,23 +264,23 @@ def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:
 
 
 def require_chain(graph: LabelGraph, method: str) -> None:
-    """Refuse a graph that is no chain."""
+    """Raise InputError unless the graph is a chain."""
     if not graph.is_chain:
         raise InputError(
-            f"{method!r} labels chains such as LabelGraph.from_trajectory makes; {graph!r} is not "
-            "one. 'potts', 'amn' and 'crf' label any graph"
+            f"{method!r} labels chains only (see LabelGraph.from_trajectory), and {graph!r} is not "
+            "one; use 'potts', 'amn' or 'crf', which label any graph"
         )
 
 
 def count_table(
     name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
 ) -> NDArray[np.float64]:
-    """``values`` as counts of that shape, which must be square if it has two axes.
+    """``values`` as counts of this shape, which must be square if it has two axes.
 
     Raises
     ------
     InputError
-        Another shape, a negative count, or one that is not a finite number.
+        The shape is wrong, or a count is negative or not finite.
     """
     counts: NDArray[np.float64] = finite_array(name, values, shape)
     if counts.ndim == 2 and counts.shape[0] != counts.shape[1]:
@@ -295,17 +291,17 @@ def count_table(
 
 
 def normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows over their sum; equal probabilities where it is 0."""
+    """Rows divided by their sum; uniform where the sum is 0."""
     total = counts.sum(axis=-1, keepdims=True)
     even = np.full_like(counts, 1.0 / counts.shape[-1])
     return np.divide(counts, total, out=even, where=total > 0)
 
 
 def log_impossible(steps: NDArray[np.int64], n_steps: int) -> None:
-    """Log that observations of some steps have probability 0."""
+    """Log a warning that observations of some steps have probability 0."""
     logger.warning(
-        "the hidden Markov model gives what was seen at %d of %d steps (first %d) no probability; "
-        "learn with smoothing above 0",
+        "the observations at %d of %d steps (first %d) have probability 0 in the hidden Markov "
+        "model; train it with smoothing above 0",
         len(steps),
         n_steps,
         steps[0],

@@ -1,4 +1,4 @@
-"""Transitions of a hidden Markov model along a chain: of each step, or of the way between two."""
+"""Transitions of a hidden Markov model along a chain: per step, or by the step's length."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -32,19 +32,19 @@ from pgm_places.solvers.forward import (
 StepLength = Literal["usual", "positions", "given"]
 
 MOVE, STAY = 0, 1
-# Mean distance of the simulated runs that transitions are counted on, without labelled drives.
+# Mean step length of the simulated runs on which transitions are counted without labelled drives.
 RUNS_M = 0.35
-# Lengths of steps are rounded to this share of the usual one, so that few tables are made.
+# Step lengths are rounded to this share of the usual one, to bound the number of tables.
 FINEST = 1e-3
 
 
 def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.float64] | None:
-    """(T - 1,) length of each step of a chain; None where all are taken to be the usual one.
+    """(T - 1,) length of each step of a chain; None for ``step_length = 'usual'``.
 
     Raises
     ------
     InputError
-        The chain has no positions, or no lengths among its edge features, or a negative one.
+        The chain has no positions, no lengths in its edge features, or a negative length.
     """
     graph = problem.graph
     if lengths == "usual":
@@ -71,24 +71,24 @@ def step_lengths(problem: LabelingProblem, lengths: StepLength) -> NDArray[np.fl
 def known_lengths(
     problems: Sequence[LabelingProblem], lengths: StepLength
 ) -> list[NDArray[np.float64]]:
-    """The lengths of the steps of chains: of those with positions, where no length is asked for.
+    """Step lengths of chains; with ``step_length = 'usual'`` of chains with positions.
 
     Raises
     ------
     InputError
-        Lengths are asked for, and a chain has none, or all are 0.
+        Lengths are required, and a chain has none, or all are 0.
     """
     if lengths == "usual":
         placed = [item for item in problems if item.graph.positions_m is not None]
         return [np.asarray(step_lengths(item, "positions")) for item in placed]
     found = [np.asarray(step_lengths(item, lengths)) for item in problems]
     if not any(part.any() for part in found):
-        raise InputError("all steps have length 0: transitions cannot go by their length")
+        raise InputError("all steps have length 0: transitions by step length need lengths above 0")
     return found
 
 
 class ChainTransitions(StepFilter):
-    """What a hidden Markov model does with its transitions, which it holds itself."""
+    """Base of hidden Markov models: inference with their transitions."""
 
     mode: Any
     stay_below_m: float
@@ -101,7 +101,7 @@ class ChainTransitions(StepFilter):
 
     @property
     def shrinkage_used(self) -> float:
-        """The share of the labels' shares in transitions in this mode."""
+        """The weight of the labels' shares in the transitions of this mode."""
         raise NotImplementedError
 
     def _start(self) -> NDArray[np.float64]:
@@ -109,16 +109,16 @@ class ChainTransitions(StepFilter):
         raise NotImplementedError
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
-        """One for updates every ``to_m`` metres, and how far its table had to be changed.
+        """A model for updates every ``to_m`` metres, and the largest change of its table.
 
         Parameters
         ----------
         from_m, to_m : float
-            Distance between updates until now, and from now on.
+            Old and new distance between updates.
 
         See :func:`pgm_places.models.chain_statistics.transition_at` and
-        :func:`pgm_places.models.evidence_weight.weights_at`. Where transitions go by the length of
-        each step, only weights change.
+        :func:`pgm_places.models.evidence_weight.weights_at`. With transitions by step length, only
+        weights change.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class ChainTransitions(StepFilter):
         observed: NDArray[np.float64],
         lengths: NDArray[np.float64] | None = None,
     ) -> ChainBeliefs | ChainPath:
-        """What the mode's algorithm finds; ``lengths`` (T - 1,) are those of the steps."""
+        """The result of the mode's algorithm, for steps of ``lengths`` (T - 1,)."""
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
         methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
         moved = self._moved(graph)
@@ -172,7 +172,7 @@ class ChainTransitions(StepFilter):
         return belief, belief, was_possible
 
     def _filter_of(self, parts: int) -> ForwardFilter:
-        """The filter for a step of ``parts`` times ``FINEST`` usual lengths."""
+        """The filter for a step of ``parts * FINEST`` usual lengths."""
         found = self._filters.get(parts)
         if found is None:
             found = ForwardFilter(self._start(), self._by_length(np.array([FINEST * parts])))
@@ -200,7 +200,7 @@ class ChainTransitions(StepFilter):
     @property
     def _moves(self) -> NDArray[np.float64]:
         if self.transition is None:
-            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
+            raise NotFittedError("the hidden Markov model has no transitions yet; call fit first")
         return self.transition
 
     def _shrunk(self, tables: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -212,7 +212,7 @@ class ChainTransitions(StepFilter):
 
     @cached_property
     def _transitions(self) -> NDArray[np.float64]:
-        """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
+        """(2, K, K) transitions of MOVE and of STAY; STAY is the identity unless learned."""
         moves = self._moves
         stay = np.eye(len(moves)) if self.stay is None else self.stay
         return np.stack([self._shrunk(moves), stay])

@@ -1,8 +1,8 @@
-"""Decoding where sets of nodes want one label: robust P^n Potts potentials.
+"""Decoding with robust P^n Potts potentials, which reward sets of nodes with one label.
 
-A set of n nodes of which at most d differ from label k earns ``weight (n - d / dissent)``, the most
-over all k, or nothing where that is negative: the more nodes differ the less, until a share
-``dissent`` of them does. :mod:`pgm_places.solvers.set_terms` makes that pairwise.
+A set of n nodes of which d differ from label k earns ``max(0, weight (n - d / dissent))``, with the
+best k: the reward falls linearly with d, to 0 at a share ``dissent`` of the nodes.
+:mod:`pgm_places.solvers.set_terms` makes this pairwise.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def clique_score(
     cliques: Cliques, labels: ArrayLike, n_labels: int, *, weight: ArrayLike, dissent: float
 ) -> float:
-    """What the sets of a labelling (N,) earn together.
+    """Total reward of the sets for a labelling (N,).
 
     Examples
     --------
@@ -55,14 +55,14 @@ def with_set_nodes(
     weight: ArrayLike,
     dissent: float,
 ) -> tuple[LabelGraph, Potentials]:
-    """The graph with the nodes of sets after its own, and the potentials of all.
+    """The graph with auxiliary nodes of sets appended, and its potentials.
 
-    Where there are three labels or more, the potentials have one more: "mixed".
+    With three labels or more, the potentials have one more label: "mixed".
 
     Raises
     ------
     InputError
-        A weight below 0, or a dissent that is not a share above 0.
+        A weight below 0, or a dissent outside (0, 1].
     """
     potentials.check_fits(graph)
     k = potentials.n_labels
@@ -90,7 +90,7 @@ def decode_with_cliques(
     certify: bool = False,
     max_iterations: int | None = None,
 ) -> Labeling:
-    """The labelling that a decoder finds where sets of nodes want one label, too.
+    """The labelling of a pairwise model with sets of nodes, by a named decoder.
 
     Parameters
     ----------
@@ -99,11 +99,11 @@ def decode_with_cliques(
     cliques : Cliques
         The sets.
     method : str
-        The name of a decoder. With two labels ``graph-cut`` finds the best labelling of all, as
-        does ``exact`` (which gives no beliefs here). Beliefs (``sum-product``,
-        ``mean-field``) are those of ``p ~ exp(score)``, what sets earn included.
+        The name of a decoder. With two labels ``graph-cut`` finds the optimum, as does ``exact``
+        (which gives no beliefs here). Beliefs (``sum-product``, ``mean-field``) are marginals of
+        ``p ~ exp(score)`` including the rewards of sets.
     weight : float or (C, K) float
-        What a set in which all nodes agree earns for each of them, or that by set and label.
+        Reward per node of a set whose nodes all agree, optionally by set and label.
     dissent : float
         The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
     certify, max_iterations
@@ -112,10 +112,10 @@ def decode_with_cliques(
     Raises
     ------
     ConfigError
-        No such method.
+        The method is unknown.
     InputError
-        A weight below 0; a dissent that is not a share above 0, or for ``sum-product`` and
-        ``mean-field`` one above 1/2 where there are three labels or more.
+        A weight below 0; a dissent outside (0, 1], or above 1/2 for ``sum-product`` and
+        ``mean-field`` with three labels or more.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def decode_with_cliques(
 def _without_beliefs(
     run: Callable[[DecodingTask], DecodingAnswer], task: DecodingTask
 ) -> DecodingAnswer:
-    """The best labelling alone: beliefs of sets' nodes are not those of the sets."""
+    """The labelling without beliefs: beliefs of auxiliary nodes are not beliefs of the sets."""
     answer = run(task)
     info = {key: value for key, value in answer.info.items() if key != "log_partition"}
     return replace(answer, beliefs=None, info=info)
@@ -160,7 +160,7 @@ def _beliefs(
     model: "PairwiseModel",
     task: DecodingTask,
 ) -> DecodingAnswer:
-    """The beliefs under the pairwise part of a model and its sets, not under the nodes of these."""
+    """Beliefs of a pairwise model with sets, computed without auxiliary nodes."""
     from pgm_places.solvers.belief_propagation import BeliefPropagation, belief_propagation
     from pgm_places.solvers.mean_field import MeanField, mean_field
     from pgm_places.solvers.set_beliefs import set_tables
@@ -169,7 +169,7 @@ def _beliefs(
     solve = belief_propagation if method == "sum-product" else mean_field
     means = solve(model, sets=set_tables(sets, rewards), **task.limited())
     labels = sets.lift(means.labels, rewards)
-    beliefs = np.eye(sets.n_whole_labels)[labels]  # whose rows of the sets' nodes nobody gets
+    beliefs = np.eye(sets.n_whole_labels)[labels]  # rows of auxiliary nodes are not returned
     beliefs[: sets.n_nodes] = np.pad(
         means.beliefs, ((0, 0), (0, sets.n_whole_labels - sets.n_labels))
     )
@@ -183,10 +183,10 @@ def decode_cliques_as(
     inference: Decoder,
     weight: ArrayLike,
 ) -> Labeling:
-    """What a decoder finds, with the problem's cliques if it has some, as a method's options say.
+    """Decode a problem with its cliques, if any, by a method's options.
 
-    Those are ``certify``, ``max_iterations``, ``clique_dissent`` and ``damping``, which sets of
-    nodes do not know.
+    Options are ``certify``, ``max_iterations``, ``clique_dissent`` and ``damping`` (without cliques
+    only).
     """
     how: dict[str, Any] = {"certify": method.certify, "max_iterations": method.max_iterations}
 
@@ -200,12 +200,12 @@ def decode_cliques_as(
 
     if inference != "graph-cut":
         return decoded(potentials, np.arange(problem.n_labels))
-    # Its moves take one label after the other.
+    # Its moves go through the labels in order.
     return decoded_by_preference(potentials, problem.label_names, decoded)
 
 
 def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
-    """(C, 1 + G) a constant and the problem's own features of its cliques; (0, 0) without any."""
+    """(C, 1 + G) a constant and the problem's clique features; (0, 0) without cliques."""
     if problem.cliques is None:
         return np.zeros((0, 0))
     constant = np.ones((len(problem.cliques.sizes), 1))
@@ -214,16 +214,16 @@ def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
 
 
 def clique_sizes(problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
-    """(1 + G,) the size of each clique feature over some problems, (0,) without cliques."""
+    """(1 + G,) scale of each clique feature over some problems, (0,) without cliques."""
     return column_sizes(np.concatenate([clique_features(problem) for problem in problems]))
 
 
 def clique_terms(
     problem: LabelingProblem, dissent: float, sizes: NDArray[np.float64]
 ) -> SetTerms | None:
-    """What a problem's cliques bring to learning their weights; None without any.
+    """Terms of a problem's cliques for learning their weights; None without cliques.
 
-    Features are divided by their sizes (1 + G,).
+    Features are divided by their scales (1 + G,).
     """
     if problem.cliques is None:
         return None
@@ -234,25 +234,25 @@ def clique_terms(
 def learned_rewards(
     problem: LabelingProblem, weights: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """(C, K) what a clique of one label earns for each of its nodes, from learned weights (G, K).
+    """(C, K) reward per node of a clique of one label, from learned weights (G, K).
 
     Raises
     ------
     InputError
-        Cliques in the problem but not in training, or the other way round; or other features.
+        Only one of problem and training has cliques, or their features differ.
     """
     features = clique_features(problem)
     learned_from = 0 if weights is None else len(weights)
     if features.shape[1] != learned_from:
         raise InputError(
-            f"the model was trained on {_told(learned_from)}, this problem has "
-            f"{_told(features.shape[1])}; give cliques as in training"
+            f"the model was trained on {_feature_words(learned_from)}, this problem has "
+            f"{_feature_words(features.shape[1])}; pass cliques as in training"
         )
     return features @ weights if weights is not None else np.zeros((0, problem.n_labels))
 
 
 def check_clique_weights(weights: NDArray[np.float64] | None, n_labels: int) -> None:
-    """Refuse learned weights that do not fit a model of that many labels, or are below 0."""
+    """Raise InputError if learned weights do not fit the number of labels, or are below 0."""
     if weights is None:
         return
     finite_array("clique_weights", weights, ("G", n_labels))
@@ -261,23 +261,23 @@ def check_clique_weights(weights: NDArray[np.float64] | None, n_labels: int) -> 
 
 
 def require_like_cliques(problems: Sequence[LabelingProblem]) -> None:
-    """Refuse problems of which some have cliques and others none, or with other features."""
+    """Raise InputError unless all problems have cliques with equal features, or none has any."""
     counts = [clique_features(problem).shape[1] for problem in problems]
     if len(set(counts)) > 1:
-        told = [_told(n) for n in counts]
+        found = [_feature_words(n) for n in counts]
         raise InputError(
             f"training problems must all have cliques with the same features, or none of them, got "
-            f"{', '.join(told)}; a problem without sets has Cliques.of([], n_nodes)"
+            f"{', '.join(found)}; for a problem without sets pass Cliques.of([], n_nodes)"
         )
 
 
-def _told(n_features: int) -> str:
-    """Of how many clique features a problem is, in words; 0 says that it has no cliques."""
+def _feature_words(n_features: int) -> str:
+    """The number of clique features in words; 0 means no cliques."""
     return f"cliques with {n_features - 1} features" if n_features else "no cliques"
 
 
 def _rewards(sets: SetNodes, weight: ArrayLike) -> NDArray[np.float64]:
-    """(C, K) what a set earns for each node by label."""
+    """(C, K) reward of a set per node, by label."""
     shape = (sets.n_sets, sets.n_labels)
     given = np.asarray(weight)
     full = np.broadcast_to(given, shape) if given.ndim == 0 else given
@@ -288,7 +288,7 @@ def _rewards(sets: SetNodes, weight: ArrayLike) -> NDArray[np.float64]:
 
 
 def _agreement(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64] | None:
-    """(E, K) the rewards of agreement, where there is nothing else; None for other tables."""
+    """(E, K) the rewards of agreement; None if there are other tables."""
     if potentials.agreement is not None:
         return potentials.agreement
     table = potentials.pairwise

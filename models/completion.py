@@ -1,8 +1,8 @@
 """Learning with missing labels (CCCP).
 
-Leaving unlabelled nodes out takes their edges away too. Where few nodes are labelled, links are
-then learned on a graph of far smaller degree than the one that is to be labelled, on which they add
-up until all nodes take one label. With the labels completed, links are learned on the graph itself.
+Omitting unlabelled nodes also omits their edges. If few nodes are labelled, links are then learned
+on a graph of far smaller degree than the graph to be labelled, where they add up until all nodes
+take one label. With completed labels, links are learned on the graph itself.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,23 +27,23 @@ from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.table_field import TableField
 
 HIDDEN_LOSS = 0.3
-"""What a node with a completed label counts in the last step, beside 1 for one of known label.
+"""Weight of a node with a completed label in the last step; a node of known label has 1.
 
-With 0 the margin is asked for at few nodes only, and a labelling of all nodes alike may still score
-best; with 1 the errors of the completion weigh as much as the truth."""
+With 0 the margin is required at few nodes only, and a constant labelling may still score best; with
+1 the errors of the completion weigh as much as the truth."""
 
 NODE_PRICE = 100.0
-"""C of the classifier of single nodes with which completing begins."""
+"""C of the classifier of single nodes that makes the initial completion."""
 
 NEIGHBOURHOOD = 2.0
-"""What all neighbours of a node together earn where completing begins, as in the Potts field."""
+"""Total reward of a node's neighbours in the initial smoothing, as in the Potts field."""
 
 LossOf = Callable[[NDArray[np.int64]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """What was learned from a graph with unknown labels.
+    """The result of learning with unknown labels.
 
     Parameters
     ----------
@@ -64,10 +64,10 @@ def completes(
     unlabelled: Literal["auto", "hidden", "dropped"],
     examples: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
 ) -> bool:
-    """Whether nodes without a label are completed rather than left out.
+    """Whether unlabelled nodes are completed rather than omitted.
 
-    ``auto`` completes them where most links of the labelled nodes lead to nodes without a label: so
-    they do with labels scattered over a graph, but not on a map of which a whole part is labelled.
+    ``auto`` completes them if most links of labelled nodes lead to unlabelled ones, as with labels
+    scattered over a graph, but not with a contiguous labelled part of a map.
     """
     if unlabelled != "auto":
         return unlabelled == "hidden" and any((truth < 0).any() for _, truth in examples)
@@ -92,22 +92,21 @@ def learn_completed(
     best: Oracle,
     last: Callable[[Any], LearnedWeights],
 ) -> Completed:
-    """The weights of largest margin where some labels are not known.
+    """Max-margin weights with some unknown labels.
 
-    The concave-convex procedure completes the labels, from the start of least objective after a
-    round. In a last step all nodes count: those of known label 1, the others
-    :data:`HIDDEN_LOSS`.
+    The concave-convex procedure completes the labels, from the start with the least objective after
+    one round. In a last step nodes of known label have weight 1, all others :data:`HIDDEN_LOSS`.
 
     Parameters
     ----------
     problem : MaxMarginProblem or TableMarginProblem
-        Of any labels and loss; its penalty is the price of the mean loss of a labelled node.
+        Its labels and loss are ignored; its penalty C refers to the mean loss of labelled nodes.
     truth : (N,) int
-        -1 where the label is not known; those that the problem tells are among the known.
+        Labels including observed ones, -1 where unknown.
     starts : sequence of (N,) int
-        Completions to begin with.
+        Initial completions.
     loss_of : callable
-        Labels (n,) -> what a wrong label costs at each of these nodes (n,), with mean 1.
+        Labels (n,) -> cost of a wrong label at each node (n,), with mean 1.
     solve, last : callable
         The learner in the rounds, and in the last step.
     best : callable
@@ -136,7 +135,7 @@ def learn_completed(
         penalty=price / counts.sum(),
     )
     solution = last(every)
-    # the last step is solved to its bound; that no other completion is better is not known
+    # the bound is of the last step: another completion may be better
     status = "local_optimum" if solution.status in REACHED else solution.status
     solution = replace(solution, status=status, lower_bound=0.0, certified=None)
     return Completed(solution, best_round.labels, np.array(best_round.objectives))
@@ -145,14 +144,14 @@ def learn_completed(
 def alone_completion(
     features: NDArray[np.float64], truth: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.int64]:
-    """The labels (N,) that single nodes are given by a classifier of the known ones."""
+    """Labels (N,) by a classifier of single nodes, trained on the known ones."""
     return _likely(features, truth, n_labels).argmax(axis=1)
 
 
 def smooth_completion(
     features: NDArray[np.float64], around: Adjacency, truth: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.int64]:
-    """The same labels smoothed by a Potts field that no graph collapses under."""
+    """Labels (N,) by the same classifier, smoothed by a Potts field scaled to the degree."""
     unary = _likely(features, truth, n_labels)
     mean_degree = 2 * around.n_edges / max(around.n_nodes, 1)
     weight = NEIGHBOURHOOD / max(mean_degree, 1.0)
@@ -163,7 +162,7 @@ def smooth_completion(
 def _likely(
     features: NDArray[np.float64], truth: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.float64]:
-    """(N, K) log-probabilities of single nodes, -inf for what the truth excludes."""
+    """(N, K) log-probabilities of single nodes, -inf for labels other than a known one."""
     known = truth >= 0
     weights = alone_weights(features[known], truth[known], n_labels, NODE_PRICE)
     return keep_known(features @ weights, truth)
@@ -176,7 +175,7 @@ def alone_weights(
     penalty: float,
     node_weight: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """(D, K) the weights of a classifier that sees each node by itself.
+    """(D, K) weights of a max-margin classifier of single nodes.
 
     Parameters
     ----------
@@ -184,9 +183,9 @@ def alone_weights(
     labels : (N,) int
     n_labels : int
     penalty : float
-        C, the price of the mean loss.
+        C, the factor of the mean loss.
     node_weight : (N,) float, optional
-        What each node counts.
+        Weight of each node.
     """
     no_edges = adjacency(len(labels), np.zeros((0, 2), np.int64))
     field = TableField(features, no_edges, np.zeros((0, 0)), n_labels)
@@ -195,7 +194,7 @@ def alone_weights(
 
 
 def hidden_parts(graph: LabelGraph, truth: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
-    """(N,) with which part the label of each node is hidden for a choice; -1 where it has none."""
+    """(N,) validation part in which each node's label is hidden; -1 for unlabelled nodes."""
     return np.where(truth >= 0, contiguous_parts(graph, n_parts, truth), -1)
 
 
@@ -205,18 +204,18 @@ def best_of_hidden(
     candidates: Sequence[float],
     labels_with: Callable[[NDArray[np.int64]], Sequence[NDArray[np.int64]]],
 ) -> tuple[float, NDArray[np.float64]]:
-    """The candidate that labels hidden nodes best, and (P, 2) each with its balanced accuracy.
+    """The candidate that labels hidden nodes best, and (P, 2) candidates and balanced accuracies.
 
     Parameters
     ----------
     truth : (N,) int
     parts : (N,) int
-        Which labels are hidden together; the nodes stay in the graph.
+        Part of each label; labels of a part are hidden together, their nodes stay in the graph.
     candidates : sequence of float
     labels_with : callable
-        Labels (N,), fewer of them known -> for each candidate the labels (N,) it gives all nodes.
+        Labels (N,) with a part hidden -> for each candidate its labels (N,) of all nodes.
 
-    Among equals the smallest wins; the first where no label can be hidden.
+    Among equals the smallest wins. If no label can be hidden, the first one is returned.
     """
     everywhere: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in candidates]

@@ -1,4 +1,4 @@
-"""Where potentials that forbid every labelling contradict each other: the node to look at."""
+"""Locating contradictions: a node without a possible label, for error messages."""
 
 import contextlib
 from collections.abc import Iterator
@@ -11,9 +11,9 @@ from pgm_places.inference.potentials import Potentials
 
 
 def node_without_labels(graph: LabelGraph, potentials: Potentials) -> int | None:
-    """A node that has no label left once each node drops what a neighbour cannot stand beside.
+    """A node without a possible label by arc consistency (Mackworth 1977).
 
-    Arc consistency (Mackworth 1977); None where it finds none, though there may be no labelling.
+    None if there is no such node, although every labelling may still be forbidden.
 
     Examples
     --------
@@ -37,12 +37,12 @@ def node_without_labels(graph: LabelGraph, potentials: Potentials) -> int | None
 
 @contextlib.contextmanager
 def naming_the_node(graph: LabelGraph, potentials: Potentials) -> Iterator[None]:
-    """InfeasibleError of the block, which names a node where one can be found.
+    """Add the name of a contradictory node, if one is found, to an InfeasibleError of the block.
 
     Raises
     ------
     InfeasibleError
-        Where the block raises it.
+        Raised by the block.
     """
     try:
         yield
@@ -52,6 +52,6 @@ def naming_the_node(graph: LabelGraph, potentials: Potentials) -> Iterator[None]
             raise
         names = graph.node_names
         raise InfeasibleError(
-            f"no label is left for node {node if names is None else repr(names[node])}: what is "
-            "known or forbidden there and around it contradicts itself (-inf); allow more"
+            f"no label is left for node {node if names is None else repr(names[node])}: known or "
+            "forbidden labels (-inf) at this node and its neighbours contradict; allow more labels"
         ) from None

@@ -59,33 +59,34 @@ from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.table_field import TableField
 
-# What C="auto" tries, and what it is where nothing can be held out.
+# Candidates of C="auto", and its value if nothing can be held out.
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 PENALTY = 1000.0
 
 _REMEDIES = "take learner='pseudo-likelihood', which needs no maximum, or C='auto'"
 
-# Of edges on chains: each step has one table, which is shared by all, but many node weights.
+# Edge scale on chains: one table is shared by all steps, but there are many node weights.
 CHAIN_SCALE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionalRandomField(LinearModel):
-    """Labels all nodes at once: node scores plus a learned score for every pair of labels.
+    """Joint labelling by learned node scores and learned scores of all pairs of labels.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij``. The tables
     ``w_t`` (one for each edge feature) may have any sign, so that labels can repel each other,
-    follow each other in one direction, or never meet; where they only ever tend to agree,
-    :class:`~pgm_places.models.amn.AssociativeMarkovNetwork` says so with fewer weights.
+    follow each other in one direction, or never meet. If neighbours only tend to agree,
+    :class:`~pgm_places.models.amn.AssociativeMarkovNetwork` needs fewer weights.
 
     Parameters
     ----------
     learner : {"auto", "likelihood", "pseudo-likelihood", "piecewise", "max-margin"}
-        What the weights maximise: the likelihood of the labels, exact on chains, trees and forests;
-        that of each node given its neighbours, or of each edge by itself, on any graph; or the
-        margin between the true labelling and every other one. ``auto`` is ``likelihood`` where no
-        training graph has a cycle or cliques; else what labels held-out parts better of
-        ``max-margin`` and ``pseudo-likelihood``. ``summary`` says which it was, and why.
+        The objective of the weights: the likelihood of the labels, exact on chains, trees and
+        forests; on any graph the likelihood of each node given its neighbours
+        (``pseudo-likelihood``) or of each edge by itself (``piecewise``); or the margin between the
+        true labelling and every other one. ``auto`` is ``likelihood`` if no training graph has a
+        cycle or cliques; else ``max-margin`` or ``pseudo-likelihood``, whichever labels held-out
+        parts better. ``summary`` has the choice and its reason.
     inference : {"auto"} or str
         The name of any decoder (docs/inference.md). ``auto`` is exact on graphs without
         cycles: the most probable label of each node after learning by likelihood (``sum-product``)
@@ -93,30 +94,31 @@ class ConditionalRandomField(LinearModel):
     C : float, "auto" or tuple of float
         The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
         size of the weights. Several, or ``auto`` for 1, 10, ..., 10000, are compared by the mean of
-        accuracy and balanced accuracy on held-out problems, or blocks of a single one, as far as
-        that labels better. ``auto`` is 1000 where labels are completed and where links are damped.
+        accuracy and balanced accuracy on held-out problems, or blocks of a single one, until the
+        mean falls. ``auto`` is 1000 if labels are completed or links are damped.
     unlabelled : {"hidden", "dropped"}
-        What becomes of nodes without a label: they are summed over (likelihoods) or completed by
-        what has been learned (max margin), so that they inform learning, which then ends at a local
-        optimum; or they are left out with their edges.
+        Nodes without a label: ``hidden`` sums over their labels (likelihoods) or completes them
+        (max margin), so that they inform learning, which then ends at a local optimum; ``dropped``
+        omits them with their edges.
     tables_tell : {"auto", "order", "pair"}
-        Whether a table tells the first node of an edge (the one of lower number) from the second,
-        or knows the pair only. ``auto`` is ``order`` where all training graphs are chains.
+        Whether a table distinguishes the first node of an edge (the one of lower index) from the
+        second (``order``) or is symmetric (``pair``). ``auto`` is ``order`` if all training graphs
+        are chains.
     node_features : str
-        Parts joined by ``+``. ``auto`` is ``logz`` where the problem has a unary, else ``raw``:
-        behind a classifier its features say little more, and their weights fit noise. Where several
-        C are compared, ``raw`` is taken, too, if it labels better by a point.
+        Parts joined by ``+``. ``auto`` is ``logz`` if the problem has a unary, else ``raw``: given
+        the classifier's scores its features add little, and their weights fit noise. If several C
+        are compared, ``raw`` is added if it labels held-out parts better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
     edge_scale : float or "auto"
-        Edge features are multiplied by this while learning: the larger, the less the size of
-        tables counts against that of node weights. ``tables`` are those of the features as given.
-        ``auto`` is 2 for likelihoods where all training graphs are chains, else 1.
+        Factor of the edge features during learning: the larger, the less tables are regularised in
+        comparison with node weights. The learned ``tables`` are for unscaled features. ``auto`` is
+        2 for likelihoods if all training graphs are chains, else 1.
     max_steps : int
         Limit of the steps (or cuts) of learning.
     certified_tolerance : float, optional
-        The relative gap, certified by TRW-S, that max margin tries to reach on graphs with cycles.
+        Target of the relative gap certified by TRW-S, for max margin on graphs with cycles.
 
     Examples
     --------
@@ -161,23 +163,24 @@ class ConditionalRandomField(LinearModel):
         ----------
         problems : sequence of LabelingProblem
         labelings : sequence of (N,) int
-            The true label index of every node of each problem, -1 where it is unknown. Labels that
-            a problem tells (its ``known``) are evidence: the others are learned given these, and
-            where it tells all, part of them in turn (:mod:`pgm_places.models.observed_labels`).
+            The true label index of every node of each problem, -1 where it is unknown. Observed
+            labels of a problem (its ``known``) are evidence: learning conditions on them, or, if
+            all are observed, on folds of them (:mod:`pgm_places.models.observed_labels`).
         sample_weight : sequence of float or (N,) float, optional
-            What each problem counts, or each of its nodes. The likelihood, which sees a graph as a
-            whole, takes one weight for each connected part of it; see the network for max margin.
+            Weight of each problem, or of each of its nodes. The likelihood needs equal weights in
+            each connected part of a graph; for max margin see
+            :meth:`pgm_places.models.amn.AssociativeMarkovNetwork.fit`.
         on_iteration : callable, optional
-            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` as learning goes
-            on; when it returns True, the best weights so far are taken.
+            Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` during learning;
+            True stops it with the best weights so far.
 
         Raises
         ------
         LabelError
             A label without an example in any problem.
         InputError
-            Problems and labellings that do not belong together, features that are missing,
-            ``likelihood`` on a graph with a cycle, or weights that a learner cannot take.
+            Problems and labellings do not match, features are missing, ``likelihood`` is used on a
+            graph with a cycle, or a learner does not support the weights.
         """
         hidden = self.unlabelled == "hidden"
         counts = None if sample_weight is None else weights_of(sample_weight, problems)
@@ -244,7 +247,7 @@ class ConditionalRandomField(LinearModel):
         examples: Sequence[Example],
         prepared: Callable[[str], tuple[PreparedProblems, LearningTask]],
     ) -> tuple[Candidate, str, NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """The options that label held-out nodes best, why the learner, what all reach, a start."""
+        """The options that label held-out nodes best, the learner's reason, all scores, a start."""
         choices = self._node_choices([problem for problem, _ in examples])
         plain = choices[0] if self.node_features == "auto" else self._node_parts
         penalties = penalties_of(self.C, AUTO_PENALTIES)
@@ -333,7 +336,7 @@ class ConditionalRandomField(LinearModel):
         return sizes / (auto if self.edge_scale == "auto" else self.edge_scale)
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
-        """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
+        """The edge features of a problem, with ``auto`` resolved."""
         there = {"constant": True, "given": problem.edge_features is not None}
         return tuple(with_auto(self.edge_features, there))
 
@@ -350,9 +353,9 @@ class ConditionalRandomField(LinearModel):
 
     @in_learned_order
     def potentials(self, problem: LabelingProblem) -> Potentials:
-        """The log-potentials that the learned weights give a problem's nodes and edges.
+        """The log-potentials of a problem's nodes and edges by the learned weights.
 
-        What its cliques earn is in :meth:`clique_rewards`.
+        Rewards of cliques are in :meth:`clique_rewards`.
 
         Raises
         ------
@@ -375,13 +378,13 @@ class ConditionalRandomField(LinearModel):
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels that the chosen decoder finds, with their score.
 
-        ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
-        one or ``certify`` asks for it.
+        ``info["learning"]`` has the record of learning; ``bound`` is set if the decoder proves one
+        or ``certify`` is set.
         """
         return self._decoded(problem, self.potentials(problem), self.decoder_for(problem))
 
     def decoder_for(self, problem: LabelingProblem) -> Decoder:
-        """The decoder that labels a problem: the chosen one, or what ``auto`` is there."""
+        """The decoder for a problem, with ``auto`` resolved."""
         if self.inference != "auto":
             return self.inference
         if problem.cliques is not None or not is_forest(

@@ -1,4 +1,4 @@
-"""How a conditional random field is trained: learners by name, unknown labels, the choice of C."""
+"""Training of conditional random fields: learners by name, unknown labels, the choice of C."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -41,11 +41,11 @@ from pgm_places.solvers.table_margin import (
 
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
 
-# How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
+# Shares of the weights learned by a surrogate of the likelihood; the rest is a classifier of
 # single nodes.
 LINK_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
 
-# Of likelihoods while C is chosen: their certified gap is many times what is left to gain.
+# Tolerance of likelihoods while C is chosen: their certified gap far exceeds the true one.
 LIKELIHOOD_TOLERANCE = 0.3
 
 # Passes of TRW-S for held-out nodes and for unknown labels.
@@ -54,7 +54,7 @@ DECODING_PASSES = 100
 
 @dataclass(frozen=True, eq=False)
 class LearningTask:
-    """The training problems side by side.
+    """The training problems as one.
 
     Parameters
     ----------
@@ -62,15 +62,16 @@ class LearningTask:
     labels : (N,) int
         True labels, -1 where unknown.
     loss : (N,) float
-        What a wrong label costs, for max-margin learning; 0 where the label is unknown.
+        Cost of a wrong label, for max-margin learning; 0 where the label is unknown.
     loss_of : callable
-        What it costs at nodes of given labels (n,), once the unknown ones are completed.
+        Labels (n,) -> cost of a wrong label at each node (n,), for completed labels.
     weight : (N,) float, optional
-        What each node counts; ``loss`` contains it.
+        Weight of each node; ``loss`` includes it.
     observed : (N,) int, optional
-        Labels that are evidence while learning, -1 elsewhere; their loss is 0.
+        Labels that are evidence during learning, -1 elsewhere; their loss is 0.
     costs : (K, K) float, optional
-        What each label costs where another is true, times the loss, for max-margin learning.
+        Cost of each label (column) for each true one (row), times the loss, for max-margin
+        learning.
     """
 
     field: TableField
@@ -82,7 +83,7 @@ class LearningTask:
     costs: NDArray[np.float64] | None = None
 
     def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
-        """The task whose nodes count by weights (N,); the mean loss stays."""
+        """The task with node weights (N,), scaled to the same mean loss."""
         after = weight * self.loss
         if not after.any():
             raise InputError(
@@ -104,10 +105,10 @@ class LearningTask:
 
 
 def learners_to_compare(learner: str, task: LearningTask) -> tuple[tuple[str, ...], str]:
-    """What ``auto`` compares, and why: the likelihood alone where it can be computed exactly.
+    """Learners that ``auto`` compares, and the reason: the likelihood alone where it is exact.
 
-    Elsewhere the margin and the pseudo-likelihood, which learns well where the margin's relaxation
-    is loose; with sets of nodes, whose sums are out of reach, or unknown labels the margin alone.
+    Elsewhere max margin and the pseudo-likelihood, which learns well where the margin's relaxation
+    is loose; with sets of nodes, whose sums are intractable, or unknown labels max margin alone.
     """
     if learner != "auto":
         return (learner,), REASONS[0]
@@ -129,7 +130,7 @@ def learn(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> LearnedWeights:
-    """The weights that the chosen learner finds, beginning at given ones where there are any."""
+    """The weights found by the chosen learner, optionally from initial ones."""
     if options.learner != "max-margin":
         return maximize_likelihood(
             task.field,
@@ -150,13 +151,13 @@ def learn(
         )
     if start is not None:
         raise InputError(
-            "warm_start with max margin needs unlabelled='dropped': where labels are being "
-            "completed, learning begins with a completion, not with weights"
+            "warm_start with max margin cannot be combined with the completion of missing "
+            "labels; use unlabelled='dropped' or warm_start=False"
         )
     if task.weight is not None:
         raise InputError(
-            "sample_weight needs unlabelled='dropped' with max margin: labels are being completed, "
-            "and completed nodes have a weight of their own"
+            "sample_weight with max margin cannot be combined with the completion of missing "
+            "labels, which sets the weights of completed nodes; use unlabelled='dropped'"
         )
     return _completed(task, penalty, options, on_iteration)
 
@@ -192,7 +193,7 @@ def _widest_margin(
 
 
 def _weighed(task: LearningTask) -> TableField:
-    """The field whose connected parts score as much as they count, so that their hinges do, too."""
+    """The field with features of connected parts times their weight, which weights the hinges."""
     field = task.field
     if task.weight is None:
         return field
@@ -202,11 +203,7 @@ def _weighed(task: LearningTask) -> TableField:
 def _completed(
     task: LearningTask, penalty: float, options: LearningOptions, on_iteration: OnStep | None
 ) -> LearnedWeights:
-    """Max margin with the unknown labels completed, from two starts.
-
-    Single nodes by themselves say nothing of the links, which suits tables of any kind; smoothed,
-    they are the better start where neighbours agree.
-    """
+    """Max margin with completed labels, from two starts: single nodes, and smoothed ones."""
     field, truth, k = task.field, task.labels, task.field.n_labels
     quick = replace(options, certified_tolerance=None)
     starts = [
@@ -239,9 +236,9 @@ def choose_by_hiding(
     penalties: Sequence[float],
     options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
-    """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy.
+    """The C that labels hidden nodes best, and (P, 2) each C with its accuracy.
 
-    ``parts`` (N,) says which labels are hidden together, -1 where there is none.
+    ``parts`` (N,): the part in which each label is hidden, -1 for unlabelled nodes.
     """
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -266,14 +263,13 @@ def choose_link_scale(
     penalty: float,
     options: LearningOptions,
 ) -> tuple[float, NDArray[np.float64]]:
-    """How far to go from nodes alone to learned weights, and (S, 2) each share and its accuracy.
+    """The share of learned weights against a node classifier; (S, 2) all shares and accuracies.
 
-    Pseudo-likelihood learns links beside the true labels of the neighbours, so that they say nearly
-    all and the nodes themselves little; a decoder, which has to guess the neighbours, then gives
-    all nodes one label. Beside the expected labels of unlabelled neighbours, which are close to
-    even, surrogates learn links that are too strong as well. How much of the links is right for
-    decoding is seen on labels that were held out, or hidden where some are not known; and where all
-    are known, the weights themselves must label the training nodes as well.
+    Pseudo-likelihood learns links given the true labels of neighbours, so that links dominate node
+    scores; a decoder, which has to infer the neighbours' labels, then gives all nodes one label.
+    Given the expected labels of unlabelled neighbours, which are close to uniform, surrogates also
+    learn too strong links. The share is chosen on held-out labels, or hidden ones if some labels
+    are unknown; if all are known, the weights must also label the training nodes well.
     """
     quick = replace(options, tolerance=SEARCH_TOLERANCE)
 
@@ -297,7 +293,7 @@ def choose_link_scale(
 def damped(
     task: LearningTask, weights: NDArray[np.float64], penalty: float, shares: Sequence[float]
 ) -> list[NDArray[np.float64]]:
-    """Weights on the way from a classifier of single nodes (share 0) to the given ones (1)."""
+    """Interpolation of a classifier of single nodes (share 0) and the learned weights (1)."""
     field, known = task.field, task.labels >= 0
     alone = np.zeros(field.n_weights)
     alone[: field.n_node_weights] = alone_weights(
@@ -318,7 +314,7 @@ def _labels_at(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.i
 
 
 def held_out_path(task: LearningTask, part: NDArray[np.bool_], options: LearningOptions) -> Path:
-    """What learns without a part (N,) of the nodes, each C going on from the last."""
+    """A learner without a part (N,) of the nodes; each C starts from the last."""
     rest, held_out = task.part(~part), task.part(part)
     cuts: tuple[Cut, ...] = ()
     start: NDArray[np.float64] | None = None
@@ -330,7 +326,7 @@ def held_out_path(task: LearningTask, part: NDArray[np.bool_], options: Learning
     def at(penalty: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         nonlocal cuts, start
         found = learn(rest, penalty, quick, cuts=cuts, start=start)
-        cuts = found.cuts  # planes hold at any C
+        cuts = found.cuts  # cuts are valid at any C
         start = None if options.learner == "max-margin" else found.weights
         return _labels_at(held_out, found.weights), found.weights
 
@@ -343,7 +339,7 @@ def _best_held_out(
     values: Sequence[float],
     weights_of: Callable[[LearningTask], Sequence[NDArray[np.float64]]],
 ) -> tuple[float, NDArray[np.float64]]:
-    """The value whose weights, learned without each part (N,) in turn, label the parts best."""
+    """The value that labels parts (N,) best, each with weights learned without it."""
     truth: list[NDArray[np.int64]] = []
     answers: list[list[NDArray[np.int64]]] = [[] for _ in values]
     for part in np.unique(parts):

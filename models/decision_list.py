@@ -34,12 +34,12 @@ from pgm_places.options import subset_of
 _ORDERS = ("heuristic", "exhaustive")
 
 
-@dataclass(repr=False, eq=False)  # of scikit-learn, which wants a constructor that only keeps
+@dataclass(repr=False, eq=False)  # scikit-learn: a constructor only stores its arguments
 class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """K - 1 strong classifiers asked in turn; the first that says yes decides.
+    """K - 1 strong classifiers tried in sequence; the first positive one decides.
 
-    Classifier k of the list is trained on the examples that can reach it: those of its own class
-    against those of all classes later in the list.
+    Classifier k of the list is trained on the examples that can reach it: its own class against all
+    later classes of the list.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         answers) of their classifiers against all other classes, as the paper does.
         ``"exhaustive"`` tries every order on held-out examples. A sequence names each class once.
     decision : {"list", "argmax"}
-        Predict the first class whose classifier says yes (section 3 of the paper), or the largest
+        Predict the first class with a positive classifier (section 3 of the paper), or the largest
         bin of the histogram z (eq. 8).
     criterion : {"balanced_accuracy", "accuracy"}
         What the exhaustive search maximises.
@@ -59,11 +59,10 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         eq. 7 and ``prior_weight`` multiplied by a factor from held-out examples. It changes z, not
         the decision of the list.
     prior_weight : float
-        Boosting gives both sides of each classifier half of the weight, so its confidence is one
-        for classes of equal size. This multiple of the logarithm of the sides' true odds in
-        training is added to 2F: 0 is eq. 7 as printed, 1 trusts the frequencies of training. It
-        changes z, not the decision of the list, and is not used with Platt's scaling, which finds
-        its own offset.
+        Boosting gives both sides of each classifier half of the weight, so its confidence assumes
+        classes of equal size. This multiple of the log-odds of the sides in training is added to
+        2F: 0 is eq. 7 as printed, 1 uses the full frequencies of training. It changes z, not the
+        decision of the list, and is not used with Platt's scaling, which fits its own offset.
     clip : float
         Bins of z are at least this before they are normalised again; 0 for none.
     tolerance : float
@@ -79,22 +78,22 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         Share of the features, redrawn for each tree, among which its splits are searched, above 0
         and at most 1; stumps always search all.
     seed : int
-        Of the features that are drawn for each tree.
+        Seed of the features drawn for each tree.
     n_threads : int or None
-        None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
+        None means ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
 
     Attributes
     ----------
     classes_ : (K,) array
         The labels, ascending; the columns of ``predict_proba``.
     order_ : (K,) array
-        The labels in the order in which the list asks for them; the last needs no classifier.
+        The labels in the order of the list; the last needs no classifier.
     list_ : tuple of K - 1 StrongClassifier or BoostedTrees
         In the order of the list.
     used_features_ : (n_used,) int64
-        The columns that any stump looks at, ascending; the only ones prediction needs.
+        The columns used by any stump, ascending; prediction needs no others.
     boosted_list_ : BoostedList
-        The same as one value that needs no scikit-learn.
+        The fitted list as one value that needs no scikit-learn.
     rates_ : (K,) float64 or None
         The classification rates behind the heuristic order.
     order_scores_ : dict or None
@@ -166,7 +165,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         options = subset_of(ListOptions, self)
         values, given, weight = checked_training_data(self, X, y, sample_weight)
         ascending, labels = np.unique(given, return_inverse=True)
-        # By weight, so that the numbers of the classes have no part in rounding and ties.
+        # By weight, so that rounding and ties do not depend on the numbering of the classes.
         carried = np.bincount(labels, weights=weight, minlength=len(ascending))
         number = np.argsort(-carried, kind="stable")
         classes, labels = ascending[number], renumbered(labels, number)
@@ -221,7 +220,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         n_classes: int,
         groups: ArrayLike | None,
     ) -> Folds:
-        kept = weight > 0
+        weighted = weight > 0
         if groups is not None:
             names = np.asarray(groups)
             require_shape("groups", names.shape, labels.shape)
@@ -229,13 +228,13 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         if not needed or (
             groups is None and self.calibration == "none" and self.order == "heuristic"
         ):
-            return Folds(np.zeros(len(labels), np.int64), ())  # one that is never held out
+            return Folds(np.zeros(len(labels), np.int64), ())  # one fold, never held out
         if groups is None:
-            folds = last_quarters(labels[kept], n_classes)
+            folds = last_quarters(labels[weighted], n_classes)
         else:
-            folds = folds_of_groups(names[kept], labels[kept], n_classes)
+            folds = folds_of_groups(names[weighted], labels[weighted], n_classes)
         number = np.zeros(len(labels), np.int64)
-        number[kept] = folds.number
+        number[weighted] = folds.number
         return Folds(number, folds.held_out)
 
     def _chosen_order(self, training: ListTraining, classes: NDArray[Any]) -> tuple[int, ...]:
@@ -267,7 +266,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
 
     @property
     def used_features_(self) -> NDArray[np.int64]:
-        """The columns that any stump or tree looks at, ascending."""
+        """The columns used by any stump or tree, ascending."""
         return self._fitted().used_features
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
@@ -281,7 +280,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return np.exp(self.predict_log_proba(X))
 
     def predict_log_proba(self, X: ArrayLike) -> NDArray[np.float64]:
-        """(N, K) log z, computed from F without underflow; what structured models start from.
+        """(N, K) log z, computed from F without underflow; the unary of structured models.
 
         -inf is possible only with ``clip=0``.
         """
@@ -307,7 +306,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         Raises
         ------
         InputError
-            A column is unknown or named twice, or one that the list looks at is missing.
+            A column is unknown or named twice, or a used column is missing.
         """
         fitted = self._fitted()
         copy = self._like(fitted.restricted(columns))
@@ -317,22 +316,21 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return copy
 
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What JSON can hold, and the arrays: all that prediction needs, for model files."""
+        """A JSON-compatible description and the arrays for prediction, for model files."""
         return self._fitted().to_arrays()
 
     @classmethod
     def from_arrays(
         cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]
     ) -> "DecisionListClassifier":
-        """The fitted classifier that :meth:`to_arrays` described.
+        """The fitted classifier stored by :meth:`to_arrays`.
 
-        Its order, decision and clip are those that were stored; options that only training uses
-        have their defaults.
+        Order, decision and clip are restored; training options have their defaults.
 
         Raises
         ------
         ModelFileError
-            Something is missing, of another type, out of bounds, or does not fit together.
+            An entry is missing, of the wrong type, out of bounds, or inconsistent.
         """
         fitted = BoostedList.from_arrays(meta, arrays)
         order = fitted.classes[fitted.order].tolist()

@@ -14,13 +14,13 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import decode
 
-# Of potentials, in turn.
+# Scales of potentials, in turn.
 SCALES = (1.0, 1e-12, 1e12)
 
-# Of the potentials of edges to those of nodes, in turn where they are to differ.
+# Ratios of edge to node potentials, in turn for problems with unequal scales.
 RATIOS = (1e-12, 1e-6, 1e6, 1e12)
 
-# Of the score and the size of a problem: ten times what counts as proved.
+# Tolerance as a share of the score and the size of a problem: ten times that of a proof.
 ROUNDING = 1e-11
 
 MOST_NODES, MOST_LABELS = 8, 3
@@ -28,16 +28,16 @@ MOST_NODES, MOST_LABELS = 8, 3
 
 @dataclass(frozen=True)
 class DecoderReport:
-    """What a decoder did on the problems; it kept its word on all of them.
+    """The results of a decoder that passed all test problems.
 
     Parameters
     ----------
     statuses : mapping of str to int
-        How many labellings had each status; ``infeasible`` counts refusals that were right, too.
+        Number of labellings by status; ``infeasible`` includes correct InfeasibleErrors.
     refused : int
-        How many problems it does not take, with an InputError.
+        Number of problems that it does not support (InputError).
     best : int
-        How many labellings were the best of all, proved or not.
+        Number of optimal labellings, proved or not.
     """
 
     statuses: Mapping[str, int]
@@ -46,12 +46,12 @@ class DecoderReport:
 
 
 def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> DecoderReport:
-    """Try a decoder by name on random problems of up to 8 nodes and 3 labels, against brute force.
+    """Test a decoder against brute force on random problems of up to 8 nodes and 3 labels.
 
-    Graphs with and without cycles, some so torn that relaxations are not tight; rewards of
-    agreement and tables; many ties; labels and pairs of labels that are forbidden; labels that are
-    known; potentials of about 1, 1e-12 and 1e12, and edges that count a million or a trillion times
-    more or less than nodes. Use it as the first test of a decoder of your own.
+    The problems have graphs with and without cycles, some frustrated so that relaxations are not
+    tight; rewards of agreement and tables; many ties; forbidden labels and pairs of labels; known
+    labels; potentials of about 1, 1e-12 and 1e12; and edge potentials a million or a trillion times
+    larger or smaller than node potentials. Use it as the first test of a new decoder.
 
     Parameters
     ----------
@@ -64,11 +64,12 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
     Raises
     ------
     SolverError
-        A promise is broken: ``EXACT`` beside a better labelling, a bound that one exceeds or that
-        proves a labelling not called ``EXACT``, a forbidden labelling or an unkept known label
-        where others are allowed, ``REPAIRED`` beside a better label of one node, beliefs that do
-        not sum to one or fall on forbidden labels, or "infeasible" where a labelling is allowed.
-        The message says which, and on which problem (:func:`small_problems` has it again).
+        An answer is wrong: ``EXACT`` although a labelling is better; a bound that a labelling
+        exceeds, or that proves a labelling without status ``EXACT``; a forbidden labelling or a
+        changed known label although others are allowed; ``REPAIRED`` although another label of one
+        node is better; beliefs that do not sum to one or are positive for forbidden labels;
+        InfeasibleError although a labelling is allowed. The message has the fault and the problem
+        (see :func:`small_problems`).
 
     Examples
     --------
@@ -97,7 +98,7 @@ def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> Decoder
 
 
 def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Potentials]]:
-    """The problems that :func:`check_decoder` tries, one after the other."""
+    """The test problems of :func:`check_decoder`."""
     rng = np.random.default_rng(seed)
     for number in range(n_problems):
         traits = _TRAITS[number % len(_TRAITS)]
@@ -110,7 +111,7 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
         unit = SCALES[number // 3 % len(SCALES)]
 
         def drawn(*shape: int, coarse: bool = coarse, unit: float = unit) -> NDArray[np.float64]:
-            """Ties come from few values."""
+            """Random values; few distinct ones make ties."""
             values = rng.integers(-3, 4, shape) / 2 if coarse else rng.normal(size=shape)
             return unit * values
 
@@ -135,14 +136,14 @@ def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Pot
 
 
 class _Traits(NamedTuple):
-    """What makes a problem hard."""
+    """Difficulties of a test problem."""
 
     torn: bool = False
-    """Weak nodes on many cycles of strong edges: relaxations are not tight."""
+    """Weak nodes and many cycles of strong edges: relaxations are not tight."""
     ruled: bool = False
     """Half of the pairs of labels are forbidden: labellings have to be repaired."""
     apart: bool = False
-    """Edges count far more or far less than nodes."""
+    """Edge potentials are far larger or far smaller than node potentials."""
 
 
 _TRAITS = (_Traits(), _Traits(torn=True), _Traits(ruled=True), _Traits(apart=True))
@@ -172,7 +173,7 @@ def _all_scores(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64
 def _check(
     where: str, graph: LabelGraph, potentials: Potentials, given: Labeling, best: float
 ) -> bool:
-    """Raise SolverError unless the labelling is what it says; whether it is the best of all."""
+    """Raise SolverError if the labelling contradicts its status; whether it is optimal."""
     terms = potentials.unary, potentials.edge_tables(graph)
     sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms]
     slack = ROUNDING * sum(size * len(term) for size, term in zip(sizes, terms, strict=True))
@@ -201,7 +202,7 @@ def _check(
 
 
 def _gain_of_one(graph: LabelGraph, potentials: Potentials, given: Labeling) -> float:
-    """What the best change of a single node's label would gain."""
+    """The gain of the best change of a single node's label."""
     assert given.score is not None
     best = given.score
     for node, label in np.ndindex(potentials.unary.shape):

@@ -1,4 +1,4 @@
-"""Decoders by name: those that ship with the package, and those that others have added."""
+"""Registry of decoders by name: built in, registered, or installed as entry points."""
 
 import importlib
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from pgm_places.models.built_in_decoders import DECODERS
 from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
 
 GROUP = "pgm_places.decoders"
-"""The entry points by which other packages add decoders: ``name = "package.module:function"``."""
+"""Entry-point group of decoders in other packages: ``name = "package.module:function"``."""
 
 _registered: dict[str, NamedDecoder] = {}
 
@@ -32,8 +32,8 @@ def named_decoder(name: str) -> NamedDecoder:
     Raises
     ------
     ConfigError
-        There is none; the message offers the nearest name. Or what was installed under that name
-        cannot be imported, or is no function.
+        The name is unknown (the message suggests the nearest one), or the installed entry point
+        cannot be imported or is not a function.
     """
     known = DECODERS.get(name) or _registered.get(name)
     if known is not None:
@@ -62,11 +62,11 @@ def register_decoder(
     gives_beliefs: bool = False,
     labels_maps: bool = True,
 ) -> None:
-    """Add a decoder for this process, or replace one that was added: in a script or a notebook.
+    """Register a decoder for this process, or replace a registered one.
 
-    From then on ``inference = name`` and ``decode(..., name)`` take it. A package adds its own to
-    the entry points of :data:`GROUP` instead, so that they are found in every process.
-    :func:`~pgm_places.models.decoder_checks.check_decoder` tries whether it keeps its word.
+    Afterwards ``inference = name`` and ``decode(..., name)`` accept it. Packages should use the
+    entry points of :data:`GROUP` instead, which are found in every process. Test a decoder with
+    :func:`~pgm_places.models.decoder_checks.check_decoder`.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def register_decoder(
     Raises
     ------
     InputError
-        The name is that of a decoder of this package.
+        The name belongs to a built-in decoder.
 
     Examples
     --------
@@ -97,15 +97,15 @@ def register_decoder(
 
 
 def gives_beliefs(name: str) -> bool:
-    """Whether the decoder of that name says how probable each label is at each node."""
+    """Whether the decoder of that name returns beliefs."""
     return named_decoder(name).gives_beliefs
 
 
 def _installed() -> dict[str, str]:
-    from importlib.metadata import entry_points  # it takes a tenth of a short command to import
+    from importlib.metadata import entry_points  # slow to import: a tenth of a short command
 
     return {point.name: point.value for point in entry_points(group=GROUP)}
 
 
 Decoder = Annotated[str, NameOf(tuple(DECODERS), decoder_names)]
-"""The name of a decoder, as options declare it; ``docs/inference.md`` compares them."""
+"""Type of options that name a decoder; ``docs/inference.md`` compares them."""

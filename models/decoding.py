@@ -18,18 +18,18 @@ from pgm_places.models.contradictions import naming_the_node
 from pgm_places.models.decoders import named_decoder
 from pgm_places.models.decoding_task import Damping, DecodingAnswer, DecodingTask
 
-# A gap below this share of the score, and of the problem's size or of what the labelling loses
-# against the best value of every term, is rounding: it is closed. Some roundings of a number; the
-# loss does not grow with rules that are written as large negative numbers, the size may.
+# A gap below this share of the score, and of the problem's size or of the labelling's loss against
+# the best value of every term, is rounding: it counts as closed. The loss does not grow with rules
+# written as large negative numbers; the size may.
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 
-# A bound below its own score by more than this share of all magnitudes is no rounding: a lie.
+# A bound below its own score by more than this share of all magnitudes is wrong, not rounded.
 FALSE = 1e-9
 
-# A certificate ends when its gap is this share of the problem's size, or its bound at rest.
+# A certificate ends when its gap is this share of the problem's size, or its bound stops falling.
 CERTIFY_TOLERANCE = 1e-9
 
-# Passes of TRW-S for a certificate; on maps the bound has all but come to rest by then.
+# Passes of TRW-S for a certificate; on maps the bound has almost converged by then.
 CERTIFY_ITERATIONS = 100
 
 
@@ -60,52 +60,51 @@ def decode(
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere; the others are forbidden there.
     certify : bool
-        Add an upper bound of the best score by tree-reweighted message passing where the method
-        has none of its own. The labels stay the method's. What the certificate cost is in
-        ``info["certificate"]``.
+        Add an upper bound of the best score by tree-reweighted message passing if the method has
+        none. Labels do not change. ``info["certificate"]`` has the cost of the certificate.
     max_iterations : int, optional
-        Limit on sweeps, passes or iterations instead of the method's own; ``lp`` and ``exact``
-        have none, nor have ``max-product`` and ``sum-product`` without cycles: they take two.
+        Limit of sweeps, passes or iterations instead of the method's default; ignored by ``lp`` and
+        ``exact``, and by ``max-product`` and ``sum-product`` without cycles, which need two sweeps.
     damping : float, optional
-        Share of its old value that each message or belief keeps in an iteration, from 0 to below 1,
-        instead of the method's own: half for ``max-product`` on graphs with cycles, where messages
-        without it settle at poor labellings, and none for ``sum-product`` and ``mean-field``. The
-        other methods have none.
+        Weight of the old value in each update of a message or belief, from 0 to below 1, instead of
+        the method's default: 0.5 for ``max-product`` on graphs with cycles, where undamped messages
+        converge to poor labellings, and 0 for ``sum-product`` and ``mean-field``. Other methods
+        have no damping.
     on_iteration : callable, optional
-        Called after each of them with its number and the method's figure: score (``graph-cut``),
-        bound (``trw-s``), changed nodes (``icm``), largest change (the others).
+        Called after each iteration with its number and the method's progress: score
+        (``graph-cut``), bound (``trw-s``), changed nodes (``icm``), largest change (the others).
     inside : bool
-        Show in ``info`` what led to the labelling: ``pair_beliefs`` (E, K, K), the probability of
-        the labels at both ends of each edge, and ``disagreement`` (E,), that they differ, from
+        Add internal quantities to ``info``: ``pair_beliefs`` (E, K, K), the probability of the
+        labels at both ends of each edge, and ``disagreement`` (E,), that they differ, from
         ``exact``, ``sum-product`` and ``mean-field``; ``messages`` (2 E, K) from ``sum-product``
         and ``max-product``; ``duals`` (2 E, K), the dual variables whose
         :func:`~pgm_places.solvers.duals.dual_bound` is the bound, from ``trw-s``, ``lp`` and, of
-        two labels, ``graph-cut``. Refused where a decoder has none of them.
+        two labels, ``graph-cut``. An error for decoders that have none of them.
     decoder : callable, optional
-        What finds the labelling instead of the decoder of that name.
+        Replaces the decoder named ``method``.
 
     Returns
     -------
     Labeling
-        ``EXACT`` where the labelling is proved best: by the method, or because nothing but rounding
-        (some units in the last place of the score) is left of its gap. ``CONVERGED`` at a local
-        optimum or fixed point, ``RELAXED`` where a fractional solution was rounded, ``STOPPED`` at
-        the limit. Where the method ends at a forbidden labelling (-inf), ``REPAIRED`` is one that
-        is allowed, found by a search from there, and ``INFEASIBLE`` says that the search gave up.
-        Beliefs come from ``sum-product``, ``mean-field`` and ``exact``. ``info`` holds
-        ``decoder``, ``iterations``, ``seconds`` and ``history``, the method's figure per iteration.
+        ``EXACT`` if the labelling is proved optimal: by the method, or because its gap is only
+        rounding (some units in the last place of the score). ``CONVERGED`` at a local optimum or
+        fixed point, ``RELAXED`` if a fractional solution was rounded, ``STOPPED`` at the limit. If
+        the method ends at a forbidden labelling (-inf), a search continues from there:
+        ``REPAIRED`` if it finds an allowed labelling, ``INFEASIBLE`` if it gives up. Beliefs come
+        from ``sum-product``, ``mean-field`` and ``exact``. ``info`` holds ``decoder``,
+        ``iterations``, ``seconds`` and ``history``, the method's progress per iteration.
 
     Raises
     ------
     ConfigError
-        No such method; the message offers the nearest name.
+        The method is unknown; the message suggests the nearest name.
     InputError
-        The method cannot take these potentials or this graph, or they do not fit each other.
+        The method does not support these potentials or this graph, or they do not match.
     InfeasibleError
-        It is proved that they forbid every labelling; a node without any label is named.
+        Every labelling is provably forbidden; the message names a node without a possible label.
     SolverError
-        A decoder that was added claims what is false: labels that do not exist, a bound below the
-        score of its own labelling, or ``EXACT`` beside a bound that leaves a gap.
+        A registered or installed decoder returns labels that do not exist, a bound below the score
+        of its own labelling, or ``EXACT`` with an open gap.
 
     Examples
     --------
@@ -155,21 +154,21 @@ def decode(
 
 
 def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
-    """What follows from what the answer shows; refused where it shows nothing."""
+    """Internal quantities of the answer; InputError if there are none."""
     of_pairs = answer.info.get("pair_beliefs")
     if of_pairs is not None:
         return {"disagreement": 1 - np.einsum("ekk->e", of_pairs)}
     if not {"messages", "duals"} & set(answer.info):
         raise InputError(
-            f"{name!r} has nothing to look at here: messages come from 'sum-product' and "
-            "'max-product', pairs of beliefs from 'exact', 'sum-product' and 'mean-field', dual "
-            "variables from 'trw-s', 'lp' and, of two labels, 'graph-cut'"
+            f"inside is not supported by {name!r} here: messages come from 'sum-product' and "
+            "'max-product', pair beliefs from 'exact', 'sum-product' and 'mean-field', dual "
+            "variables from 'trw-s', 'lp' and, with two labels, 'graph-cut'"
         )
     return {}
 
 
 def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> None:
-    """Raise SolverError unless there is a label for each node and, if any, a belief for each."""
+    """Raise SolverError unless labels, and beliefs if any, have the right shape."""
     if not isinstance(answer, DecodingAnswer):
         raise SolverError(f"decoder {name!r} must return a DecodingAnswer, got {quoted(answer)}")
     shape = potentials.n_nodes, potentials.n_labels
@@ -184,7 +183,7 @@ def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> No
 
 
 def _check_bound(name: str, task: DecodingTask, status: Status, total: float, bound: float) -> None:
-    """Raise SolverError where a bound is below the score, or leaves a gap that EXACT denies."""
+    """Raise SolverError if a bound is below the score, or leaves a gap in spite of EXACT."""
     if bound >= total and status is not Status.EXACT:
         return
     known = task.potentials
@@ -193,18 +192,18 @@ def _check_bound(name: str, task: DecodingTask, status: Status, total: float, bo
     slack = FALSE * (abs(total) + max(sizes) + task.model.size)
     if bound < total - slack:
         raise SolverError(
-            f"decoder {name!r} says that no labelling scores more than {bound:.12g}, but its own "
+            f"decoder {name!r} returned an upper bound of {bound:.12g}, but its own labelling "
             f"scores {total:.12g}: its bound is wrong"
         )
     if status is Status.EXACT and bound > total + FALSE * _magnitude(task, total):
         raise SolverError(
-            f"decoder {name!r} calls its labelling exact, which scores {total:.12g}, but says that "
-            f"another may score up to {bound:.12g}"
+            f"decoder {name!r} returned status EXACT for a labelling that scores {total:.12g}, but "
+            f"an upper bound of {bound:.12g}"
         )
 
 
 def _repaired(task: DecodingTask, answer: DecodingAnswer) -> DecodingAnswer:
-    """The answer with labels that break no rule, where the search finds such."""
+    """The answer with an allowed labelling, if the search finds one."""
     from pgm_places.solvers.local_search import allowed_labels
 
     labels = allowed_labels(task.model, answer.labels)
@@ -216,7 +215,7 @@ def _repaired(task: DecodingTask, answer: DecodingAnswer) -> DecodingAnswer:
 def _certificate(
     task: DecodingTask, labels: NDArray[np.int64], total: float
 ) -> tuple[float, dict[str, Any]]:
-    """An upper bound of every score, and what finding it took."""
+    """An upper bound of every score, and its cost."""
     from pgm_places.solvers.trws import trws
 
     started = time.perf_counter()
@@ -232,7 +231,7 @@ def _certificate(
 
 
 def _final_status(task: DecodingTask, status: Status, total: float, bound: float | None) -> Status:
-    """EXACT where nothing but rounding lies between score and bound, else the method's word."""
+    """EXACT if score and bound differ by rounding only, else the method's status."""
     if bound is None or total == -np.inf or status is Status.EXACT:
         return status
     gap = bound - total
@@ -242,5 +241,5 @@ def _final_status(task: DecodingTask, status: Status, total: float, bound: float
 
 
 def _magnitude(task: DecodingTask, total: float) -> float:
-    """What roundings of a gap are multiples of."""
+    """The unit of rounding of a gap."""
     return abs(total) + min(task.model.size, max(task.model.top - total, 0.0))

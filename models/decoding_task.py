@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 Damping = Annotated[float, Ge(0), Lt(1)]
-"""Share of an old message or belief that an iteration keeps."""
+"""Weight of the old message or belief in an update."""
 
 
 def model_of(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
-    """Potentials on a graph as every solver takes them."""
+    """The solvers' model of potentials on a graph."""
     from pgm_places.solvers.pairwise import pairwise_model
 
     return pairwise_model(potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
@@ -30,20 +30,20 @@ def model_of(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
 
 @dataclass(frozen=True)
 class DecodingTask:
-    """What a decoder gets.
+    """The input of a decoder.
 
     Parameters
     ----------
     graph, potentials
-        The problem: they fit each other.
+        The problem; shapes are checked.
     record : callable
-        To be called after each iteration with its number, from 1, and a figure of the decoder's.
+        To be called after each iteration with its number, from 1, and a measure of progress.
     limit : int, optional
-        Of the iterations, where the user has set one.
+        Limit of the iterations, if the user has set one.
     inside : bool
-        Whether ``info`` is to show what led to the answer, where there is something to show.
+        Whether ``info`` should include internal quantities such as messages, if there are any.
     damping : float, optional
-        Share of the old messages or beliefs that an iteration keeps, where the user has set one.
+        Weight of old messages or beliefs in an update, if the user has set one.
     """
 
     graph: LabelGraph
@@ -55,39 +55,39 @@ class DecodingTask:
 
     @cached_property
     def model(self) -> "PairwiseModel":
-        """The problem as every solver takes it."""
+        """The solvers' model of the problem."""
         return model_of(self.graph, self.potentials)
 
     def limited(self, name: str = "max_iterations") -> dict[str, Any]:
-        """The limit under the solver's name for it, where there is one, and the reporter."""
+        """Keyword arguments of a solver: the limit, if any, under its name, and the reporter."""
         chosen: dict[str, Any] = {"on_iteration": self.record}
         if self.limit is not None:
             chosen[name] = self.limit
         return chosen
 
     def damped(self, default: float = 0.0) -> dict[str, Any]:
-        """The same with a damping, for solvers that have one."""
+        """The keyword arguments of :meth:`limited` and the damping."""
         return {**self.limited(), "damping": default if self.damping is None else self.damping}
 
 
 @dataclass(frozen=True)
 class DecodingAnswer:
-    """What a decoder finds; its score is worked out from the labels.
+    """The output of a decoder; the score is computed from the labels.
 
     Parameters
     ----------
     labels : (N,) int
-        A label index per node. Where they break a rule (-inf), others that do not are searched.
+        A label index per node. If they are forbidden (-inf), an allowed labelling is searched.
     status : Status
-        ``EXACT`` only if it is proved that no labelling scores more, else ``CONVERGED`` at an end
-        of the decoder's own and ``STOPPED`` at the limit.
+        ``EXACT`` only if the labelling is proved optimal, else ``CONVERGED``, or ``STOPPED`` at the
+        limit.
     bound : float, optional
-        What no labelling scores more than. One that rounding alone parts from the score turns the
-        status into ``EXACT``.
+        Upper bound of all scores. If it equals the score up to rounding, the status becomes
+        ``EXACT``.
     beliefs : (N, K) float, optional
         Probability of each label at each node; rows sum to one.
     info : mapping
-        What else there is to say.
+        Further results by name.
     """
 
     labels: NDArray[np.int64]
@@ -99,7 +99,7 @@ class DecodingAnswer:
 
 @dataclass(frozen=True)
 class NamedDecoder:
-    """A decoder, and what is to be known of it before it is run.
+    """A decoder and its capabilities.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class NamedDecoder:
     gives_beliefs : bool
         Whether its answers have beliefs.
     labels_maps : bool
-        Whether it takes graphs of many cycles, such as the cells of a map.
+        Whether it supports graphs of many cycles, such as the cells of a map.
     """
 
     run: Callable[[DecodingTask], DecodingAnswer]
@@ -117,5 +117,5 @@ class NamedDecoder:
 
 
 def converged(is_converged: bool) -> Status:
-    """The status of a local method that came to rest, or was stopped."""
+    """CONVERGED or STOPPED: the status of a local method."""
     return Status.CONVERGED if is_converged else Status.STOPPED

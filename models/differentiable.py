@@ -1,4 +1,4 @@
-"""Log partition function and structured hinge loss with their gradients, for learning end to end.
+"""Log partition function and structured hinge loss with gradients, for end-to-end learning.
 
 The gradient of ``log Z`` with respect to the potentials holds the marginals of nodes and edges; a
 subgradient of the hinge loss is the difference of two labellings. Both are values in NumPy arrays:
@@ -37,9 +37,9 @@ class ValueAndGradient:
     unary : (N, K) float
         Derivative with respect to ``Potentials.unary``.
     pairwise : (E, K, K) float
-        Derivative with respect to a table of each edge, in the order of ``graph.edges``.
+        Derivative with respect to the table of each edge, in the order of ``graph.edges``.
     kind : {"exact", "upper bound", "lower bound"}
-        What the value is; the gradient belongs to the value, bound or not.
+        Whether the value is exact or a bound; the gradient is of this value.
     """
 
     value: float
@@ -82,7 +82,7 @@ def log_partition(
     Raises
     ------
     InputError
-        ``exact`` is asked for and would need too much memory, or no labelling is allowed.
+        ``exact`` would need too much memory, or every labelling is forbidden.
 
     Notes
     -----
@@ -123,7 +123,7 @@ def log_partitions(
     Raises
     ------
     InputError
-        There are more graphs than potentials, or fewer; or as for one graph.
+        Numbers of graphs and potentials differ; or as for one graph.
     """
     _check_pairs(graphs, potentials)
     forests = [] if method in ("trees", "mean-field") else _forests(graphs, potentials)
@@ -203,7 +203,7 @@ def structured_hinge(
     worst = decode(graph, raised, chosen)
     value = score(graph, raised, worst.labels) - right
     worst_labels = worst.labels
-    if value < 0:  # the search missed the true labels, which are no worse
+    if value < 0:  # the search missed the true labels, which score no less
         worst_labels, value = truth, 0.0
     of_nodes, of_edges = (
         ours - theirs
@@ -265,7 +265,7 @@ def kl_divergence(graph: LabelGraph, first: Potentials, second: Potentials) -> f
 def _expected_score(
     marginals: ValueAndGradient, graph: LabelGraph, potentials: Potentials
 ) -> float:
-    """The mean score under marginals; what has probability 0 counts nothing."""
+    """The mean score under marginals, with 0 times -inf as 0."""
     total = 0.0
     tables = potentials.edge_tables(graph)
     for weight, value in ((marginals.unary, potentials.unary), (marginals.pairwise, tables)):
@@ -290,7 +290,7 @@ def _indicators(graph: LabelGraph, labels: NDArray[np.int64], k: int) -> tuple[A
 
 
 def _forests(graphs: Sequence[LabelGraph], potentials: Sequence[Potentials]) -> list[int]:
-    """Which graphs have no cycle and as many labels as the first of these."""
+    """Whether each graph has no cycle and as many labels as the first such graph."""
     from pgm_places.solvers.adjacency import adjacency, is_forest
 
     found: list[int] = []
@@ -322,7 +322,7 @@ def _exact_forests(
     model = pairwise_model(unary, edges, pairwise=tables)
     sums = forest_sums(model, *rooted_forest(model.around))
     of_pairs = sums.pair_beliefs()
-    # The model of tables that reward agreement alone keeps the rest of each table apart.
+    # A model of tables that only reward agreement stores the rest of each table separately.
     apart = tables[:, 0, -1] if model.offset else np.zeros(len(tables))
     return [
         ValueAndGradient(

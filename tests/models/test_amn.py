@@ -416,7 +416,7 @@ def test_an_offset_gives_up_no_held_out_accuracy() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"unlabelled": "hidden"}, "an offset needs unlabelled='dropped'"),
+        ({"unlabelled": "hidden"}, "an offset cannot be combined"),
     ],
 )
 def test_where_there_is_no_offset(options: dict[str, Any], message: str) -> None:
@@ -624,7 +624,7 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     assert warm.summary["certified_gap"] <= 1e-3
     np.testing.assert_array_equal(warm.feature_mean, before.feature_mean)
     hidden = [np.where(np.arange(64) % 9 == 0, -1, truth) for truth in truths]
-    with pytest.raises(InputError, match="warm_start needs unlabelled='dropped'"):
+    with pytest.raises(InputError, match="warm_start cannot be combined"):
         replace(before, unlabelled="hidden").fit(problems, hidden)
     with pytest.raises(InputError, match="warm_start is for learner 'cutting-plane', got 'qp'"):
         replace(before, learner="qp").fit(problems, truths)

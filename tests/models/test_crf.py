@@ -180,7 +180,7 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     assert warm.summary["iterations"] < cold.summary["iterations"]
     assert warm.summary["objective"] == pytest.approx(cold.summary["objective"], rel=0.01)
     hidden = [np.where(np.arange(120) % 9 == 0, -1, truth) for truth in truths]
-    with pytest.raises(InputError, match="warm_start with max margin needs unlabelled='dropped'"):
+    with pytest.raises(InputError, match="warm_start with max margin cannot be combined"):
         replace(before, learner="max-margin").fit(problems, hidden)
     fewer = LabelingProblem(problems[0].graph, NAMES, node_features=np.zeros((120, 2)))
     with pytest.raises(InputError, match="3 node features, this problem has 2"):
@@ -302,7 +302,7 @@ def test_weights_that_a_learner_cannot_take_are_refused() -> None:
     each = [np.linspace(0.5, 1.5, 30)]
     with pytest.raises(InputError, match="equal sample_weight within each connected part"):
         ConditionalRandomField().fit([problem], [truth], sample_weight=each)
-    with pytest.raises(InputError, match="unlabelled='dropped' with max margin"):
+    with pytest.raises(InputError, match="sample_weight with max margin cannot be combined"):
         ConditionalRandomField("max-margin").fit([problem], [some], sample_weight=each)
     dropped = ConditionalRandomField("max-margin", unlabelled="dropped")
     assert dropped.fit([problem], [some], sample_weight=each).tables is not None
@@ -358,7 +358,7 @@ def test_a_field_with_cliques_is_kept_and_refuses_what_does_not_fit(tmp_path: Pa
     field = ConditionalRandomField().fit([problem], [truth])
     save(field, tmp_path / "field", label_names=NAMES)
     assert load(tmp_path / "field").infer(problem).score == field.infer(problem).score
-    with pytest.raises(InputError, match="cliques are learned by learner='max-margin' only"):
+    with pytest.raises(InputError, match="likelihood learners cannot learn weights of cliques"):
         ConditionalRandomField("pseudo-likelihood").fit([problem], [truth])
     with pytest.raises(InputError, match="trained on cliques with 0 features, this problem has no"):
         field.infer(bare)

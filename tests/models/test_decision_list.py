@@ -386,7 +386,7 @@ def test_parts_of_a_list_add_up_to_it() -> None:
 def test_restricted_refuses_columns_that_do_not_serve() -> None:
     model, _ = fitted()
     first = model.used_features_[0]
-    with pytest.raises(InputError, match=rf"looks at columns \[{first}"):
+    with pytest.raises(InputError, match=rf"the list needs columns \[{first}"):
         model.restricted(model.used_features_[1:])
     with pytest.raises(InputError, match="columns must not name a column twice"):
         model.restricted([0, 0, 1, 2, 3, 4, 5])
@@ -476,7 +476,7 @@ def changed(index: int, value: float) -> Any:
         (damaged("order", lambda a: a[:-1]), "order must have shape"),
         (damaged("calibration", lambda a: a * np.nan), "calibration must hold finite"),
         (damaged("calibration", lambda a: a[:1]), "calibration must have shape"),
-        (damaged("classes", lambda c: [*c[:-1], c[0]]), "classes must differ"),
+        (damaged("classes", lambda c: [*c[:-1], c[0]]), "classes must not repeat"),
         (damaged("classes", lambda c: [*c[:-1], 3]), "classes must be a list of labels of one"),
         (damaged("classes", lambda c: [[name] for name in c]), "a class must be a string or"),
         (damaged("classes", lambda c: "abcd"), "classes must be a list"),

@@ -141,8 +141,11 @@ def liar(**answer: Any) -> NamedDecoder:
     [
         ({"labels": np.array([0, 2])}, "gave no labelling of this graph"),
         ({"labels": np.array([0])}, "gave no labelling of this graph"),
-        ({"bound": 1.0}, "no labelling scores more than 1, but its own scores 1.4"),
-        ({"status": Status.EXACT, "bound": 1.6}, "exact, which scores 1.4, but says that another"),
+        ({"bound": 1.0}, "an upper bound of 1, but its own labelling scores 1.4"),
+        (
+            {"status": Status.EXACT, "bound": 1.6},
+            "EXACT for a labelling that scores 1.4, but an upper bound",
+        ),
         ({"beliefs": np.full((2, 3), 1 / 3)}, r"beliefs of shape \(2, 2\), got \(2, 3\)"),
     ],
 )

@@ -221,7 +221,7 @@ def test_bad_problems() -> None:
         model.infer(problem)
     with pytest.raises(InputError, match="at least one problem"):
         model.fit([], [])
-    with pytest.raises(InputError, match="no step is labelled"):
+    with pytest.raises(InputError, match="no labelled step has a positive weight"):
         model.fit([problem], [np.full(10, -1)])
     grid = LabelGraph.from_grid(np.ones((2, 5), np.bool_))
     with pytest.raises(InputError, match="'hmm' labels chains"):
@@ -434,7 +434,7 @@ def test_steps_of_weight_zero_teach_nothing() -> None:
     np.testing.assert_allclose(heavy.confusion, fewer.confusion, rtol=1e-12)
     with pytest.raises(InputError, match="one weight per chain with unlabelled='hidden'"):
         build("hmm", {"unlabelled": "hidden"}).fit([problem], [truth], sample_weight=[counts])
-    with pytest.raises(InputError, match="or all that are weigh 0"):
+    with pytest.raises(InputError, match="no labelled step has a positive weight"):
         build("hmm", {"smoothing": 0.0}).fit(
             [problem, problem], [truth, truth - truth - 1], sample_weight=[0.0, 1.0]
         )

@@ -94,10 +94,12 @@ def test_graph_cuts_of_two_labels_show_their_flow() -> None:
     bound = dual_bound(unary, RING.edges, None, table, duals=found.info["duals"])
     assert bound == pytest.approx(found.score, abs=1e-12)
     three = Potentials.potts(np.zeros((4, 3)), 0.4)
-    with pytest.raises(InputError, match="of two labels, 'graph-cut'"):
+    with pytest.raises(InputError, match="with two labels, 'graph-cut'"):
         decode(RING, three, "graph-cut", inside=True)
 
 
 def test_decoders_with_nothing_to_show_say_so() -> None:
-    with pytest.raises(InputError, match="'icm' has nothing to look at here: messages come from"):
+    with pytest.raises(
+        InputError, match="inside is not supported by 'icm' here: messages come from"
+    ):
         decode(TREE, potentials_on(TREE, 0), "icm", inside=True)

@@ -126,7 +126,7 @@ def test_a_labelling_that_contradicts_the_evidence_is_refused() -> None:
     with pytest.raises(InputError, match="the only label of problem 0 is known"):
         build("crf").fit([problem], [alone])
     half = np.array([0, 1, -1])
-    with pytest.raises(InputError, match="learner='qp' takes no known labels"):
+    with pytest.raises(InputError, match="learner='qp' does not support known labels"):
         build("amn", {"learner": "qp", "unlabelled": "dropped"}).fit([problem], [half])
 
 

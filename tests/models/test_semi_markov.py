@@ -166,9 +166,9 @@ def test_errors_name_the_method() -> None:
     grid = LabelingProblem(LabelGraph.from_lattice((2, 2)), ["a", "b"], unary=np.zeros((4, 2)))
     for method in (SemiMarkovModel(), HiddenMarkovModel()):
         name = method.name
-        with pytest.raises(InputError, match=f"'{name}' labels chains such as"):
+        with pytest.raises(InputError, match=f"'{name}' labels chains only"):
             method.infer(grid)
-        with pytest.raises(InputError, match=f"'{name}' labels chains such as"):
+        with pytest.raises(InputError, match=f"'{name}' labels chains only"):
             method.fit([grid], [np.array([0, 0, 1, 1])])
         bare = LabelingProblem(
             LabelGraph.from_lattice((4,)), ["a", "b"], node_features=np.zeros((4, 1))

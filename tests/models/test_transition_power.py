@@ -60,8 +60,8 @@ def test_the_nearest_process_is_taken_and_said_to_be_another() -> None:
 @pytest.mark.parametrize(
     ("table", "exponent", "message"),
     [
-        ([[0.5, 0.5], [0.5, 0.5]], 0.5, "one step forgets what came before"),
-        ([[0.1, 0.9], [0.9, 0.1]], 0.5, "one step forgets what came before"),
+        ([[0.5, 0.5], [0.5, 0.5]], 0.5, "one step forgets the past"),
+        ([[0.1, 0.9], [0.9, 0.1]], 0.5, "one step forgets the past"),
         ([[0.9, 0.2], [0.2, 0.8]], 0.5, "sum to one in every row"),
         ([[0.9, 0.1], [0.2, 0.8]], 0.0, "the exponent must be above 0, got 0"),
     ],
