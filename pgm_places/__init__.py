@@ -1,7 +1,7 @@
 """Semantic place labelling: occupancy grids and trajectories in, labelled places out.
 
-The public names stand in ``__init__.pyi``. They are imported when they are first used, so that
-``import pgm_places`` costs nothing.
+``__init__.pyi`` lists the public names. They are imported on first use, so that
+``import pgm_places`` is fast.
 """
 
 import logging

@@ -1,4 +1,4 @@
-"""What an annotation takes: a check that returns the value, converted where that is plain."""
+"""Checks of arguments by annotation: each returns the value, converted where unambiguous."""
 
 import collections.abc
 import enum
@@ -19,7 +19,7 @@ import numpy as np
 from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, marks_of, unannotated, union_members
 
 NO = object()
-"""What a check returns for a value that its annotation does not take."""
+"""Returned by a check for a value that its annotation does not accept."""
 
 Check = Callable[[Any], Any]
 
@@ -27,18 +27,18 @@ CONVERTERS = {
     "OccupancyGrid": "pgm_places.io.maps.grid_argument:as_grid",
     "CellMap": "pgm_places.io.maps.grid_argument:as_grid",
 }
-"""By the name of a type, what makes one of another value, or returns None; imported when asked."""
+"""Converters by type name, imported on first use; each returns None for other values."""
 
 
 class ByName(NamedTuple):
-    """Types that only type checkers import, since that takes long: known by their names."""
+    """Types that only type checkers import, identified by name because their import is slow."""
 
     names: tuple[str, ...]
 
 
 def hints_of(function: Any) -> dict[str, Any]:
-    """The annotations of the parameters, types that are not imported by their names."""
-    found = {}
+    """The annotations of the parameters; types that are not imported stand as their names."""
+    hints = {}
     for name, hint in function.__annotations__.items():
         holder = types.SimpleNamespace(__annotations__={name: hint})
         try:
@@ -48,29 +48,29 @@ def hints_of(function: Any) -> dict[str, Any]:
         except (NameError, AttributeError, TypeError):
             if isinstance(hint, str) and name != "return":
                 parts = hint.partition("[")[0].split("|")
-                found[name] = ByName(tuple(part.strip().rpartition(".")[2] for part in parts))
+                hints[name] = ByName(tuple(part.strip().rpartition(".")[2] for part in parts))
             continue
-        found.update(resolved)
-    found.pop("return", None)
-    return found
+        hints.update(resolved)
+    hints.pop("return", None)
+    return hints
 
 
 def _names_around(function: Any) -> dict[str, Any]:
-    """Where the annotations of a function are looked up: in its module, whatever made it."""
+    """The namespace in which a function's annotations are resolved: its own module."""
     module = importlib.import_module(function.__module__)
     return {**function.__globals__, **vars(module)}
 
 
 @functools.cache
 def check_of(hint: Any) -> Check:
-    """The check of an annotation: the value, converted where that is plain, or ``NO``."""
+    """The check of an annotation, which returns the (converted) value or ``NO``."""
     if isinstance(hint, ByName):
         return functools.partial(_named, hint.names)
     if is_array(hint):
         return functools.partial(_array, None)
     parts = union_members(hint)
     arrays = [arm for arm in parts if is_array_part(arm)]
-    if arrays:  # the parts of ArrayLike, which a union has taken in
+    if arrays:  # members of ArrayLike, which a union flattens
         others = tuple(arm for arm in parts if not is_array_part(arm) and arm not in SCALARS)
         return either((*map(_check_of_arm, others), functools.partial(_array, None)))
     return either(tuple(map(_check_of_arm, parts)))
@@ -82,9 +82,9 @@ def either(checks: tuple[Check, ...]) -> Check:
 
     def check(value: Any) -> Any:
         for one in checks:
-            found = one(value)
-            if found is not NO:
-                return found
+            converted = one(value)
+            if converted is not NO:
+                return converted
         return NO
 
     return check
@@ -176,21 +176,21 @@ LISTS = (collections.abc.Sequence, collections.abc.Collection, list, tuple)
 
 
 def _within(check: Check, marks: tuple[Any, ...], value: Any) -> Any:
-    found = check(value)
-    if found is NO:
+    converted = check(value)
+    if converted is NO:
         return NO
     fits = all(
-        (not isinstance(mark, Ge) or found >= mark.limit)
-        and (not isinstance(mark, Gt) or found > mark.limit)
-        and (not isinstance(mark, Le) or found <= mark.limit)
-        and (not isinstance(mark, Lt) or found < mark.limit)
+        (not isinstance(mark, Ge) or converted >= mark.limit)
+        and (not isinstance(mark, Gt) or converted > mark.limit)
+        and (not isinstance(mark, Le) or converted <= mark.limit)
+        and (not isinstance(mark, Lt) or converted < mark.limit)
         for mark in marks
     )
-    return found if fits else NO
+    return converted if fits else NO
 
 
 def _word(words: tuple[Any, ...], value: Any) -> Any:
-    """One of the words, equal and of the same kind: True is not 1."""
+    """One of the literals, equal and of the same type: True is not 1."""
     value = _scalar(value)
     if isinstance(value, np.generic):
         value = value.item()
@@ -214,12 +214,12 @@ def _tuple(checks: tuple[Check, ...], value: Any) -> Any:
         value = value.tolist()
     if not isinstance(value, list | tuple) or len(value) != len(checks):
         return NO
-    found = tuple(check(item) for check, item in zip(checks, value, strict=True))
-    return NO if any(item is NO for item in found) else found
+    converted = tuple(check(item) for check, item in zip(checks, value, strict=True))
+    return NO if any(item is NO for item in converted) else converted
 
 
 def _list(hint: Any, check: Check, marks: tuple[Any, ...], value: Any) -> Any:
-    """A list whose items are as they should be; one such item is a list of one."""
+    """A list of valid items; a single valid item becomes a list of one."""
     if isinstance(unannotated(hint), type) and unannotated(hint).__module__.startswith(
         "pgm_places"
     ):
@@ -240,25 +240,25 @@ def _list(hint: Any, check: Check, marks: tuple[Any, ...], value: Any) -> Any:
         return value
     if isinstance(value, np.ndarray) and value.ndim == 1:
         value = value.tolist()
-    found = [check(item) for item in value]
-    if any(item is NO for item in found):
+    items = [check(item) for item in value]
+    if any(item is NO for item in items):
         return NO
-    same = all(new is old for new, old in zip(found, value, strict=True))
-    return value if same else tuple(found) if isinstance(value, tuple) else found
+    same = all(new is old for new, old in zip(items, value, strict=True))
+    return value if same else tuple(items) if isinstance(value, tuple) else items
 
 
 def _mapping(key: Check, item: Check, value: Any) -> Any:
     if not isinstance(value, Mapping):
         return NO
-    found = {key(name): item(part) for name, part in value.items()}
-    if NO in found or any(part is NO for part in found.values()):
+    converted = {key(name): item(part) for name, part in value.items()}
+    if NO in converted or any(part is NO for part in converted.values()):
         return NO
-    same = all(found.get(name, NO) is part for name, part in value.items())
-    return value if same else found
+    same = all(converted.get(name, NO) is part for name, part in value.items())
+    return value if same else converted
 
 
 def _instance(cls: Any, value: Any) -> Any:
-    """An instance, an object with all members of a protocol, or what a converter makes one."""
+    """An instance, an object with all members of a protocol, or a converted value."""
     if getattr(cls, "_is_protocol", False):
         fits = not isinstance(value, type) and all(hasattr(value, name) for name in _members(cls))
     else:
@@ -271,13 +271,13 @@ def _instance(cls: Any, value: Any) -> Any:
     if converter is None:
         return NO
     module, name = converter.split(":")
-    found = getattr(importlib.import_module(module), name)(value)
-    return NO if found is None else found
+    converted = getattr(importlib.import_module(module), name)(value)
+    return NO if converted is None else converted
 
 
 @functools.cache
 def _members(protocol: Any) -> tuple[str, ...]:
-    """What an object of a protocol has to have."""
+    """The members that a protocol requires."""
     bases = [base for base in protocol.__mro__ if getattr(base, "_is_protocol", False)]
     names = {name for base in bases for name in (*vars(base), *inspect.get_annotations(base))}
     return tuple(sorted(name for name in names if not name.startswith("_") or name == "__call__"))
@@ -287,7 +287,7 @@ def _members(protocol: Any) -> tuple[str, ...]:
 
 
 def is_array_part(hint: Any) -> bool:
-    """Whether an annotation is one of those of which ``ArrayLike`` consists."""
+    """Whether an annotation is a member of the union ``ArrayLike``."""
     module = getattr(typing.get_origin(hint) or hint, "__module__", "")
     return module.startswith("numpy._typing") or getattr(hint, "__name__", "") == "Buffer"
 
@@ -297,7 +297,7 @@ def is_array(hint: Any) -> bool:
 
 
 def kind_of_numbers(inner: tuple[Any, ...]) -> Any:
-    """Of ``NDArray[np.float64]``: what its items are, None where that may be anything."""
+    """The item type of ``NDArray[np.float64]``; None if any type is allowed."""
     kind = typing.get_args(inner[1])[0] if len(inner) > 1 and typing.get_args(inner[1]) else None
     kind = typing.get_origin(kind) or kind
     if kind is Any:
@@ -306,7 +306,7 @@ def kind_of_numbers(inner: tuple[Any, ...]) -> Any:
 
 
 def _array(kind: Any, value: Any) -> Any:
-    """An array of the kind of numbers that is wanted, made of what is given."""
+    """The value as an array of the annotated item type."""
     if hasattr(value, "tocsr"):
         return value
     if hasattr(value, "mask") and isinstance(value, np.ma.MaskedArray):
@@ -339,7 +339,7 @@ def _array(kind: Any, value: Any) -> Any:
 
 
 def _is_like_an_array(value: Any) -> bool:
-    """Whether NumPy makes an array of numbers of it, and of it alone."""
+    """Whether NumPy converts the value to an array of numbers."""
     if isinstance(value, numbers.Number | np.generic | list | tuple | range | memoryview):
         return True
     own = type(value).__module__.startswith("pgm_places") and not hasattr(value, "__getitem__")

@@ -1,4 +1,4 @@
-"""What an annotation takes and what came instead, in words."""
+"""Error messages of arguments: the accepted type and the actual value, in words."""
 
 import collections.abc
 import numbers
@@ -36,13 +36,13 @@ _MADE_BY = {
     "LabelledMap": "LabelledMap(grid, labels) makes one",
     "Trajectory": "Trajectory(times_s, poses) makes one",
 }
-"""What to do where something else comes."""
+"""How to obtain an object of each type; hints of messages."""
 
 
 def refused(
     function: Any, name: str, given: Mapping[str, Any], error: type[InputError]
 ) -> InputError:
-    """The error of an argument: one line with what it takes, what came, and what to do."""
+    """The error of an argument: one line with the accepted type, the value, and a hint."""
     hint, value = hints_of(function)[name], given[name]
     is_option = any(
         marks_of(arm) or typing.get_origin(arm) is Literal for arm in union_members(hint)
@@ -53,7 +53,7 @@ def refused(
 
 
 def words(hint: Any) -> str:
-    """What an annotation takes, in words; what a converter takes as well."""
+    """The types that an annotation accepts, in words, converters included."""
     if isinstance(hint, ByName):
         return " or ".join(n if n == "None" else f"{_article(n)} {n}" for n in hint.names)
     if is_array(hint):
@@ -77,10 +77,10 @@ def _words_of_arm(hint: Any) -> str:
     if origin is np.ndarray:
         numbers_of = kind_of_numbers(inner)
         names = {np.bool_: "True and False", np.integer: "whole numbers"}
-        found = [
+        item_names = [
             text for base, text in names.items() if numbers_of and issubclass(numbers_of, base)
         ]
-        return f"an array of {found[0] if found else 'numbers'}"
+        return f"an array of {item_names[0] if item_names else 'numbers'}"
     if origin in (collections.abc.Callable, type):
         return "a function" if origin is not type else "a class"
     if origin is tuple and inner and inner[-1] is not Ellipsis:
@@ -103,7 +103,7 @@ def _article(name: str) -> str:
 
 
 def described(value: Any) -> str:
-    """What came, in words: a number or a text as it is, anything else by its type."""
+    """A value in words: a number or a text itself, anything else by its type."""
     if value is None or isinstance(value, str | bytes | numbers.Number | np.generic | os.PathLike):
         return quoted(value)
     if isinstance(value, type):
@@ -121,19 +121,19 @@ def described(value: Any) -> str:
     return f"{_article(type(value).__name__)} {type(value).__name__}"
 
 
-def _swapped(function: Any, name: str, given: Mapping[str, Any]) -> str:
-    """A hint where two arguments fit each other's places."""
+def _swapped(function: Any, name: str, values: Mapping[str, Any]) -> str:
+    """A hint if two arguments look swapped."""
     checks = checks_of(function)[1]
-    for other, there in given.items():
+    for other, there in values.items():
         if other == name or other not in checks or checks[other](there) is not NO:
             continue
-        if checks[other](given[name]) is not NO and checks[name](there) is not NO:
+        if checks[other](values[name]) is not NO and checks[name](there) is not NO:
             return f"; are {name} and {other} swapped?"
     return ""
 
 
 def _what_to_do(hint: Any, value: Any) -> str:
-    """A hint where a field of the value, or its only item, is what is wanted; or what makes one."""
+    """A hint to pass a field of the value or its only item, or how to make the wanted type."""
     check = check_of(hint)
     for field in getattr(type(value), "__dataclass_fields__", ()):
         part = getattr(value, field, None)

@@ -1,8 +1,8 @@
-"""Arguments of public functions, checked by their annotations where the call begins.
+"""Argument checks of public functions, by their annotations, at the start of the call.
 
-:func:`public` is put on functions and classes. What an annotation takes goes through, what clearly
-means it is converted (a path where a map is wanted, one item where a list is), and everything else
-is refused in one line, before anything is computed.
+:func:`public` decorates functions and classes. Accepted values pass, unambiguous ones are converted
+(a path where a map is expected, one item where a list is), and everything else is refused in one
+line, before anything is computed.
 """
 
 import functools
@@ -17,26 +17,26 @@ T = TypeVar("T")
 
 
 def public(item: T) -> T:
-    """A function or a class whose public calls are checked; instances of a class travel.
+    """Decorate a function or a class so that its public calls are checked.
 
-    Instances are pickled and copied with read-only arrays.
+    Instances of a class are pickled and copied with their arrays read-only.
 
     Raises
     ------
     InputError
-        When called: one line with the argument, what it takes, and what came. A ConfigError where
-        it is one of several words, or a number within limits.
+        When called: one line with the argument, the accepted type, and the value. A ConfigError for
+        a choice of literals or a number with limits.
     """
     return _public(item, InputError)
 
 
 def public_raising(error: type[InputError]) -> Callable[[T], T]:
-    """The same with an error of another kind."""
+    """:func:`public` with another error class."""
     return lambda item: _public(item, error)
 
 
 def public_options(item: T) -> T:
-    """A class like a public one, which checks what its constructor is given by itself, later."""
+    """:func:`public` for a class that checks the arguments of its constructor itself."""
     return _public(item, InputError, and_init=False)
 
 
@@ -54,22 +54,22 @@ def _public(item: Any, error: type[InputError], *, and_init: bool = True) -> Any
 
 
 def _checked(function: Any, error: type[InputError]) -> Any:
-    """A function that looks at its arguments first; its signature stays."""
+    """The function behind a check of its arguments, with the same signature."""
 
     @functools.wraps(function)
     def checked(*args: Any, **kwargs: Any) -> Any:
         from pgm_places._argument_kinds import NO, checks_of  # NumPy: commands begin without it
 
         names, checks = checks_of(function)
-        given = [*zip(names, args, strict=False), *kwargs.items()]
-        found = {name: checks[name](value) for name, value in given if name in checks}
-        for name, value in found.items():
+        passed = [*zip(names, args, strict=False), *kwargs.items()]
+        converted = {name: checks[name](value) for name, value in passed if name in checks}
+        for name, value in converted.items():
             if value is NO:
                 from pgm_places._argument_words import refused
 
-                raise refused(function, name, dict(given), error)
-        places = [found.get(name, value) for name, value in zip(names, args, strict=False)]
-        further = {name: found.get(name, value) for name, value in kwargs.items()}
+                raise refused(function, name, dict(passed), error)
+        places = [converted.get(name, value) for name, value in zip(names, args, strict=False)]
+        further = {name: converted.get(name, value) for name, value in kwargs.items()}
         return function(*places, *args[len(names) :], **further)
 
     return checked

@@ -1,4 +1,4 @@
-"""Checks of arrays that come from outside, each returning the checked array or one clear error."""
+"""Checks of arrays and names from callers: each returns the checked value or raises one error."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError, LabelError, is_printable, quoted
 
 LONGEST_NAME = 200
-"""Characters of a name."""
+"""The longest name, in characters."""
 FARTHEST_M = 1e7
-"""Of a robot's pose: coordinates beyond (or headings of more radians) are damage, not a place."""
+"""The largest coordinate (or heading, in radians) of a robot's pose; larger ones are damage."""
 ROWS_AT_ONCE = 262_144
-"""Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
+"""Rows of huge arrays that are processed together, so that temporary arrays stay small."""
 
 
 def row_blocks(n_rows: int, most: int | None = None) -> Iterator[slice]:
@@ -32,7 +32,7 @@ def frozen_copy(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def set_frozen(item: Any, **values: Any) -> None:
-    """Set fields of a frozen dataclass that is being made; arrays become read-only."""
+    """Set fields of a frozen dataclass during its construction; arrays become read-only."""
     for name, value in values.items():
         object.__setattr__(
             item, name, frozen_copy(value) if isinstance(value, np.ndarray) else value
@@ -40,7 +40,7 @@ def set_frozen(item: Any, **values: Any) -> None:
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:
-    """The array itself, made read-only: for results that nobody else holds; saves a copy."""
+    """The array itself, made read-only without a copy: for results without other references."""
     array.setflags(write=False)
     return frozen_copy(array)
 
@@ -64,7 +64,7 @@ def require_shape(
     *,
     of: str = "",
 ) -> None:
-    """Raise an error unless a shape fits, which is ``of`` something, such as ``the map's``."""
+    """Raise an error unless a shape fits; ``of`` names its owner, such as ``the map's``."""
     if not _fits(got, shape):
         hint = _shape_hint(name, got, shape)
         whose = f"{of} " if of else ""
@@ -72,7 +72,7 @@ def require_shape(
 
 
 def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> str:
-    """What to write instead, where the slip is a common one."""
+    """A hint for common mistakes: a single column, a transposed array."""
     if len(shape) != 2:
         return ""
     if len(got) == 1 and got[0] == shape[0] != shape[1]:
@@ -81,19 +81,19 @@ def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, 
 
 
 def require_type(name: str, value: object, kind: type, hint: str = "") -> None:
-    """Raise InputError, with a hint what to write instead, unless ``value`` is of that type."""
+    """Raise InputError, with a hint, unless ``value`` is of the type ``kind``."""
     if not isinstance(value, kind):
         raise InputError(f"{name} must be a {kind.__name__}, got a {type(value).__name__}{hint}")
 
 
 def require_at_least(name: str, value: float, low: float, unit: str = "") -> None:
-    """Raise InputError unless a number, in a unit such as ``metres``, is as large as that."""
+    """Raise InputError unless a number, in a unit such as ``metres``, is at least ``low``."""
     if not value >= low:
         raise InputError(f"{name} must be at least {low}{unit and ' '}{unit}, got {value}")
 
 
 def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-    """``values`` as an array of that type (their own if None), unless they are no real numbers."""
+    """``values`` as an array of real numbers of a type; None keeps their own type."""
     if hasattr(values, "toarray"):
         raise InputError(
             f"{name} must be an array of numbers, got a sparse one; give its toarray()"
@@ -104,7 +104,7 @@ def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArr
         array = np.asarray(values)
         if array.dtype.kind in "cSU":
             raise ValueError(f"its type is {array.dtype}")
-        if dtype is None:  # their own, unless that is Python objects
+        if dtype is None:  # their own type, unless it is Python objects
             return array.astype(np.float64) if array.dtype.kind == "O" else array
         return array.astype(dtype, copy=False)
     except (TypeError, ValueError) as error:
@@ -122,8 +122,8 @@ def finite_array(
     """``values`` as a float array of the stated shape without NaN or infinity.
 
     In ``shape`` a number must match, a string or None stands for any size. ``-inf`` (the logarithm
-    of zero probability) is let through where ``allow_minus_inf`` says so. The type is float64, or
-    with ``dtype=None`` whatever ``values`` have if they are float32.
+    of zero probability) passes with ``allow_minus_inf``. The type is float64; with ``dtype=None``,
+    float32 stays float32.
     """
     if dtype is None:
         dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
@@ -143,7 +143,7 @@ def finite_array(
 def pose_array(
     name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
 ) -> NDArray[np.float64]:
-    """``values`` as x, y in metres and heading in radians that a robot on earth can have."""
+    """``values`` as poses: x, y in metres and heading in radians, within :data:`FARTHEST_M`."""
     poses = finite_array(name, values, shape)
     far = np.abs(poses) > FARTHEST_M
     if far.any():
@@ -156,22 +156,22 @@ def pose_array(
 
 
 def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:
-    """Whether no value is refused; piece by piece, since a mask of a huge array is huge too."""
+    """Whether all values are allowed; in blocks, since a mask of a huge array is huge too."""
     if array.ndim == 0 or len(array) <= ROWS_AT_ONCE:
         return bool((array < np.inf if allow_minus_inf else np.isfinite(array)).all())
     return all(_all_allowed(array[some], allow_minus_inf) for some in row_blocks(len(array)))
 
 
 def is_sparse(rows: object) -> bool:
-    """Whether an array is a sparse one of SciPy, which is not imported for it."""
+    """Whether an array is a sparse SciPy array, without importing SciPy."""
     return hasattr(rows, "tocsr")
 
 
 def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float64]:
     """(N, D) finite features: an array, or sparse rows (``scipy.sparse.csr_array``), read-only.
 
-    Sparse rows stay sparse. They are typed as the array that they stand for: what is done to
-    features (products, rows of a mask, columns) is written alike for both.
+    Sparse rows stay sparse. They are typed as dense arrays: products, masked rows and columns have
+    the same syntax for both.
     """
     if not is_sparse(values):
         return frozen_copy(finite_array(name, values, (n_rows, "D")))
@@ -181,8 +181,8 @@ def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float6
         raise InputError(f"{name} must have shape {_shape_text((n_rows, 'D'))}, got {values.shape}")
     require_shape(name, values.shape, (n_rows, "D"))
     finite_array(f"the values of {name}", values.tocsr().data, ("M",))
-    given = isinstance(values, csr_array) and values.dtype == np.float64
-    if given and not values.data.flags.writeable:
+    is_ready = isinstance(values, csr_array) and values.dtype == np.float64
+    if is_ready and not values.data.flags.writeable:
         return values
     rows: Any = csr_array(values, dtype=np.float64, copy=True)
     rows.sum_duplicates()
@@ -239,7 +239,7 @@ def integer_array(
 
 
 def learned_number(name: str, values: NDArray[Any], at: int, most: int, *, low: int = 0) -> int:
-    """A whole number from ``low`` to below ``most`` in a learned array, which a file may spoil."""
+    """An integer from ``low`` to below ``most`` in a learned array; files may be damaged."""
     value = values[at] if at < len(values) else -1
     if not low <= value < most:
         raise InputError(f"{name} must hold {low} to {most - 1} at index {at}, got {quoted(value)}")
@@ -247,7 +247,7 @@ def learned_number(name: str, values: NDArray[Any], at: int, most: int, *, low: 
 
 
 def node_mask(nodes: ArrayLike, n_nodes: int) -> NDArray[np.bool_]:
-    """A mask (N,) of nodes; their numbers are refused, which would be another choice as a mask."""
+    """A mask (N,) of nodes; node numbers are refused, as NumPy would read them as a mask."""
     mask = np.asarray(nodes)
     if mask.dtype != np.bool_:
         raise InputError(
@@ -259,7 +259,7 @@ def node_mask(nodes: ArrayLike, n_nodes: int) -> NDArray[np.bool_]:
 
 
 def cell_list(cells_rc: ArrayLike) -> NDArray[Any]:
-    """Cells (n, 2), row and column, wherever they are."""
+    """Cells (n, 2), row and column, inside or outside the map."""
     cells = np.asarray(cells_rc)
     if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
         raise InputError(
@@ -279,7 +279,7 @@ def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> 
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise error(f"{what} must be a list of names, got {quoted(names)}")
-    seen: dict[str, None] = {}
+    unique: dict[str, None] = {}
     for name in names:
         if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
             raise error(
@@ -287,10 +287,10 @@ def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> 
             )
         if not is_printable(name):
             raise error(f"{what} must not hold control characters, got {quoted(name)}")
-        if name in seen:
+        if name in unique:
             raise error(f"{what} must differ, got {quoted(name)} twice")
-        seen[name] = None
-    return tuple(seen)
+        unique[name] = None
+    return tuple(unique)
 
 
 def require_names(where: str, labels: NDArray[Any], names: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""Packages that only some tasks need: imported when such a task begins, or asked for by name."""
+"""Optional dependencies: imported on use, with a message that names the extra to install."""
 
 import importlib
 from pathlib import Path
@@ -17,7 +17,7 @@ def needed(module: str, *, extra: str, purpose: str) -> Any:
     extra : str
         The extra of this package that installs it.
     purpose : str
-        What cannot be done without it: the beginning of the message.
+        The task that needs it; the message begins with it.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def needed(module: str, *, extra: str, purpose: str) -> Any:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs an extra: of a checkout in place, else of the installed package.
+    """The pip command that installs an extra, of the checkout or of the installed package.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Marks of options: what a number or a list may be, written beside its type.
+"""Marks of options: limits of numbers and lists, written beside their types.
 
 Cheap stand-ins for annotated_types, whose limits are accepted too.
 """
@@ -51,12 +51,12 @@ class OrInfinite:
 
 
 class NameOf:
-    """A mark of strings that name one of several things, to which other packages may add.
+    """A mark of strings that name one of several things; other packages may add names.
 
     Parameters
     ----------
     built_in : collection of str
-        The names that are looked at first.
+        The names that are tried first.
     names : callable
         Returns all names.
     """
@@ -65,12 +65,12 @@ class NameOf:
         self.built_in, self.names = built_in, names
 
     def knows(self, name: str) -> bool:
-        """Whether something has that name."""
+        """Whether the name is registered."""
         return name in self.built_in or name in self.names()
 
 
 _ATTRIBUTES: dict[str, type[Mark]] = {"ge": Ge, "gt": Gt, "le": Le, "lt": Lt, "min_length": MinLen}
-"""What the marks of annotated_types call their limit."""
+"""The attribute of each mark of annotated_types that holds its limit."""
 
 
 def own_marks(mark: Any) -> list[Any]:
@@ -93,7 +93,7 @@ def _own(mark: Any) -> Any:
 
 
 def describe_type(hint: Any) -> str:
-    """What an annotation takes, in words.
+    """The values that an annotation accepts, in words.
 
     Examples
     --------
@@ -104,11 +104,11 @@ def describe_type(hint: Any) -> str:
     >>> describe_type(tuple[Annotated[float, Gt(0)], ...] | None)
     'a list of numbers above 0 or None'
     """
-    found = [_words(arm, plural=False) for arm in union_members(hint)]
-    if len(found) < 2:
-        return found[0]
-    comma = "," if len(found) > 2 or " and " in found[0] else ""
-    return ", ".join(found[:-1]) + f"{comma} or {found[-1]}"
+    texts = [_words(arm, plural=False) for arm in union_members(hint)]
+    if len(texts) < 2:
+        return texts[0]
+    comma = "," if len(texts) > 2 or " and " in texts[0] else ""
+    return ", ".join(texts[:-1]) + f"{comma} or {texts[-1]}"
 
 
 def unannotated(hint: Any) -> Any:
@@ -117,16 +117,16 @@ def unannotated(hint: Any) -> Any:
 
 
 def marks_of(hint: Any) -> tuple[Any, ...]:
-    """The marks of an annotation one by one, those of a group among them."""
-    return tuple(found for mark in getattr(hint, "__metadata__", ()) for found in own_marks(mark))
+    """The marks of an annotation one by one; groups are expanded."""
+    return tuple(own for mark in getattr(hint, "__metadata__", ()) for own in own_marks(mark))
 
 
 def union_members(hint: Any) -> list[Any]:
-    """The alternatives of a union, None last; marks of a whole union are not looked at."""
+    """The alternatives of a union, None last; marks of the union itself are ignored."""
     if typing.get_origin(unannotated(hint)) not in (Union, types.UnionType):
         return [hint]
-    found = [arm for part in typing.get_args(unannotated(hint)) for arm in union_members(part)]
-    return sorted(found, key=lambda arm: arm is types.NoneType)
+    arms = [arm for part in typing.get_args(unannotated(hint)) for arm in union_members(part)]
+    return sorted(arms, key=lambda arm: arm is types.NoneType)
 
 
 _NOUNS = {
@@ -180,9 +180,9 @@ def _limits(marks: tuple[Any, ...]) -> str:
     high = next((mark for mark in marks if isinstance(mark, Le | Lt)), None)
     if isinstance(low, Ge) and isinstance(high, Le):
         return f"from {low.limit} to {high.limit}"
-    found = []
+    texts = []
     if low is not None:
-        found.append(f"of at least {low.limit}" if isinstance(low, Ge) else f"above {low.limit}")
+        texts.append(f"of at least {low.limit}" if isinstance(low, Ge) else f"above {low.limit}")
     if high is not None:
-        found.append(f"at most {high.limit}" if isinstance(high, Le) else f"below {high.limit}")
-    return " and ".join(found)
+        texts.append(f"at most {high.limit}" if isinstance(high, Le) else f"below {high.limit}")
+    return " and ".join(texts)

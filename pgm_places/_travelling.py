@@ -1,4 +1,4 @@
-"""Records that are pickled and copied, to other processes and caches, as they are."""
+"""Pickling and copying of frozen records: read-only arrays and mappings stay read-only."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -10,10 +10,10 @@ T = TypeVar("T")
 
 
 def travels(cls: T) -> T:
-    """A class whose instances are pickled and copied as they are: what was read-only stays so.
+    """Decorate a class so that pickled and copied instances keep their arrays read-only.
 
-    NumPy forgets of a pickled array that it is read-only, and Python cannot pickle the read-only
-    view of a mapping.
+    NumPy does not pickle an array's read-only flag, and Python cannot pickle the read-only view of
+    a mapping.
     """
     for name, function in (("__getstate__", _state), ("__setstate__", _restore)):
         setattr(cls, name, function)
@@ -21,7 +21,7 @@ def travels(cls: T) -> T:
 
 
 def _state(item: Any) -> dict[str, tuple[Any, Any]]:
-    """Every attribute, without what is worked out on demand, and which of its arrays are sealed."""
+    """Every attribute except cached properties, and which of its arrays are read-only."""
     state: dict[str, tuple[Any, Any]] = {}
     for name, value in attributes(item).items():
         if isinstance(getattr(type(item), name, None), cached_property):
@@ -45,16 +45,16 @@ def _restore(item: Any, state: Mapping[str, tuple[Any, Any]]) -> None:
 
 
 def attributes(item: Any) -> dict[str, Any]:
-    """The attributes of an object by name, those in slots among them."""
+    """The attributes of an object by name, slots included."""
     slots = [name for base in type(item).__mro__ for name in getattr(base, "__slots__", ())]
     held = {name: getattr(item, name) for name in slots if hasattr(item, name)}
     return {**held, **getattr(item, "__dict__", {})}
 
 
 def arrays_of(value: Any) -> list[Any]:
-    """The arrays in a value: itself, those of a sparse one, a tuple, a list, a mapping, a record.
+    """The arrays in a value: itself, or inside a sparse array, tuple, list, mapping or record.
 
-    Records that travel by themselves have sealed theirs.
+    Records decorated with :func:`travels` handle their own arrays.
     """
     if hasattr(value, "setflags") and hasattr(value, "flags"):
         return [value]

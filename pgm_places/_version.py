@@ -1,4 +1,4 @@
-"""The version, in a module of its own: packaging reads it without importing the package.
+"""The version, in a separate module: packaging reads it without importing the package.
 
 Between releases it is the next one with ``.dev0`` (docs/releasing.md).
 """

@@ -3,20 +3,20 @@
 ::
 
     PgmPlacesError
-    ├── InputError (ValueError)        what the caller gave does not fit
+    ├── InputError (ValueError)        an argument, a file or an option does not fit
     │   ├── ConfigError                a configuration file or a method's options
     │   ├── InfeasibleError            potentials that forbid every labelling
     │   ├── MapError                   an occupancy grid, its image or its metadata
     │   ├── LabelError                 ground-truth labels or label names
     │   ├── LogError                   a robot's log, bag or table of poses
     │   └── ModelFileError             a stored model that is damaged or of another kind
-    ├── NotFittedError (ValueError)    a method was asked to infer before it learned
+    ├── NotFittedError (ValueError)    inference was called before fit
     ├── OutputError (RuntimeError)     a result could not be written; nothing is left half-written
     └── SolverError (RuntimeError)     a numerical solver ended without a usable result
 
-    LearningWarning (UserWarning)      something was learned, but it may label badly
+    LearningWarning (UserWarning)      training succeeded, but the model may label badly
 
-Every message says what was wanted, what came, where, and what to do.
+Every message states the expected and the actual value, where, and what to do.
 """
 
 import functools
@@ -39,7 +39,7 @@ class ConfigError(InputError):
 
 
 class OptionError(ConfigError):
-    """A value that an option does not accept; callers that know where it came from add that."""
+    """A value that an option does not accept; callers add where it came from."""
 
     def __init__(self, option: str, problem: str) -> None:
         super().__init__(f"{option} {problem}")
@@ -47,10 +47,11 @@ class OptionError(ConfigError):
 
 
 class InfeasibleError(InputError):
-    """Potentials that forbid every labelling, which has been proved."""
+    """The potentials provably forbid every labelling."""
 
     def __init__(self, text: str = "") -> None:
-        super().__init__(text or "pairwise forbids every labelling; allow at least one (no -inf)")
+        message = "pairwise forbids every labelling: each has an entry of -inf; allow at least one"
+        super().__init__(text or message)
 
 
 class MapError(InputError):
@@ -66,17 +67,17 @@ class LogError(InputError):
 
 
 class ModelFileError(InputError):
-    """A stored model is missing, damaged, or written by something else."""
+    """A stored model is missing, damaged, or from another program."""
 
 
 class NotFittedError(PgmPlacesError, ValueError):
-    """A method that learns was asked to infer before it was fitted.
+    """A method was used for inference before ``fit``.
 
-    It is scikit-learn's error of that name, too, in a program that has imported scikit-learn.
+    If scikit-learn is imported, instances are also of its class of that name.
     """
 
     def __new__(cls, *args: object) -> "NotFittedError":
-        """The same error, of both packages where the other one is there."""
+        """An error of both classes if scikit-learn is imported."""
         theirs = getattr(sys.modules.get("sklearn.exceptions"), "NotFittedError", None)
         if cls is NotFittedError and theirs is not None:
             cls = _both(theirs)
@@ -88,12 +89,12 @@ class NotFittedError(PgmPlacesError, ValueError):
 
 @functools.cache
 def _both(theirs: type) -> type[NotFittedError]:
-    """The error that is scikit-learn's as well."""
+    """A class derived from this error and scikit-learn's."""
     return type("NotFittedError", (NotFittedError, theirs), {"__module__": __name__})
 
 
 class LearningWarning(UserWarning):
-    """What was learned may label badly; the message says why, and what to do."""
+    """A trained model may label badly; the message says why, and what to do."""
 
 
 class OutputError(PgmPlacesError, RuntimeError):
@@ -107,7 +108,7 @@ class SolverError(PgmPlacesError, RuntimeError):
 _HIDDEN = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # control characters, the escapes of terminals among them
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # line separators, and marks that turn text around
-    "\ud800-\udfff\ufffe\uffff]"  # halves of characters, and what is none
+    "\ud800-\udfff\ufffe\uffff]"  # surrogates and noncharacters
 )
 _BREAK = re.compile(r"\s*\n\s*")
 _MOST_NAMES, _LONGEST_NAME = 50, 100
@@ -131,26 +132,28 @@ def escape_control(text: str, *, keep: str = "") -> str:
     """
 
     def spelled(match: re.Match[str]) -> str:
-        found = match.group()
-        return found if found in keep else found.encode("unicode_escape").decode("ascii")
+        character = match.group()
+        return (
+            character if character in keep else character.encode("unicode_escape").decode("ascii")
+        )
 
     return _HIDDEN.sub(spelled, text)
 
 
 def is_printable(text: str) -> bool:
-    """Whether text may stand in a name: no control characters, no halves of characters."""
+    """Whether text is allowed in a name: no control characters, no surrogates."""
     return _HIDDEN.search(text) is None
 
 
 def quoted(value: object) -> str:
-    """A value for a message, shortened: what came may be megabytes, or nested a thousand deep."""
+    """A value for a message, shortened: it may have megabytes, or be nested a thousand deep."""
     return _BREAK.sub(" ", _shown.repr(value))
 
 
 def nearest_name(name: str, known: Sequence[str], *, never: Container[str] = ()) -> str:
-    """A sentence that offers the nearest known name and lists them all, as far as that helps.
+    """A hint for messages: the most similar known name, and a list of known names.
 
-    Names in ``never`` are listed but not offered: they are there, and meant.
+    Names in ``never`` are listed but not suggested.
     """
     import difflib
 

@@ -1,8 +1,8 @@
-"""Options: declared once, as annotated fields of frozen dataclasses, and checked everywhere alike.
+"""Options: annotated fields of frozen dataclasses, checked alike in Python, TOML and flags.
 
-A class of options is a frozen dataclass derived from :class:`Options`. Its fields say what they
-take (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call in Python, a table
-of a TOML file and a flag of the command line are refused by one declaration, and in the same words.
+A class of options is a frozen dataclass derived from :class:`Options`. Its fields declare their
+values (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call in Python, a table
+of a TOML file and a flag of the command line share one check and its messages.
 """
 
 import dataclasses
@@ -37,17 +37,17 @@ Probability = Annotated[float, Ge(0), Le(1)]
 Whole = Annotated[int, Ge(1)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 UnknownGrey = Annotated[int, Ge(0), Le(255)] | Literal["none"]
-"""The grey of a map that is unknown whatever its thresholds say; "none" for these alone."""
+"""The grey of a map that means unknown regardless of thresholds; "none": thresholds only."""
 
 T = TypeVar("T")
 
 
 _PARAMETER = re.compile(r"^(\w[\w, ]*)(?: : ([^\n]*))?\n((?: +[^\n]*\n?)+)", re.MULTILINE)
-"""One entry of a docstring's parameters: names, what they take, and what is said of them."""
+"""One entry of a docstring's parameters: names, type, and description."""
 
 
 def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
-    """The fields of a class that a user may set: all but those that learning fills."""
+    """The fields of a class that a user may set: all except fitted attributes."""
     for item in dataclasses.fields(cls):
         if item.init and not item.metadata.get("learned"):
             yield item
@@ -59,7 +59,7 @@ def option_values(item: Any) -> dict[str, Any]:
 
 
 def plain_values(item: Any) -> Any:
-    """Options all the way down as plain data, ready for JSON: dicts, lists, numbers, strings."""
+    """Options, nested ones included, as plain data for JSON: dicts, lists, numbers, strings."""
     if dataclasses.is_dataclass(item) and not isinstance(item, type):
         return {name: plain_values(value) for name, value in option_values(item).items()}
     if isinstance(item, Mapping):
@@ -68,7 +68,7 @@ def plain_values(item: Any) -> Any:
 
 
 def option_hints(cls: Any) -> dict[str, Any]:
-    """What each option takes, as its field is annotated; ``Any`` where that cannot be resolved."""
+    """The annotation of each option; ``Any`` if it cannot be resolved."""
     return _hints(cls)
 
 
@@ -82,7 +82,7 @@ def _hints(cls: Any) -> dict[str, Any]:
 
 
 def option_lines(cls: type[Any]) -> dict[str, str]:
-    """The first sentence that the docstring of the class, or of a base, says of each option."""
+    """The first sentence on each option in the docstring of the class, or of a base."""
     lines: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         for name, (_, text) in described(base).items():
@@ -91,27 +91,27 @@ def option_lines(cls: type[Any]) -> dict[str, str]:
 
 
 def described(item: Any) -> dict[str, tuple[str, str]]:
-    """What the docstring of a function, or of a class and its bases, says of each parameter.
+    """The type and description of each parameter in a function's or class's docstring.
 
-    Its kind, and a text.
+    Of a class, the docstrings of its bases are read, too.
     """
-    said: dict[str, tuple[str, str]] = {}
+    descriptions: dict[str, tuple[str, str]] = {}
     for one in reversed(inspect.getmro(item)) if isinstance(item, type) else (item,):
         _, _, parameters = inspect.cleandoc(one.__doc__ or "").partition("\n----------\n")
         for names, kind, text in _PARAMETER.findall(parameters):
-            said |= dict.fromkeys(names.split(", "), (kind, " ".join(text.split())))
-    return said
+            descriptions |= dict.fromkeys(names.split(", "), (kind, " ".join(text.split())))
+    return descriptions
 
 
 def check_options(item: Any) -> None:
-    """Refuse an object with a value that its class does not declare: for ``__post_init__``.
+    """Check an object's values against the declarations of its class: for ``__post_init__``.
 
-    A list becomes the tuple that is declared, a number of NumPy one of Python.
+    A list becomes the declared tuple, a NumPy number a Python number.
 
     Raises
     ------
     ConfigError
-        One line: the option, what it takes, what came.
+        One line: the option, its accepted values, the value.
     """
     hints = option_hints(type(item))
     for field in option_fields(type(item)):
@@ -122,14 +122,14 @@ def check_options(item: Any) -> None:
 
 
 class Options:
-    """The base of classes of options: an object is refused where a value is not as declared."""
+    """Base class of options, whose constructor checks the values against the declarations."""
 
     def __post_init__(self) -> None:
         check_options(self)
 
 
 def subset_of(cls: type[T], item: Any) -> T:
-    """The options of a class that are attributes of another object, such as an estimator.
+    """The options of a class, read from the attributes of another object, such as an estimator.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
     cls : dataclass
     values : mapping of str to value
     path : str
-        Where the table stands, to begin messages: ``"topology"``.
+        The location of the table, a prefix of messages: ``"topology"``.
 
     Raises
     ------
@@ -176,16 +176,16 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
         raise ConfigError(f"{path}: {error}" if path else str(error)) from None
 
 
-# ---------------------------------------------------------------------- the verdict
+# ---------------------------------------------------------------------- checks of values
 
 
 def check_option(name: str, hint: Any, value: Any) -> Any:
-    """The value as an option of that name takes it.
+    """The value, checked and converted for an option.
 
     Raises
     ------
     OptionError
-        It is not what the annotation says.
+        The annotation does not accept it.
 
     Examples
     --------
@@ -210,7 +210,7 @@ _LIMITS: dict[type, Callable[[Any, Any], bool]] = {
 
 
 def _taken(hint: Any, value: Any) -> Any:
-    """The value as an annotation takes it: a whole number as a float where one is; or ``_NO``."""
+    """The value converted to its annotation (an int to a declared float), or ``_NO``."""
     for kind, marks, infinite in _read(hint):
         taken = _of_kind(kind, infinite, value)
         if taken is not _NO and all(_LIMITS[type(mark)](taken, mark) for mark in marks):
@@ -220,14 +220,14 @@ def _taken(hint: Any, value: Any) -> Any:
 
 @functools.cache
 def _read(hint: Any) -> list[tuple[Any, list[Any], bool]]:
-    """Of each alternative its type, its limits, and whether it may be infinite."""
-    found = []
+    """The type and limits of each alternative, and whether it may be infinite."""
+    alternatives = []
     for arm in union_members(hint):
         marks = [mark for mark in marks_of(arm) if not isinstance(mark, OrInfinite)]
         if unknown := [mark for mark in marks if type(mark) not in _LIMITS]:
             raise TypeError(f"options know no mark {unknown[0]!r}; take limits such as Ge(0)")
-        found.append((unannotated(arm), marks, len(marks) < len(marks_of(arm))))
-    return found
+        alternatives.append((unannotated(arm), marks, len(marks) < len(marks_of(arm))))
+    return alternatives
 
 
 def _of_kind(kind: Any, infinite: bool, value: Any) -> Any:
@@ -248,23 +248,23 @@ def _of_kind(kind: Any, infinite: bool, value: Any) -> Any:
     if origin in (tuple, list):
         return _items(origin, inner, value)
     if origin in (dict, Mapping) and isinstance(value, Mapping):
-        found = {_taken(inner[0], key): _taken(inner[1], value[key]) for key in value}
-        return _NO if any(item is _NO for pair in found.items() for item in pair) else found
+        converted = {_taken(inner[0], key): _taken(inner[1], value[key]) for key in value}
+        return _NO if any(item is _NO for pair in converted.items() for item in pair) else converted
     return value if isinstance(value, origin or kind) else _NO
 
 
 def _items(kind: type[Any], inner: tuple[Any, ...], value: Any) -> Any:
-    """The items of a list that is given as a tuple, each as it is declared."""
+    """The items of a list, passed as a tuple, each checked and converted."""
     if not isinstance(value, list | tuple):
         return _NO
     hints = inner[:1] * len(value) if kind is list or inner[-1] is Ellipsis else inner
-    found = [_taken(*pair) for pair in zip(hints, value, strict=False)]
-    fits = len(hints) == len(value) and not any(item is _NO for item in found)
-    return kind(found) if fits else _NO
+    converted = [_taken(*pair) for pair in zip(hints, value, strict=False)]
+    fits = len(hints) == len(value) and not any(item is _NO for item in converted)
+    return kind(converted) if fits else _NO
 
 
 def _as_tuples(value: Any) -> Any:
-    """The value with tuples for its lists, and no numbers of NumPy."""
+    """The value with tuples for lists and Python numbers for NumPy's."""
     if isinstance(value, list | tuple):
         return tuple(map(_as_tuples, value))
     if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
@@ -280,7 +280,7 @@ def _at(path: str, key: str) -> str:
 
 
 def _nested(hint: Any, value: Any, path: str) -> Any:
-    """A table as the options that are declared for it, a list of tables as a list of them."""
+    """A table as its declared class of options; a list of tables as a list of them."""
     for arm in map(unannotated, union_members(hint)):
         if dataclasses.is_dataclass(arm) and isinstance(arm, type) and isinstance(value, Mapping):
             return from_mapping(arm, value, path=path)

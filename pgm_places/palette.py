@@ -1,4 +1,4 @@
-"""The colours of every picture: fixed per label, distinguishable when colour-blind or in grey."""
+"""Colours of labels in all pictures, distinguishable with colour blindness and in grey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ IGNORED, IGNORED_STRIPE = "#ffffff", "#ededed"
 
 ERROR = "#d1002c"
 RIGHT_TINT = 0.25
-"""How much of a label's colour is left where a difference picture shows a right answer."""
+"""The share of a label's colour that marks a right answer in difference pictures."""
 
 RESERVED = {"corridor": 0, "room": 1, "doorway": 2, "door": 2}
-"""Labels that have the same colour in every picture, whatever their index."""
+"""Labels with reserved colours, independent of their index."""
 
 LABEL_COLOURS = (
     "#f4c150",
@@ -43,7 +43,7 @@ _GRADIENTS = {"probability": _PROBABILITY, "entropy": _ENTROPY}
 
 @dataclass(frozen=True)
 class Swatch:
-    """An entry of a legend: a colour, hatched where asked, and what it stands for."""
+    """An entry of a legend: a colour, optionally hatched, and its text."""
 
     name: str
     colour: str
@@ -68,7 +68,7 @@ def hex_of(rgb: Sequence[int] | NDArray[np.uint8]) -> str:
 
 
 def tinted(colour: str, share: float) -> str:
-    """The colour with so much of it left, the rest white."""
+    """A mixture of the colour, with the weight ``share``, and white."""
     return hex_of(np.round(255 - share * (255 - rgb_of(colour).astype(float))).astype(np.uint8))
 
 

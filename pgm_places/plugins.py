@@ -1,7 +1,7 @@
-"""Classes by name: those that ship with the package, and those added through entry points.
+"""Registries of classes by name: built-in ones and plug-ins from entry points.
 
-What can be named in a configuration is a frozen dataclass: its fields are its options. A model
-keeps the name and the options, and finds the class again by the name.
+A class that configurations can name is a frozen dataclass; its fields are its options. A model
+file holds the name and the options, and loading looks the class up by name.
 """
 
 import dataclasses
@@ -16,24 +16,24 @@ from pgm_places.progress import warn
 
 @dataclasses.dataclass(frozen=True)
 class Registry:
-    """The classes of one kind that can be named.
+    """The named classes of one kind.
 
     Parameters
     ----------
     kind : str
-        What they are, for messages: ``"method"``.
+        The kind of the classes, for messages: ``"method"``.
     group : str
-        The entry points by which other packages add theirs: ``name = "package.module:Class"``.
+        The group of entry points of plug-ins: ``name = "package.module:Class"``.
     built_in : mapping of str to str
-        Name to ``"module:Class"``, imported only when used.
+        Name to ``"module:Class"``, imported on first use.
     renamed : mapping of str to mapping
-        Options by the names that models saved by earlier versions use, and their names now.
+        Former option names in saved models, and their current names.
     replaced : mapping of (str, str, str) to str
-        Values that models saved by earlier versions have for a name's option, and those now.
+        Former values of options in saved models, and their current values.
     retired : mapping of str to str
-        Names that earlier versions had, and what to do instead.
+        Names of removed classes, and what to do instead.
     former : mapping of str to mapping
-        Options by earlier names that are read everywhere for one more release, with a warning.
+        Former option names that are accepted with a warning until the next release.
     """
 
     kind: str
@@ -45,16 +45,16 @@ class Registry:
     former: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
 
     def names(self) -> list[str]:
-        """All names, built in or installed."""
+        """All names, built-in and of plug-ins."""
         return sorted(self._targets())
 
     def find(self, name: str) -> type[Any]:
-        """The class of that name, or behind ``"module:Class"``.
+        """The class with a name, or at ``"module:Class"``.
 
         Raises
         ------
         ConfigError
-            There is none; the message offers the nearest name.
+            The name is unknown; the message suggests the nearest one.
         """
         target = self._target(name) or (name if ":" in name else None)
         if target is None and name in self.retired:
@@ -78,7 +78,7 @@ class Registry:
         return cls
 
     def build(self, name: str, options: Mapping[str, Any] | None = None) -> Any:
-        """An object of the class of that name with those options.
+        """An instance of the named class with the options.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class Registry:
         known = list(option_hints(cls))
         options = dict(options or {})
         arrays = [item.name for item in dataclasses.fields(cls) if item.metadata.get("given")]
-        given = {key: options.pop(key) for key in arrays if key in options}
+        array_options = {key: options.pop(key) for key in arrays if key in options}
         for old, now in self.former.get(name, {}).items():
             if old in options and now not in options:
                 warn(f"{self.kind} {name!r}: {old} is called {now}; the next release refuses {old}")
@@ -100,12 +100,12 @@ class Registry:
                 raise ConfigError(f"{self.kind} {name!r} has no option {key!r}. {hint}")
         try:
             built = from_mapping(cls, options)
-            return dataclasses.replace(built, **given) if given else built
+            return dataclasses.replace(built, **array_options) if array_options else built
         except (TypeError, ValueError) as error:
             raise ConfigError(f"{self.kind} {name!r}: {error}") from None
 
     def name_of(self, cls: type[Any]) -> str:
-        """The name under which a class is found again.
+        """The registered name of a class.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class Registry:
             It is not registered.
         """
         own = f"{cls.__module__}:{cls.__qualname__}"
-        if own in self.built_in.values():  # no other package need be asked
+        if own in self.built_in.values():  # entry points need not be read
             return next(name for name, target in self.built_in.items() if target == own)
         targets = self._targets()
         for name, target in targets.items():
@@ -128,9 +128,10 @@ class Registry:
         )
 
     def restored(self, name: str, options: Mapping[str, Any]) -> Any:
-        """What a model file names: only registered classes, a file must not choose imports.
+        """An instance of a class that a model file names.
 
-        Options and values that have other names since then are found under these.
+        Only registered classes are allowed: a file must not choose imports. Former names of options
+        and values are translated.
 
         Raises
         ------
@@ -147,14 +148,14 @@ class Registry:
                 f"entry points of group {self.group!r}"
             )
         renamed = self.renamed.get(name, {})
-        given = {renamed.get(key, key): value for key, value in options.items()}
+        current = {renamed.get(key, key): value for key, value in options.items()}
         for (owner, key, value), now in self.replaced.items():
-            if owner == name and given.get(key) == value:
-                given[key] = now
-        return self.build(name, given)
+            if owner == name and current.get(key) == value:
+                current[key] = now
+        return self.build(name, current)
 
     def _target(self, name: str) -> str | None:
-        """Where the class of that name is; entry points are read only for names not built in."""
+        """``"module:Class"`` of a name; entry points are read only if it is not built in."""
         return self.built_in.get(name) or self._targets().get(name)
 
     def _targets(self) -> dict[str, str]:

@@ -10,20 +10,20 @@ class Stage(Protocol):
     """A running stage."""
 
     def update(self, fraction: float, note: str = "") -> None:
-        """Say that ``fraction`` (0 to 1) of the stage is done."""
+        """Report that ``fraction`` (0 to 1) of the stage is done."""
         ...
 
 
 class Progress(Protocol):
-    """Where stages are announced."""
+    """The protocol of progress reporters."""
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Stage]:
-        """Announce a stage; its end is the end of the ``with`` block."""
+        """Report a stage, which lasts for the ``with`` block."""
         ...
 
     def warn(self, message: str) -> None:
-        """Show something the user should know."""
+        """Show a warning to the user."""
         ...
 
 
@@ -61,12 +61,12 @@ def report_stage(name: str) -> AbstractContextManager[Stage]:
 
 
 def warn(message: str) -> None:
-    """Show something the user should know through the current reporter."""
+    """Show a warning to the user through the current reporter."""
     _listening.get().warn(message)
 
 
 class _Noting:
-    """A reporter that also lists the warnings it passes on."""
+    """A reporter that forwards to another one and collects the warnings."""
 
     def __init__(self, outer: Progress) -> None:
         self._outer, self.warnings = outer, list[str]()
@@ -79,14 +79,14 @@ class _Noting:
 
 @contextmanager
 def warnings_noted() -> Iterator[list[str]]:
-    """The warnings of the block, which the current reporter shows as well."""
+    """Collect the warnings of the block, which the current reporter shows as well."""
     noting = _Noting(_listening.get())
     with reporting_to(noting):
         yield noting.warnings
 
 
 def duration(seconds: float) -> str:
-    """A time as people say it.
+    """A duration as text with a suitable unit.
 
     Examples
     --------

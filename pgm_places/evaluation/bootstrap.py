@@ -117,9 +117,9 @@ class Resamples:
         """Draws of as many blocks as there are; nodes without a true label are in none."""
         require_at_least("n_resamples", n_resamples, 1)
         true, _, known = paired_labels(truth, truth, n_labels)
-        given = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
+        block_ids = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
         number = np.zeros(len(true), np.int64)
-        number[known] = np.unique(given[known], return_inverse=True)[1].reshape(-1)
+        number[known] = np.unique(block_ids[known], return_inverse=True)[1].reshape(-1)
         n_blocks = int(number.max()) + 1
         draws = np.random.default_rng(seed).multinomial(
             n_blocks, np.full(n_blocks, 1.0 / n_blocks), size=n_resamples

@@ -83,9 +83,9 @@ def clean_beams(
     if invalid == "interpolate":
         beams = np.arange(array.shape[1])
         for scan in np.flatnonzero(returned.any(axis=1) & ~returned.all(axis=1)):
-            kept = returned[scan]
-            clean[scan, ~kept] = np.interp(
-                beams[~kept], beams[kept], array[scan, kept], period=array.shape[1]
+            valid = returned[scan]
+            clean[scan, ~valid] = np.interp(
+                beams[~valid], beams[valid], array[scan, valid], period=array.shape[1]
             )
     return clean
 

@@ -40,11 +40,11 @@ def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> Ed
     pairs = np.sort(pairs[order.rows], axis=1)
     if pairs.shape == edges.shape and (pairs == edges).all():
         return order
-    given, there = set(map(tuple, pairs.tolist())), set(map(tuple, edges.tolist()))
-    odd, missing = sorted(given - there), sorted(there - given)
-    told = f"the pair {odd[0]} is no edge of it" if odd else f"its edge {missing[0]} is missing"
+    listed, there = set(map(tuple, pairs.tolist())), set(map(tuple, edges.tolist()))
+    odd, missing = sorted(listed - there), sorted(there - listed)
+    problem = f"the pair {odd[0]} is no edge of it" if odd else f"its edge {missing[0]} is missing"
     raise InputError(
-        f"pairs must be the {len(edges)} edges of the graph, each once, got {len(pairs)}; {told}"
+        f"pairs must be the {len(edges)} edges of the graph, each once, got {len(pairs)}; {problem}"
     )
 
 
@@ -163,9 +163,9 @@ def mapped_nodes(
         raise InputError(
             f"values has none for {len(missing)} nodes, the first {missing[0]!r}; give a default"
         )
-    found = [values.get(name, default) for name in names]
+    mapped = [values.get(name, default) for name in names]
     try:
-        return np.array(found)
+        return np.array(mapped)
     except ValueError:
         raise InputError("values of nodes must all have one shape; these differ") from None
 

@@ -114,10 +114,10 @@ class EdgeOrder:
         >>> order.tables([[0.0, 1.0], [2.0, 3.0]]).tolist()
         [[[0.0, 1.0], [2.0, 3.0]], [[0.0, 2.0], [1.0, 3.0]]]
         """
-        given = number_array("tables", tables)
-        if given.ndim == 2:
-            given = np.broadcast_to(given, (len(self.rows), *given.shape))
-        if given.ndim != 3 or given.shape[1] != given.shape[2]:
-            raise InputError(f"tables must have shape (E, K, K) or (K, K), got {given.shape}")
-        ordered = self.values(given)
+        checked = number_array("tables", tables)
+        if checked.ndim == 2:
+            checked = np.broadcast_to(checked, (len(self.rows), *checked.shape))
+        if checked.ndim != 3 or checked.shape[1] != checked.shape[2]:
+            raise InputError(f"tables must have shape (E, K, K) or (K, K), got {checked.shape}")
+        ordered = self.values(checked)
         return np.where(self.flipped[:, None, None], ordered.transpose(0, 2, 1), ordered)

@@ -19,10 +19,10 @@ def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> 
     nodes = np.zeros(0, np.int64) if known is None else np.flatnonzero(known >= 0)
     if known is None or not len(nodes):
         return scores
-    kept = np.array(scores)
-    kept[nodes] = -np.inf
-    kept[nodes, known[nodes]] = scores[nodes, known[nodes]]
-    return kept
+    clamped = np.array(scores)
+    clamped[nodes] = -np.inf
+    clamped[nodes, known[nodes]] = scores[nodes, known[nodes]]
+    return clamped
 
 
 def known_beside(parts: Sequence[tuple[NDArray[np.int64] | None, int]]) -> NDArray[np.int64] | None:

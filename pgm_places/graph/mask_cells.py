@@ -70,9 +70,9 @@ class MaskCells:
             rows = slice(low + band.start, low + band.stop)
             nodes = self.nodes_of_rows(rows)
             r, c = np.nonzero(self.mask[rows])  # of all rows at once it would take 16 bytes a cell
-            kept = slice(max(first - nodes.start, 0), min(stop, nodes.stop) - nodes.start)
+            overlap = slice(max(first - nodes.start, 0), min(stop, nodes.stop) - nodes.start)
             into = cells[max(nodes.start - first, 0) : min(nodes.stop, stop) - first]
-            into[:, 0], into[:, 1] = r[kept], c[kept]
+            into[:, 0], into[:, 1] = r[overlap], c[overlap]
             into[:, 0] += rows.start
         return cells
 

@@ -102,9 +102,9 @@ def describe(
 ) -> ProblemDescription:
     """A problem and labels (N,), -1 where unknown, in numbers; see `LabelingProblem.describe`."""
     n, n_labels = graph.n_nodes, len(label_names)
-    given = truth >= 0
-    counts = np.bincount(truth[given], minlength=n_labels) / max(given.sum(), 1)
-    balance = dict(zip(label_names, counts.tolist(), strict=True)) if given.any() else {}
+    is_known = truth >= 0
+    counts = np.bincount(truth[is_known], minlength=n_labels) / max(is_known.sum(), 1)
+    balance = dict(zip(label_names, counts.tolist(), strict=True)) if is_known.any() else {}
     mean_degree = 2 * graph.n_edges / max(n, 1)
     margin = _median_margin(unary)
     return ProblemDescription(
@@ -113,7 +113,7 @@ def describe(
         n_labels=n_labels,
         mean_degree=mean_degree,
         n_isolated=int((graph.degree == 0).sum()),
-        labelled=float(given.mean()) if n else 0.0,
+        labelled=float(is_known.mean()) if n else 0.0,
         balance=balance,
         median_margin=margin,
         collapse_weight=None if margin is None or not mean_degree else margin / mean_degree,
@@ -145,8 +145,8 @@ def _median_margin(unary: NDArray[np.float64] | None) -> float | None:
     if unary is None or unary.shape[1] < 2:
         return None
     best = np.sort(unary, axis=1)[:, -2:]
-    asked = best[:, 0] > -np.inf
-    return float(np.median(best[asked, 1] - best[asked, 0])) if asked.any() else None
+    is_finite = best[:, 0] > -np.inf
+    return float(np.median(best[is_finite, 1] - best[is_finite, 0])) if is_finite.any() else None
 
 
 def _about_labels(

@@ -77,8 +77,8 @@ class FactorGraph:
         cls, n_labels: ArrayLike, scopes: Sequence[Sequence[int]], tables: Sequence[ArrayLike]
     ) -> Self:
         """The same from lists."""
-        whole = tuple(tuple(scope) for scope in scopes)
-        return cls(np.asarray(n_labels), whole, tuple(map(np.asarray, tables)))
+        all_scopes = tuple(tuple(scope) for scope in scopes)
+        return cls(np.asarray(n_labels), all_scopes, tuple(map(np.asarray, tables)))
 
     @classmethod
     def of_potentials(cls, graph: LabelGraph, potentials: Potentials) -> Self:

@@ -262,31 +262,31 @@ class Labeling:
             return [f"it labels {len(self.labels)} nodes, the problem has {n}"]
         if self.labels.max(initial=0) >= k:
             return [f"label {self.labels.max()} is none of the problem's {k}"]
-        found = []
+        problems = []
         allowed = _preferred(problem, np.arange(n)) > -np.inf
         broken = np.flatnonzero(~allowed[np.arange(n), self.labels])
         if len(broken):
             name = problem.label_names[self.labels[broken[0]]]
-            found.append(
+            problems.append(
                 f"{len(broken)} labels are not allowed, the first is {name!r} at node {broken[0]}"
             )
         if self.beliefs is not None and self.beliefs.shape != (n, k):
-            found.append(f"beliefs have shape {self.beliefs.shape} instead of {(n, k)}")
+            problems.append(f"beliefs have shape {self.beliefs.shape} instead of {(n, k)}")
         elif self.beliefs is not None and (
             self.beliefs.min(initial=0.0) < 0 or self.beliefs[~allowed].any()
         ):
-            found.append("beliefs are negative, or above 0 for labels that are not allowed")
+            problems.append("beliefs are negative, or above 0 for labels that are not allowed")
         if self.score is None:
-            return found
+            return problems
         size = abs(self.score)
         if potentials is not None and problem.cliques is None:
             again = score(problem.graph, potentials, self.labels)
             size += float(np.abs(potentials.unary[np.arange(n), self.labels]).sum())
             if abs(again - self.score) > ROUNDING * size:
-                found.append(f"the labels score {again:.12g}, not {self.score:.12g}")
+                problems.append(f"the labels score {again:.12g}, not {self.score:.12g}")
         if self.bound is not None and self.bound < self.score - ROUNDING * size:
-            found.append(f"the bound {self.bound:.12g} is below the score {self.score:.12g}")
-        return found
+            problems.append(f"the bound {self.bound:.12g} is below the score {self.score:.12g}")
+        return problems
 
 
 _NODES_AT_ONCE = 262_144

@@ -121,10 +121,10 @@ def restored_labeling(found: Labeling, order: NDArray[np.int64]) -> Labeling:
     return replace(found, labels=labels, beliefs=beliefs, info=info)
 
 
-def _restored(found: Any, order: NDArray[np.int64]) -> Any:
-    if isinstance(found, Labeling):
-        return restored_labeling(found, order)
+def _restored(result: Any, order: NDArray[np.int64]) -> Any:
+    if isinstance(result, Labeling):
+        return restored_labeling(result, order)
     place = np.argsort(order)
-    if isinstance(found, Potentials):
-        return reordered_potentials(found, place)
-    return found[:, place]
+    if isinstance(result, Potentials):
+        return reordered_potentials(result, place)
+    return result[:, place]

@@ -141,15 +141,15 @@ class LabelingProblem:
         _checks.set_frozen(self, clique_features=features)
 
     def __repr__(self) -> str:
-        given = [
+        extras = [
             f"{name} {values.shape}"
             for name in ("unary", "node_features", "edge_features", "known", "clique_features")
             if (values := getattr(self, name)) is not None
         ]
         if self.cliques is not None and self.cliques is not self.graph.cliques:
-            given.append(f"{len(self.cliques.sizes)} cliques")
+            extras.append(f"{len(self.cliques.sizes)} cliques")
         names = ", ".join(self.label_names)
-        return f"LabelingProblem({self.graph!r}, labels {names}; {', '.join(given)})"
+        return f"LabelingProblem({self.graph!r}, labels {names}; {', '.join(extras)})"
 
     @classmethod
     def from_probabilities(

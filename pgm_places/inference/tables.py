@@ -63,9 +63,9 @@ def problem_from_tables(
         raise InputError(
             f"nodes: {quoted(twice)} appears twice in column {node!r}; give each node one row"
         )
-    given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
-    said = [None if is_empty(value) else str(value) for value in given]
-    known = sorted({text for text in said if text is not None})
+    raw = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
+    texts = [None if is_empty(value) else str(value) for value in raw]
+    known = sorted({text for text in texts if text is not None})
     wanted = list(known if label_names is None else label_names)
     odd = [text for text in known if text not in wanted]
     if odd or not wanted:
@@ -73,7 +73,7 @@ def problem_from_tables(
             f"{quoted(odd[0])} is not among label_names {wanted}" if odd else "no node has a label"
         )
         raise InputError(f"nodes: {what}; give label_names, all of them")
-    labels = np.array([-1 if text is None else wanted.index(text) for text in said], np.int64)
+    labels = np.array([-1 if text is None else wanted.index(text) for text in texts], np.int64)
     pairs = _pairs(edges, ends, number)
     graph = replace(LabelGraph.from_edges(len(names), pairs), node_names=tuple(names))
     ties = _features("edges", edges, ends)

@@ -1,1 +1,1 @@
-"""Files: maps and labels, logs, places, and how they are read and written safely."""
+"""Reading and writing files: maps, labels, logs, places."""

@@ -15,13 +15,13 @@ from pgm_places.io.staging import NEW, can_be_exchanged, file_names, finish, swa
 
 
 def write_bytes(path: Path | str, data: bytes) -> Path:
-    """The path, once the file holds exactly ``data``; parent folders are made.
+    """Write a file atomically, with its parent folders; returns its path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written, or one of another kind stands there: a map's description,
-        an image, a model. What stood there before is then untouched.
+        The file cannot be written, or a file of another kind exists there: a map's description, an
+        image, a model. The existing file is then unchanged.
     """
     refuse_another_kind(Path(path), data)
     with atomic_file(path) as temporary:
@@ -30,32 +30,32 @@ def write_bytes(path: Path | str, data: bytes) -> Path:
 
 
 def write_text(path: Path | str, text: str) -> Path:
-    """The path, once the file holds exactly ``text`` in UTF-8 with Unix line ends.
+    """Write text atomically in UTF-8 with Unix line ends; returns the path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written. What stood there before is then untouched.
+        The file cannot be written; an existing one is then unchanged.
     """
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_json(path: Path | str, value: Any, **options: Any) -> Path:
-    """The path, once the file holds a value as JSON; options are those of ``json.dumps``.
+    """Write a value as JSON atomically, with options of ``json.dumps``; returns the path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written. What stood there before is then untouched.
+        The file cannot be written; an existing one is then unchanged.
     """
     return write_text(path, json.dumps(value, **{"allow_nan": False, **options}) + "\n")
 
 
 @contextlib.contextmanager
 def atomic_file(path: Path | str) -> Iterator[Path]:
-    """A path on a stage to write to; renamed to ``path`` when the block ends well.
+    """A temporary path to write to, renamed to ``path`` at the end of the block.
 
-    After an exception, Ctrl-C included, the stage is gone and ``path`` is as before.
+    After an exception, Ctrl-C included, it is removed and ``path`` is unchanged.
 
     Raises
     ------
@@ -84,16 +84,16 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
 def atomic_folder(
     path: Path | str, *, replaces: Callable[[Path], bool] | None = None
 ) -> Iterator[Path]:
-    """A new empty folder on a stage; it takes the place of ``path`` when the block ends well.
+    """A new temporary folder that replaces ``path`` at the end of the block.
 
-    A folder that already stands at ``path`` is replaced, with all it holds, where it is empty or
-    where ``replaces(path)`` is true, and refused otherwise, before anything is written.
-    After an exception, Ctrl-C included, the new folder is gone and ``path`` is as before.
+    An existing folder at ``path`` is replaced with all its content if it is empty or
+    ``replaces(path)`` is true; otherwise it is refused, before anything is written. After an
+    exception, Ctrl-C included, the new folder is removed and ``path`` is unchanged.
 
     Raises
     ------
     OutputError
-        Where the folder cannot be written or another one is in the way.
+        The folder cannot be written, or another one is in the way.
     """
     target = Path(path)
     with staging.as_output_errors(target):
@@ -102,14 +102,14 @@ def atomic_folder(
         inside = target.is_dir() and not can_be_exchanged(target)
         parent = target if inside else target.parent
         with staging.make_folders(parent):
-            old = file_names(target)  # before there is a stage in it
+            old = file_names(target)  # before the stage is created in it
             with staging.stage(parent, target.name) as folder:
                 (folder / NEW).mkdir()
                 yield folder / NEW
                 with staging.locked(target):
                     finish(target)
                     if not inside:
-                        _refuse_others(target, replaces)  # once more: hours may have passed
+                        _refuse_others(target, replaces)  # checked again: hours may have passed
                         old = file_names(target)
                     swap_in(folder, target, old, in_place=inside)
 
@@ -117,15 +117,13 @@ def atomic_folder(
 def check_folder_target(
     path: Path | str, *, replaces: Callable[[Path], bool] | None = None
 ) -> None:
-    """Refuse a path where ``atomic_folder`` would find something in the way, or could not write.
-
-    What a killed run left there is put right first.
+    """Refuse a path at which ``atomic_folder`` would fail; leftovers of killed runs are removed.
 
     Raises
     ------
     OutputError
-        Where a file stands there, or a folder that is neither empty nor to be replaced, or a folder
-        without permission to write.
+        A file is in the way, or a folder that is neither empty nor replaceable, or permission to
+        write is missing.
     """
     target = Path(path)
     with staging.as_output_errors(target):
@@ -144,16 +142,16 @@ def _refuse_others(target: Path, replaces: Callable[[Path], bool] | None) -> Non
 
 
 def tidy(path: Path | str) -> None:
-    """Finish or clear away what a killed run left of a folder; refuse one that cannot be written.
+    """Complete or remove leftovers of a killed run in a folder; refuse an unwritable one.
 
     Raises
     ------
     OutputError
-        Where a file stands in the way, or without permission to write.
+        A file is in the way, or permission to write is missing.
     """
     target = Path(path)
     with staging.as_output_errors(target):
-        # In this order: another process may make the folder between the two questions.
+        # In this order: another process may create the folder between the two checks.
         if (target.exists() or target.is_symlink()) and not target.is_dir():
             raise OutputError(
                 f"cannot write the folder {target}: a file of that name is in the way; choose "

@@ -1,4 +1,4 @@
-"""Tables: CSV read row by row, Parquet, and graphs as tables of nodes and edges."""
+"""CSV and Parquet tables, and GraphML as tables of nodes and edges."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ from pgm_places.errors import InputError, quoted
 from pgm_places.io.input_file import as_unreadable, open_input
 
 MAX_VALUES = 20_000_000
-"""The most numbers in one table: 160 MB."""
+"""The maximum of numbers in a table: 160 MB."""
 _MAX_NAME = 200
 _MAX_COLUMNS = 10_000
 _MAX_LINE = 1 << 20
@@ -57,17 +57,16 @@ class CsvTable:
             raise error(f"{path}: the column {quoted(name)} appears twice")
 
     def index(self, *names: str) -> int | None:
-        """The first of the names that is a column."""
+        """The column of the first name that exists."""
         return next((self.names.index(name) for name in names if name in self.names), None)
 
     def rows(self, numbers: Sequence[int]) -> Iterator[tuple[list[float], list[str]]]:
-        """The values of the columns of numbers, and all fields, row by row as they can be read.
+        """The numbers in the given columns and all fields, row by row.
 
         Raises
         ------
         error
-            A row has another number of fields than the header, or a field that should be a finite
-            number is none.
+            The number of fields differs from the header, or a field is not a finite number.
         """
         for number, row in enumerate(self._rows, 1):
             where = f"{self.path}, row {number} after the header"
@@ -87,12 +86,12 @@ class CsvTable:
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = ()
     ) -> tuple[NDArray[np.float64], list[list[str]]]:
-        """(rows, columns) of the columns of numbers, and a list of each column of texts.
+        """(rows, columns) of the numeric columns, and a list for each text column.
 
         Raises
         ------
         error
-            As of :meth:`rows`; also where there are no rows or too many.
+            As :meth:`rows`; also for a table without rows or with too many.
         """
         values = array("d")
         columns: list[list[str]] = [[] for _ in texts]
@@ -113,7 +112,7 @@ class CsvTable:
 
 
 def plain_number(text: str) -> float:
-    """A number in plain notation, else NaN: unlike Python's, ``1_000`` and ``١`` are not numbers.
+    """A number in plain notation, else NaN; unlike ``float``, refuses ``1_000`` and ``١``.
 
     Examples
     --------
@@ -137,7 +136,7 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
 def open_table(
     path: Path, error: type[InputError], what: str, *, max_bytes: int
 ) -> Iterator[CsvTable]:
-    """A table that stays open inside the block.
+    """Open a table for the duration of the block.
 
     Parameters
     ----------
@@ -176,21 +175,21 @@ def _lines(path: Path, text: io.TextIOWrapper, error: type[InputError]) -> Itera
 
 
 Table = dict[str, list[Any]]
-"""The values of each column, from top to bottom."""
+"""The values of each column, in the order of rows."""
 
 MAX_BYTES = 1 << 30
 _GRAPHML = "a graph (GraphML)"
 
 
 class GraphTables(NamedTuple):
-    """A row per node and a row per edge."""
+    """The tables of a graph: a row per node, and a row per edge."""
 
     nodes: Table
     edges: Table
 
 
 def read_table(path: Path) -> Table:
-    """A table's columns: texts of a CSV file, values of any kind of a Parquet file.
+    """The columns of a table: texts from a CSV file, values of any type from a Parquet file.
 
     Raises
     ------
@@ -227,7 +226,7 @@ def _read_parquet(path: Path) -> Table:
 def read_graphml(path: Path, node: str, ends: tuple[str, str]) -> GraphTables:
     """A GraphML file as tables; an attribute that a node or an edge lacks is None.
 
-    ``node`` and ``ends`` are what the columns of their names are to be called.
+    ``node`` and ``ends`` name the columns of node names and of the ends of edges.
 
     Raises
     ------
@@ -251,7 +250,7 @@ def read_graphml(path: Path, node: str, ends: tuple[str, str]) -> GraphTables:
 
 
 def _columns(rows: list[dict[str, Any]], first: Table) -> Table:
-    """The rows' attributes as columns behind the first ones, which win where names are the same."""
+    """Attributes of rows as columns after the first ones, which win equal names."""
     named = dict.fromkeys(name for row in rows for name in row)
     return {name: [row.get(name) for row in rows] for name in named} | first
 

@@ -1,4 +1,4 @@
-"""What a file is, from its first bytes: nothing is overwritten by a file of another kind."""
+"""The kind of a file, by its first bytes; files of another kind are not overwritten."""
 
 import json
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 from pgm_places.errors import OutputError
 
 HEAD = 64 << 10
-"""How many bytes are looked at."""
+"""Bytes that are read to determine the kind."""
 
 _MAGIC = {
     b"\x89PNG\r\n\x1a\n": "a PNG",
@@ -43,8 +43,8 @@ def kind_of(head: bytes) -> str:
     if text.startswith("{"):
         if len(head) < HEAD and not _is_json(text):
             return ""  # damaged
-        found = _FORMAT.search(text)
-        return f"JSON ({json.loads(found[1], strict=False)})" if found else "JSON"
+        match = _FORMAT.search(text)
+        return f"JSON ({json.loads(match[1], strict=False)})" if match else "JSON"
     keys = set(_KEY.findall(text))
     if {"image", "resolution"} <= keys:
         return "the description of a map"
@@ -60,7 +60,7 @@ def _is_json(text: str) -> bool:
 
 
 def refuse_another_kind(path: Path, new: bytes) -> None:
-    """Refuse to write over a file of another kind; an empty or damaged one is of every kind.
+    """Refuse to overwrite a file of another kind; an empty or damaged file may be overwritten.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def refuse_another_kind(path: Path, new: bytes) -> None:
     try:
         with path.open("rb") as file:
             old = file.read(HEAD)
-    except OSError:  # there is none; or it cannot be read, which the writer will say
+    except OSError:  # no file, or an unreadable one, which the writer will report
         return
     there, coming = kind_of(old), kind_of(new[:HEAD])
     if old and there and there != coming:

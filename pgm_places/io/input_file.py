@@ -1,4 +1,4 @@
-"""Input files: what may be opened, and text, JSON and TOML read strictly, with one-line errors."""
+"""Opening input files, and strict readers of text, JSON and TOML, with one-line errors."""
 
 import errno
 import hashlib
@@ -18,12 +18,12 @@ from pgm_places.errors import InputError, quoted
 
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
-    """A path as users write it: ``~`` is their home folder.
+    """A path from a user, with ``~`` for the home folder.
 
     Raises
     ------
     error
-        There is no such user, no file can have this name, or it is an address such as ``s3://...``.
+        The user is unknown, the file name is invalid, or it is an address such as ``s3://...``.
     """
     if "\0" in str(path):
         raise error(f"{path}: not a valid file name")
@@ -36,15 +36,15 @@ def user_path(path: Path | str, error: type[InputError]) -> Path:
 
 
 def is_address(path: Path | str) -> bool:
-    """Whether a path is an address of another machine, such as ``s3://bucket/maps``.
+    """Whether a path is a remote address, such as ``s3://bucket/maps``.
 
-    A path has lost one of the two slashes; a single letter is a drive.
+    ``Path`` drops one of the two slashes; a single letter is a drive.
     """
     return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(path)) is not None
 
 
 def file_kind(path: Path) -> Literal["file", "folder", "other"] | None:
-    """What there is at a path; None for nothing, and for names that no file can have."""
+    """The kind of a path; None if nothing exists there or the name is invalid."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):
@@ -63,7 +63,7 @@ def open_input(
     max_bytes: int | None = None,
     pipes: bool = False,
 ) -> BufferedReader:
-    """A file from outside, open for reading.
+    """Open an input file for reading.
 
     Parameters
     ----------
@@ -75,15 +75,15 @@ def open_input(
     max_bytes : int, optional
         Larger files are refused.
     pipes : bool
-        Whether a pipe will do, because it is read only once and forwards.
+        Whether pipes are allowed, for input that is read once and forwards.
 
     Raises
     ------
     error
-        Where the file is missing, unreadable or too large, or is a folder, a device or a pipe.
+        The file is missing, unreadable or too large, or is a folder, a device or a pipe.
     """
     try:
-        # Asked before opening, because opening a pipe that nobody writes to waits for ever.
+        # Checked before opening: opening a pipe without a writer blocks for ever.
         status = path.stat()
         mode, size = status.st_mode, status.st_size
         regular = stat.S_ISREG(mode)
@@ -94,7 +94,7 @@ def open_input(
     except OSError as problem:
         name = quoted(str(path)) if problem.errno == errno.ENAMETOOLONG else path
         raise error(f"{name}: cannot be read: {problem.strerror or problem}") from None
-    except ValueError:  # a NUL, or half a character
+    except ValueError:  # a NUL or a surrogate
         raise error(f"{path}: not a valid file name; expected {what}") from None
     if file is not None:
         if regular and file.peek(len(_LFS))[: len(_LFS)] == _LFS:
@@ -125,7 +125,7 @@ def sha256_of(path: Path | str) -> str:
 
 @contextmanager
 def as_unreadable(path: Path | str, error: type[InputError]) -> Iterator[None]:
-    """What the operating system refuses while a file is read, as one line."""
+    """Turn an operating system's errors while reading a file into one line."""
     try:
         yield
     except OSError as problem:
@@ -136,13 +136,13 @@ _PIECE = 1 << 16
 
 
 def read_bytes(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> bytes:
-    """The content of a file; parameters and errors are those of :func:`read_text`."""
+    """The bytes of a file; parameters and errors as for :func:`read_text`."""
     with open_input(path, error, what, max_bytes=max_bytes) as file, as_unreadable(path, error):
-        # As large as the file at most: to read takes as much memory as is asked for.
+        # At most the size of the file: read() allocates the requested size.
         data = file.read(min(os.fstat(file.fileno()).st_size, max_bytes) + 1)
         while len(data) <= max_bytes and (more := file.read(_PIECE)):
             data += more
-    if len(data) > max_bytes:  # it has grown since, or has no size, as in /proc
+    if len(data) > max_bytes:  # it has grown, or reports no size, as in /proc
         raise error(f"{path}: larger than {max_bytes} bytes; expected {what}")
     return data
 
@@ -158,12 +158,12 @@ def read_text(path: Path, error: type[InputError], what: str, *, max_bytes: int)
     what : str
         What the file should be, for messages: "regions (GeoJSON)".
     max_bytes : int
-        No more than this is read.
+        Larger files are refused.
 
     Raises
     ------
     error
-        Where the file is missing, no regular file, unreadable, too large or not UTF-8.
+        The file is missing, no regular file, unreadable, too large or not UTF-8.
     """
     try:
         return read_bytes(path, error, what, max_bytes=max_bytes).decode("utf-8-sig")
@@ -172,7 +172,7 @@ def read_text(path: Path, error: type[InputError], what: str, *, max_bytes: int)
 
 
 _MOST_DIGITS = 18
-"""Whole numbers of so many digits fit into 64 bits."""
+"""Digits of an integer that always fit into 64 bits."""
 
 
 def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> Any:
@@ -190,20 +190,20 @@ def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int)
 def read_record(
     path: Path, what: str, form: str, schema: int, *, max_bytes: int, remedy: str
 ) -> Iterator[dict[str, Any]]:
-    """The record in a JSON file that this package wrote, to be read in a block.
+    """The record in a JSON file of this package; errors in the block name the file.
 
     Raises
     ------
     InputError
-        The file cannot be read, is of another format or schema, or what it holds makes the block
-        fail; ``remedy`` is what to do then.
+        The file cannot be read, has another format or schema, or its content makes the block fail;
+        the message ends with ``remedy``, the advice.
     """
     record = read_json(path, InputError, what, max_bytes=max_bytes)
     if not isinstance(record, dict) or record.get("format") != form:
         raise InputError(f"{path} does not hold {what}; {remedy}")
     if record.get("schema") != schema:
-        found = quoted(record.get("schema"))
-        raise InputError(f"{path} has schema {found}, but only {schema} can be read; {remedy}")
+        actual = quoted(record.get("schema"))
+        raise InputError(f"{path} has schema {actual}, but only {schema} can be read; {remedy}")
     try:
         yield record
     except InputError as error:
@@ -218,8 +218,8 @@ def parsed_json(text: str, path: Path, error: type[InputError]) -> Any:
     Raises
     ------
     error
-        It is not JSON, is nested too deep, or has a number that is NaN, infinite, or whole and of
-        more than 18 digits.
+        It is not JSON, is nested too deeply, or has a number that is NaN, infinite, or an integer
+        of more than 18 digits.
     """
     try:
         return json.loads(
@@ -275,8 +275,8 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
     Raises
     ------
     error
-        Where the file cannot be read, is larger than 128 KiB, is not TOML, is nested too deep,
-        or has a key of more than 200 characters or an integer of more than 64 bits.
+        The file cannot be read, is larger than 128 KiB, is not TOML, is nested too deeply, or has
+        a key of more than 200 characters or an integer of more than 64 bits.
     """
     text = read_text(path, error, what, max_bytes=MAX_BYTES)
     deep = _DEEP_KEY.search(text)
@@ -298,7 +298,7 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
 
 
 def _check_items(items: Iterable[tuple[str, Any]], path: Path, error: type[InputError]) -> None:
-    """Keys that messages can name, and integers of TOML's 64 bits; tomllib reads longer ones."""
+    """Limit the length of keys, and integers to TOML's 64 bits, which tomllib does not."""
     for key, value in items:
         if len(key) > MAX_KEY:
             raise error(f"{path}: a key has {len(key)} characters; at most {MAX_KEY} are read")

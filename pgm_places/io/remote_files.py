@@ -24,22 +24,22 @@ Found = TypeVar("Found")
 Item = TypeVar("Item")
 
 MOST_AT_ONCE = 256
-"""Requests under way: at 100 ms each, 2,560 in a second, of which S3 takes 5,500."""
+"""Concurrent requests: at 100 ms each, 2,560 a second; S3 accepts 5,500."""
 
 _WAITS_S = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0, 30.0, 30.0)
-"""Between the tries of a request that a busy server refuses: three minutes in all."""
+"""Waits before retrying a request that a busy server refused: three minutes in all."""
 
 _SAID_FROM_S = 4.0
-"""Wait of a request from which on a warning names it, in seconds."""
+"""The wait in seconds from which on a warning names the request."""
 
 _FOLDERS = frozenset(
     ("file", "local", "sftp", "ssh", "ftp", "smb", "hdfs", "arrow_hdfs", "webhdfs", "dbfs")
 )
-"""Systems whose folders have to be made; elsewhere, making one could make a bucket."""
+"""File systems with real folders; on others, creating one could create a bucket."""
 
 
 def address_of(path: Path | str) -> str:
-    """An address as it was written: a path has lost a slash of it, or two.
+    """An address as the user wrote it: ``Path`` drops one or two of its slashes.
 
     Examples
     --------
@@ -52,22 +52,22 @@ def address_of(path: Path | str) -> str:
 
 
 def shown_path(path: Path) -> str:
-    """A path, or an address as it was written."""
+    """A path, or an address as the user wrote it."""
     return address_of(path) if is_address(path) else str(path)
 
 
 @dataclass(frozen=True, eq=False)
 class RemoteFolder:
-    """A folder, or a file, behind an address.
+    """A folder or a file at a remote address.
 
     Parameters
     ----------
     address : str
     system : fsspec.AbstractFileSystem
     path : str
-        The same within the system.
+        The path within the file system.
     is_patient : bool
-        Whether what a busy server refuses is tried again.
+        Whether requests that a busy server refuses are retried.
     """
 
     address: str
@@ -77,13 +77,13 @@ class RemoteFolder:
 
     @classmethod
     def at(cls, path: Path | str, error: type[PgmPlacesError] = InputError) -> Self:
-        """What an address names.
+        """The folder or file at an address.
 
         Raises
         ------
         error
-            It is no address, fsspec or what it needs for this kind of address is not installed, or
-            there is no such kind.
+            It is no address, fsspec or its package for this protocol is not installed, or the
+            protocol is unknown.
         """
         address = address_of(path)
         if not is_address(address) or find_spec("fsspec") is None:
@@ -99,27 +99,27 @@ class RemoteFolder:
         return cls(address, system, str(inside).rstrip("/"))
 
     def below(self, name: str) -> "RemoteFolder":
-        """A file or folder in it."""
+        """A file or folder in this folder."""
         address = f"{self.address.rstrip('/')}/{name}"
         return replace(self, address=address, path=f"{self.path}/{name}")
 
     @property
     def parent(self) -> "RemoteFolder":
-        """The folder that it is in."""
+        """The folder that contains it."""
         address = self.address.rstrip("/").rpartition("/")[0]
         return replace(self, address=address, path=self.path.rpartition("/")[0])
 
     def at_once(self, function: Callable[[Item], Found], items: Iterable[Item]) -> list[Found]:
-        """What a function that makes requests returns for each item, many of them at once."""
+        """Results of a function that makes requests, for each item, many concurrently."""
         waiting = list(items)
         n = min(len(waiting), MOST_AT_ONCE if self.system.async_impl else 1)
-        if n < 2:  # other systems may have one connection, which threads cannot share
+        if n < 2:  # some systems have one connection, which threads cannot share
             return [function(item) for item in waiting]
         with ThreadPoolExecutor(n) as threads:
             return list(threads.map(function, waiting))
 
     def exists(self) -> bool:
-        """Whether there is such a file or folder."""
+        """Whether the file or folder exists."""
         return bool(self._asked(self.system.exists, self.path))
 
     def is_folder(self) -> bool:
@@ -131,23 +131,23 @@ class RemoteFolder:
         return sorted(self._found())
 
     def states(self) -> dict[str, str]:
-        """The files below it by their names, each with what tells its versions apart."""
+        """The files below it by name, each with a text that changes with its content."""
         return {name: repr(sorted(state.items())) for name, state in self._found().items()}
 
     def _found(self) -> dict[str, dict[str, Any]]:
         try:
-            found = self._asked(partial(self.system.find, detail=True), self.path, absent=True)
+            entries = self._asked(partial(self.system.find, detail=True), self.path, absent=True)
         except FileNotFoundError:
             return {}
         start = len(self.path.rstrip("/")) + 1
-        return {path[start:]: state for path, state in found.items()}
+        return {path[start:]: state for path, state in entries.items()}
 
     def matching(self) -> list[str]:
-        """The paths within the system that this one, a pattern, fits."""
+        """The paths within the file system that match this one, a pattern."""
         return sorted(map(str, self._asked(self.system.glob, self.path)))
 
     def fetch(self, name: str, local: Path) -> bool:
-        """Copy a file from it; whether there is one."""
+        """Copy a file from this folder; returns whether it exists."""
         with as_errors(f"{self.address}/{name}", InputError):
             local.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -160,7 +160,7 @@ class RemoteFolder:
         return True
 
     def modified_s(self, name: str) -> float:
-        """When a file of it was written, in seconds since 1970; now where its system cannot say."""
+        """Modification time of a file, in seconds since 1970; now if the system has none."""
         with as_errors(f"{self.address}/{name}", InputError):
             try:
                 return float(self._again(self.system.modified, f"{self.path}/{name}").timestamp())
@@ -172,7 +172,7 @@ class RemoteFolder:
         return bytes(self._asked(partial(self.system.cat_file, start=0, end=size), self.path))
 
     def put(self, local: Path, names: Iterable[str], error: type[PgmPlacesError]) -> None:
-        """Copy files into it, in this order."""
+        """Copy files into this folder, in this order."""
         with as_errors(self.address, error):
             for name in names:
                 target = f"{self.path}/{name}"
@@ -181,41 +181,41 @@ class RemoteFolder:
                 self._again(self.system.put_file, str(local / name), target)
 
     def remove(self, names: Iterable[str], error: type[PgmPlacesError]) -> None:
-        """Remove files of it, those that are there."""
+        """Remove the named files, if they exist."""
         with as_errors(self.address, error):
             for name in names:
                 with contextlib.suppress(FileNotFoundError):
                     self._again(self.system.rm_file, f"{self.path}/{name}")
 
-    def _asked(self, request: Callable[..., Found], *given: Any, absent: bool = False) -> Found:
-        """What a request returns; what is ``absent`` may be, and raises FileNotFoundError."""
+    def _asked(self, request: Callable[..., Found], *arguments: Any, absent: bool = False) -> Found:
+        """The result of a request; with ``absent``, FileNotFoundError passes."""
         with as_errors(self.address, InputError, absent=absent):
-            return self._again(request, *given)
+            return self._again(request, *arguments)
 
-    def _again(self, request: Callable[..., Found], *given: Any) -> Found:
-        """What a request returns, tried again with growing waits while the server is busy."""
+    def _again(self, request: Callable[..., Found], *arguments: Any) -> Found:
+        """The result of a request, retried with growing waits while the server is busy."""
         for wait_s in _WAITS_S if self.is_patient else ():
             try:
-                return request(*given)
+                return request(*arguments)
             except Exception as error:
                 if not is_passing(error):
                     raise
                 if wait_s == _SAID_FROM_S:
-                    said = f"{self.address}: {escape_control(str(error))[:500]}; it is tried again"
-                    warn(said)
-            # Many workers are refused at one moment, and should not come back at one moment.
+                    reason = escape_control(str(error))[:500]
+                    warn(f"{self.address}: {reason}; the request is retried")
+            # Random waits: workers refused at the same moment must not retry at the same moment.
             time.sleep(wait_s * random.uniform(0.5, 1.0))
-        return request(*given)
+        return request(*arguments)
 
 
 def _options(address: str) -> dict[str, Any]:
-    """Of S3: as many connections as requests, where it would have ten."""
+    """Options of S3: as many connections as requests; its default is ten."""
     if not address.startswith(("s3:", "s3a:")):
         return {}
     from fsspec.config import conf
 
-    given = conf.get("s3", {}).get("config_kwargs", {})
-    return {"config_kwargs": {"max_pool_connections": MOST_AT_ONCE, **given}}
+    settings = conf.get("s3", {}).get("config_kwargs", {})
+    return {"config_kwargs": {"max_pool_connections": MOST_AT_ONCE, **settings}}
 
 
 def _protocols(system: Any) -> tuple[str, ...]:
@@ -233,10 +233,9 @@ _PASSING_NUMBERS = frozenset(
 
 
 def is_passing(error: BaseException) -> bool:
-    """Whether a server or a network may do later what it refuses now, as with a status of 503.
+    """Whether an error is temporary, such as a status of 503 of a busy server.
 
-    Each library has exceptions of its own: they are known by the numbers that they carry, or by
-    their names.
+    Each library has its own exceptions: they are recognised by their status codes or names.
     """
     step: BaseException | None = error
     while step is not None:
@@ -257,7 +256,7 @@ def is_passing(error: BaseException) -> bool:
 
 
 def is_there(path: Path | str) -> bool:
-    """Whether there is a file or folder, here or behind an address; so far as one can ask."""
+    """Whether a local or remote file or folder exists, False if that cannot be determined."""
     if not is_address(path):
         return Path(path).exists()
     try:
@@ -268,21 +267,21 @@ def is_there(path: Path | str) -> bool:
 
 @contextlib.contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A private local folder; leftovers of killed runs are removed as well."""
+    """A private temporary folder; leftovers of killed runs are removed, too."""
     parent = Path(tempfile.gettempdir())
     with contextlib.ExitStack() as ends:
         with as_output_errors(parent):
             folder = ends.enter_context(stage(parent, "pgm-places"))
             folder.chmod(0o700)
-            (folder / NEW).mkdir()  # the stage is locked, and others may lock this
+            (folder / NEW).mkdir()  # the stage itself is locked; callers may lock this folder
         yield folder / NEW
 
 
 @contextlib.contextmanager
 def as_errors(address: str, error: type[PgmPlacesError], *, absent: bool = False) -> Iterator[None]:
-    """Whatever a file system raises, as one line that names the address.
+    """Turn exceptions of a file system into one line that names the address.
 
-    FileNotFoundError passes where files may be ``absent``.
+    With ``absent``, FileNotFoundError passes.
     """
     try:
         yield
@@ -293,6 +292,6 @@ def as_errors(address: str, error: type[PgmPlacesError], *, absent: bool = False
             raise
         raise error(f"{address}: {escape_control(str(problem))[:500]}") from problem
     except Exception as problem:
-        # Each file system has exceptions of its own, which share no class but this one.
-        said = re.sub(r"\s+", " ", str(problem)).strip() or type(problem).__name__
-        raise error(f"{address}: {escape_control(said)[:500]}") from problem
+        # The exceptions of file systems have no common base class but this one.
+        text = re.sub(r"\s+", " ", str(problem)).strip() or type(problem).__name__
+        raise error(f"{address}: {escape_control(text)[:500]}") from problem

@@ -104,8 +104,8 @@ def connected_components(
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
-    kept = raster.dtype if raster.dtype in (np.int8, np.int32) else np.int16
-    values: NDArray[Any] = np.ascontiguousarray(raster, kept)
+    dtype = raster.dtype if raster.dtype in (np.int8, np.int32) else np.int16
+    values: NDArray[Any] = np.ascontiguousarray(raster, dtype)
     piece = np.empty(raster.shape, np.int32)
     scratch = np.empty(raster.size, np.int32)  # pages are only touched as far as it is used
     count = label_components(values, connectivity == 8, scratch, piece)

@@ -86,6 +86,6 @@ class KnownWindow:
 
     def paste(self, part: NDArray[Any], fill: Any) -> NDArray[Any]:
         """A raster (H, W, ...) with the window's part (h, w, ...), ``fill`` elsewhere."""
-        whole = np.full((*self.shape, *part.shape[2:]), fill, part.dtype)
-        whole[self.rows, self.columns] = part
-        return whole
+        full = np.full((*self.shape, *part.shape[2:]), fill, part.dtype)
+        full[self.rows, self.columns] = part
+        return full

@@ -191,6 +191,6 @@ def at_cells(raster: NDArray[Any], cells_rc: NDArray[np.int64], outside: Any) ->
     [2, 0]
     """
     inside = ((cells_rc >= 0) & (cells_rc < raster.shape)).all(axis=1)
-    found = np.full(len(cells_rc), outside, raster.dtype)
-    found[inside] = raster[tuple(cells_rc[inside].T)]
-    return found
+    values = np.full(len(cells_rc), outside, raster.dtype)
+    values[inside] = raster[tuple(cells_rc[inside].T)]
+    return values

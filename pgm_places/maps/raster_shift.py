@@ -21,10 +21,10 @@ def raster_shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | 
     if old.resolution_m != new.resolution_m or old.yaw_rad != new.yaw_rad:
         return None
     [columns_rows] = new.points_at_m([old.origin_xy_m])
-    whole = np.rint(columns_rows)
-    if np.abs(columns_rows - whole).max() > _SAME_CELL:
+    rounded = np.rint(columns_rows)
+    if np.abs(columns_rows - rounded).max() > _SAME_CELL:
         return None
-    return whole[::-1].astype(np.int64)
+    return rounded[::-1].astype(np.int64)
 
 
 def overlap(shift: Shift, before: tuple[int, ...], after: tuple[int, ...]) -> tuple[Window, Window]:

@@ -192,8 +192,8 @@ class CellCaster:
         noise = self._sensor.noise
         if noise is None or noise.is_silent:
             return
-        given = Noise.of(noise, self._sensor.max_range_m)
-        self._in_parts(lambda part: add_noise(out, part, given), cells)
+        noise_levels = Noise.of(noise, self._sensor.max_range_m)
+        self._in_parts(lambda part: add_noise(out, part, noise_levels), cells)
 
     def _in_parts(self, work: Callable[[Cells], None], cells: Cells) -> None:
         """Call ``work`` for the parts of a list of cells, spread over threads."""

@@ -79,9 +79,9 @@ class OdometryNoise(Options):
             [[0.0], np.cumsum(first + first_off + last + last_off)]
         )
         towards = heading[:-1] + first + first_off
-        told = way + way_off
-        x = true[0, 0] + np.concatenate([[0.0], np.cumsum(told * np.cos(towards))])
-        y = true[0, 1] + np.concatenate([[0.0], np.cumsum(told * np.sin(towards))])
+        measured = way + way_off
+        x = true[0, 0] + np.concatenate([[0.0], np.cumsum(measured * np.cos(towards))])
+        y = true[0, 1] + np.concatenate([[0.0], np.cumsum(measured * np.sin(towards))])
         return np.column_stack([x, y, _half_turn(heading)])
 
 

@@ -264,14 +264,14 @@ def _drivable(grid: OccupancyGrid, clearance_m: NDArray[np.float64], radius_m: f
     size = len(cells)
     lengths = sparse.csr_array((length, (i, j)), shape=(size, size))
     _, part = connected_components(lengths, directed=False)
-    kept = np.flatnonzero(part == np.bincount(part).argmax())
-    lengths = lengths[kept][:, kept]
-    clearance_of = clearance[fits][kept]
+    largest = np.flatnonzero(part == np.bincount(part).argmax())
+    lengths = lengths[largest][:, largest]
+    clearance_of = clearance[fits][largest]
     dear = 1 + WALL_COST * radius_m / clearance_of
     steps = lengths.tocoo()
     weights = steps.data * (dear[steps.row] + dear[steps.col]) / 2
     costs = sparse.csr_array((weights, (steps.row, steps.col)), shape=steps.shape)
-    chosen = cells[kept] * stride
+    chosen = cells[largest] * stride
     return _Drivable(grid.cell_centres_m(chosen), clearance_of, lengths, costs)
 
 

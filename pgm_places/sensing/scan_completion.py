@@ -128,28 +128,28 @@ class ScanCompletion:
         if self.missing in ("local-map", "known-map"):
             return self._filled_from_map(poses, ranges)
         reach = np.float32(self.max_range_m)
-        seen = self._seen
+        observed = self._seen
         bridged = _bridged(np.where(self.geometry.returned(ranges), ranges, np.nan), reach)
         completed = np.full((len(poses), self.n_beams), reach, np.float32)
-        completed[:, seen] = bridged[:, self._beam_of[seen]]
+        completed[:, observed] = bridged[:, self._beam_of[observed]]
         if self.missing == "mirror":
-            completed[:, ~seen] = completed[:, self._mirror_of[~seen]]
+            completed[:, ~observed] = completed[:, self._mirror_of[~observed]]
         return np.minimum(completed, reach)
 
     def _filled_from_map(
         self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         reach = np.float32(self.max_range_m)
-        seen = self._seen
-        filled = np.where(seen, ranges[:, self._beam_of], reach)
-        returned = seen & self.geometry.returned(ranges)[:, self._beam_of]
+        observed = self._seen
+        filled = np.where(observed, ranges[:, self._beam_of], reach)
+        returned = observed & self.geometry.returned(ranges)[:, self._beam_of]
         wanted = np.ones_like(returned) if self.all_from_map else ~returned
         for row, pose in enumerate(poses):
             beams = np.flatnonzero(wanted[row])
             simulated, met = self._cast(pose, self._angles[beams])
             # No return of a beam that the laser has means that there is no obstacle, unless the
             # map knows one: glass and black surfaces give no return either.
-            open_space = seen[beams] & ~met & (not self.all_from_map)
+            open_space = observed[beams] & ~met & (not self.all_from_map)
             filled[row, beams] = np.where(open_space, reach, simulated)
         return np.minimum(filled, reach)
 
@@ -178,9 +178,9 @@ def _turn_between(first: NDArray[np.float64], second: NDArray[np.float64]) -> ND
     return np.abs(np.mod(first - second + pi, 2 * pi) - pi)
 
 
-def _mirrored(angles: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _mirrored(angles: NDArray[np.float64], observed: NDArray[np.bool_]) -> NDArray[np.int64]:
     """The seen beam that lies nearest to each beam's mirror image in the y axis."""
-    beams = np.flatnonzero(seen)
+    beams = np.flatnonzero(observed)
     apart = _turn_between(np.pi - angles[:, None], angles[None, beams])
     return beams[apart.argmin(axis=1)]
 

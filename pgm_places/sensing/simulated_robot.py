@@ -172,9 +172,9 @@ def _inside(grid: OccupancyGrid, window: ArrayLike | None) -> OccupancyGrid:
     """The map with nothing known outside the window."""
     if window is None:
         return grid
-    kept = np.asarray(window, np.bool_)
-    require_shape("window", kept.shape, grid.shape, of="the map's")
-    return replace(grid, cells=np.where(kept, grid.cells, UNKNOWN))
+    inside = np.asarray(window, np.bool_)
+    require_shape("window", inside.shape, grid.shape, of="the map's")
+    return replace(grid, cells=np.where(inside, grid.cells, UNKNOWN))
 
 
 def _finely(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -144,11 +144,11 @@ def _settled(
         | (volume[best] != volume[second])
     )
     number[line[last[alone]]] = best[alone]
-    kept = line[last[~alone]]
-    number[kept] = count + np.arange(len(kept))
-    still = np.isin(beside[:, 0], kept)
+    remaining = line[last[~alone]]
+    number[remaining] = count + np.arange(len(remaining))
+    still = np.isin(beside[:, 0], remaining)
     left = np.column_stack([number[beside[still, 0]], beside[still, 1]]).astype(np.int64)
-    return number, len(kept), left
+    return number, len(remaining), left
 
 
 def sum_up(grid: OccupancyGrid, basins: Basins, relief: NDArray[np.int32]) -> BasinSums:

@@ -53,7 +53,7 @@ def shared_walls(
     widest_wall_m : float
     """
     reach = int(widest_wall_m / resolution_m + 1e-6) + 1
-    found = [np.empty((0, 2), np.int32)]
+    runs = [np.empty((0, 2), np.int32)]
     for raster in (place, place.T):
         width = raster.shape[1]
         at = np.flatnonzero(raster >= 0)
@@ -61,6 +61,6 @@ def shared_walls(
         step = np.diff(at)
         same_line = at[1:] // width == at[:-1] // width
         crossed = (here[1:] != here[:-1]) & same_line & (step <= reach)
-        found.append(np.sort(np.column_stack([here[:-1], here[1:]])[crossed], axis=1))
-    pairs, number = np.unique(np.concatenate(found), axis=0, return_counts=True)
+        runs.append(np.sort(np.column_stack([here[:-1], here[1:]])[crossed], axis=1))
+    pairs, number = np.unique(np.concatenate(runs), axis=0, return_counts=True)
     return pairs, number.astype(np.float64) * resolution_m

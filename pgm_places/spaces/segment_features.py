@@ -143,7 +143,7 @@ def _opening_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray[
 def _position_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray[np.float64]]:
     area, sizes = own["area"], np.diff(segments.first)
     areas, radii = segments.by_division(area), segments.by_division(own["radius"])
-    whole = np.repeat([part.sum() for part in areas], sizes)
+    total = np.repeat([part.sum() for part in areas], sizes)
     median = np.repeat([_weighted_median(*both) for both in zip(radii, areas, strict=True)], sizes)
     lists = neighbour_lists(segments.neighbours, segments.count)
     between, cut = betweenness(*lists, area), area_cut_off(*lists, area)
@@ -153,7 +153,7 @@ def _position_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray
     return {
         "rank": np.concatenate([_share_no_larger(part) for part in areas]),
         "radius_share": own["radius"] / median,
-        "long_share": own["long"] / np.sqrt(whole),
+        "long_share": own["long"] / np.sqrt(total),
         "betweenness": between,
         "cut": cut,
         "neighbour_area": around / np.maximum(number, 1),
@@ -205,11 +205,11 @@ def area_cut_off(
     >>> area_cut_off(*chain, np.array([1.0, 5.0, 3.0])).tolist()
     [0.0, 0.25, 0.0]
     """
-    rest, whole = np.zeros(len(area_m2)), np.zeros(len(area_m2))
-    largest_rests(start, neighbour, np.ascontiguousarray(area_m2, np.float64), rest, whole)
-    others = whole - area_m2
-    kept = np.divide(rest, others, out=np.ones(len(rest)), where=others > 1e-9 * whole)
-    return np.minimum(np.maximum(1.0 - kept, 0.0), 1.0)
+    rest, total = np.zeros(len(area_m2)), np.zeros(len(area_m2))
+    largest_rests(start, neighbour, np.ascontiguousarray(area_m2, np.float64), rest, total)
+    others = total - area_m2
+    share = np.divide(rest, others, out=np.ones(len(rest)), where=others > 1e-9 * total)
+    return np.minimum(np.maximum(1.0 - share, 0.0), 1.0)
 
 
 def _both_ways(segments: SegmentRows) -> NDArray[np.int64]:

@@ -1,1 +1,1 @@
-"""Drives as files: CARMEN logs, CSV files and ROS bags."""
+"""Files of drives: CARMEN logs, CSV files and ROS bags."""

@@ -21,23 +21,23 @@ from pgm_places.io.input_file import file_kind, open_input, user_path
 from pgm_places.io.strict_yaml import read_yaml
 
 MAX_CHUNK_BYTES = 256 << 20
-"""Of a chunk, unpacked; writers begin a new one after some megabytes."""
+"""The largest unpacked chunk; writers begin a new one after some megabytes."""
 
 MOST_TIMES, FREE_BYTES = 1000, 16 << 20
-"""At most 1000 times their size plus 16 MiB once unpacked; bags of scans shrink to a tenth."""
+"""The largest allowed ratio of unpacked to packed size; bags of scans have about 10."""
 
 _PIECE = 1 << 20
 
 
 def zstd_module() -> Any:
-    """The module of Zstandard that ``rosbags`` itself unpacks with."""
+    """The Zstandard module that ``rosbags`` uses."""
     return importlib.import_module(
         "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
     )
 
 
 def unpacked(compression: str, data: bytes) -> bytes:
-    """What the data of a chunk hold: at most 256 MiB.
+    """The unpacked data of a chunk: at most 256 MiB.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def unpacked(compression: str, data: bytes) -> bytes:
     Raises
     ------
     LogError
-        It would be more, or the data are truncated.
+        The unpacked data are larger, or the packed data are truncated.
     OSError, RuntimeError, ZstdError
         The data are damaged.
     """
@@ -69,11 +69,11 @@ def unpacked(compression: str, data: bytes) -> bytes:
 
 @contextmanager
 def bounded_chunks(files: Sequence[Path]) -> Iterator[None]:
-    """While a bag is opened: ``rosbags``, which unpacks without limits, gets decompressors of ours.
+    """Replace the decompressors of ``rosbags``, which have no size limits, while a bag is opened.
 
-    All chunks of a ROS 1 bag together may become 16 MiB and a thousand times its size. Those of
-    MCAP are unpacked by what the module holds when they are read; ours stay, since bags may be open
-    side by side.
+    All chunks of a ROS 1 bag together may unpack to 16 MiB plus a thousand times its size. MCAP
+    chunks are unpacked later, when they are read, so those decompressors remain replaced: several
+    bags may be open at once.
     """
     left = [FREE_BYTES + MOST_TIMES * sum(file.stat().st_size for file in files)]
 
@@ -107,17 +107,17 @@ def _decompressor(compression: str) -> Any:
 
 @contextmanager
 def plain_storage(folder: Path) -> Iterator[list[Path]]:
-    """The files of a ROS 2 bag's folder, unpacked where they are packed.
+    """The files in the folder of a ROS 2 bag, decompressed if needed.
 
-    ``rosbags`` is given these instead of the folder, because it reads ``metadata.yaml`` without a
-    time limit. Whatever else that file says, such as the topics, the files say too.
+    ``rosbags`` gets these instead of the folder, because it parses ``metadata.yaml`` without a time
+    limit. The files repeat all other content of ``metadata.yaml``, such as the topics.
 
     Raises
     ------
     LogError
-        ``metadata.yaml`` is not plain YAML of at most 256 KiB, or names no files, one twice or one
-        that is missing; a file unpacks to more than 16 MiB and a thousand times its size, or to
-        more than the disk has room for; messages are compressed individually.
+        ``metadata.yaml`` is not plain YAML of at most 256 KiB, or names no files, a file twice or a
+        missing file; a file unpacks to more than 16 MiB plus a thousand times its size, or to more
+        than fits on the disk; messages are compressed individually.
     """
     metadata = read_yaml(folder / "metadata.yaml", LogError, "metadata of a ROS 2 bag")
     content = metadata.values.get("rosbag2_bagfile_information")
@@ -143,7 +143,7 @@ def plain_storage(folder: Path) -> Iterator[list[Path]]:
 
 
 def _unpacked(path: Path, folder: Path) -> Path:
-    """The file in a folder, which is bounded while it is written."""
+    """Decompress a file into a folder, within limits; its path."""
     target = folder / path.stem
     free_bytes = shutil.disk_usage(folder).free - FREE_BYTES
     zstd = zstd_module()
@@ -185,14 +185,14 @@ def is_bag(path: Path | str) -> bool:
 
 @contextlib.contextmanager
 def open_bag(path: Path | str) -> Iterator[Any]:
-    """An open ``rosbags.highlevel.AnyReader``; whatever is wrong with the bag is a LogError.
+    """An open ``rosbags.highlevel.AnyReader``; all errors of the bag are LogErrors.
 
-    Messages are deserialised with the definitions that the bag holds, else with those of ROS 2.
+    Messages are deserialised with the bag's own definitions, else with those of ROS 2.
 
     Raises
     ------
     LogError
-        The bag is missing, or it turns out damaged while it is read inside the block.
+        The bag is missing, or damage appears while the block reads it.
     InputError
         ``rosbags`` is not installed.
     """
@@ -207,7 +207,7 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     is_folder = file_kind(path) == "folder"
     for file in path.iterdir() if is_folder else [path]:
         if file_kind(file) == "file":
-            open_input(file, LogError, "a ROS bag").close()  # it may be a pointer of Git LFS
+            open_input(file, LogError, "a ROS bag").close()  # detects a pointer of Git LFS
     storage = plain_storage(path) if is_folder else contextlib.nullcontext([path])
     try:
         with storage as files, contextlib.ExitStack() as stack:
@@ -220,11 +220,11 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         raise error if name in str(error) else LogError(f"{path}: {error}") from None
     except PgmPlacesError:
         raise
-    # Damaged bytes make rosbags, the databases below it and whoever uses its messages raise
-    # anything at all; wrong sizes even end in MemoryError.
+    # Damaged bytes make rosbags, its databases and users of its messages raise any exception;
+    # wrong sizes even end in MemoryError.
     except Exception as error:
-        said = str(error).rstrip(". ")
-        reason = f"{type(error).__name__}: {said}" if said else type(error).__name__
+        text = str(error).rstrip(". ")
+        reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
         raise LogError(
             f"cannot read the bag {path}: {escape_control(reason)[:300]}; is it complete? "
             "'rosbag reindex', 'ros2 bag reindex' and 'mcap recover' repair truncated recordings"
@@ -233,10 +233,10 @@ def open_bag(path: Path | str) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _without_qos() -> Iterator[None]:
-    """Leave the publishers' quality of service unread, which nothing here needs.
+    """Skip the publishers' quality of service, which is not needed here.
 
-    It is YAML within the bag, and a few kilobytes of malicious brackets keep the Python parser of
-    ``rosbags`` busy for minutes.
+    It is YAML inside the bag, and a few kilobytes of malicious brackets occupy the Python parser
+    of ``rosbags`` for minutes.
     """
     modules: list[Any] = [
         importlib.import_module(f"rosbags.rosbag2.storage_{kind}") for kind in ("mcap", "sqlite3")
@@ -252,7 +252,7 @@ def _without_qos() -> Iterator[None]:
 
 
 def stamp_s(message: Any, recorded_ns: int) -> float:
-    """Seconds of a message's header stamp, or of when it was recorded where it has none."""
+    """Header stamp of a message in seconds, or its recording time if it has none."""
     header = getattr(message, "header", None)
     if header is None or (header.stamp.sec == 0 and header.stamp.nanosec == 0):
         return recorded_ns * 1e-9

@@ -1,4 +1,4 @@
-"""Poses over time from a bag or a robot: tracks, and the trees of coordinate frames they define."""
+"""Poses over time from ROS transforms: tracks, frame trees, and a live transform buffer."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
@@ -16,12 +16,12 @@ Lookup = Literal["interpolated", "nearest"]
 
 @dataclass(frozen=True)
 class PoseTrack:
-    """Where one frame lies in another over time, seen from above.
+    """The planar pose of one coordinate frame in another over time.
 
     Parameters
     ----------
     times_s : (P,) float
-        Increasing; one entry of a frame that never moves.
+        Increasing; a single entry for a static frame.
     poses : (P, 3) float
         x, y, and the heading of the frame's x axis.
     mirrored : bool
@@ -39,18 +39,18 @@ class PoseTrack:
     def from_entries(
         cls, entries: Iterable[tuple[float, float, float, float, bool]], *, is_static: bool = False
     ) -> Self:
-        """The track through (time, x, y, heading, mirrored) in any order, each time once."""
+        """The track through entries (time, x, y, heading, mirrored), sorted by time."""
         rows = np.array(list(entries), np.float64).reshape(-1, 5)
         times, first = np.unique(rows[:, 0], return_index=True)
         if is_static:
-            times, first = rows[-1:, 0], np.array([len(rows) - 1])  # the last word counts
+            times, first = rows[-1:, 0], np.array([len(rows) - 1])  # the last entry counts
         mirrored = bool(rows[0, 4]) if len(rows) else False
         return cls(times, rows[first, 1:4], mirrored, is_static)
 
     def at(
         self, times_s: NDArray[np.float64], lookup: Lookup, max_gap_s: float
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """(T, 3) poses at the times, and (T,) whether there is one close enough.
+        """(T, 3) poses at the times, and (T,) whether an entry is close enough.
 
         Interpolation needs entries on both sides, at most the gap apart; headings turn the shorter
         way. The nearest entry may be up to the gap away.
@@ -63,7 +63,7 @@ class PoseTrack:
         before = np.where(self.times_s[after] > times_s, np.maximum(after - 1, 0), after)
         since, until = times_s - self.times_s[before], self.times_s[after] - times_s
         if lookup == "nearest":
-            # Beyond the last entry both are that entry, and the distance to it is negative.
+            # Beyond the last entry, both are the last entry, at a negative distance.
             chosen = np.where(np.abs(since) <= np.abs(until), before, after)
             return self.poses[chosen], np.abs(times_s - self.times_s[chosen]) <= max_gap_s
         inside = (since >= 0) & (until >= 0) & (since + until <= max_gap_s)
@@ -77,12 +77,12 @@ class PoseTrack:
 
 
 class FrameTree:
-    """Which frame is the child of which, from ``/tf`` and ``/tf_static``.
+    """The tree of coordinate frames from ``/tf`` and ``/tf_static``.
 
     Parameters
     ----------
     tracks : mapping of (parent, child) to PoseTrack
-        Where each child lies in its parent.
+        The pose of each child in its parent.
     """
 
     def __init__(self, tracks: dict[tuple[str, str], PoseTrack]) -> None:
@@ -95,15 +95,15 @@ class FrameTree:
         return sorted({name for edge in self.tracks for name in edge})
 
     def chain(self, ancestor: str, frame: str) -> list[PoseTrack] | None:
-        """The tracks from a frame's ancestor down to it, or None where there is none."""
+        """The tracks from an ancestor down to a frame; None if they are not connected."""
         way: list[PoseTrack] = []
-        seen = {frame}
+        visited = {frame}
         while frame != ancestor:
             parent = self._parent.get(frame)
-            if parent is None or parent in seen:
+            if parent is None or parent in visited:
                 return None
             way.append(self.tracks[parent, frame])
-            seen.add(parent)
+            visited.add(parent)
             frame = parent
         return way[::-1]
 
@@ -111,9 +111,9 @@ class FrameTree:
 def at_times(
     chain: list[PoseTrack], times_s: NDArray[np.float64], lookup: Lookup, max_gap_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], bool]:
-    """Poses (T, 3) of a chain's last frame in its first, where known (T,), whether mirrored.
+    """Poses (T, 3) of a chain's last frame in its first, whether known (T,), whether mirrored.
 
-    A pose beyond 10^7 m, or not finite, is not known.
+    Poses beyond 10^7 m or not finite are unknown.
     """
     poses = np.zeros((len(times_s), 3))
     known = np.ones(len(times_s), np.bool_)
@@ -142,9 +142,9 @@ def at_times(
 def planar(position: Any, orientation: Any) -> tuple[float, float, float, bool]:
     """x, y, heading of the x axis, and whether the z axis points down, of a ROS pose.
 
-    The rotation matrix of the quaternion (x, y, z, w) has, where it is of unit length, the entries
-    ``R00 = 1 - 2 (y² + z²)``, ``R10 = 2 (x y + w z)`` and ``R22 = 1 - 2 (x² + y²)``; without that
-    division they are known up to a common factor, which neither the angle nor the sign needs.
+    The rotation matrix of a unit quaternion (x, y, z, w) has the entries
+    ``R00 = 1 - 2 (y² + z²)``, ``R10 = 2 (x y + w z)`` and ``R22 = 1 - 2 (x² + y²)``. Without
+    normalisation they have a common positive factor, which changes neither the angle nor the sign.
     """
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     size = x * x + y * y + z * z + w * w
@@ -153,24 +153,24 @@ def planar(position: Any, orientation: Any) -> tuple[float, float, float, bool]:
 
 
 def check_place(place: tuple[float, float, float, bool], parent: str, child: str) -> None:
-    """Refuse a transform that no robot's frames have.
+    """Refuse a transform with impossible numbers.
 
     Raises
     ------
     LogError
-        A number is not finite, or a coordinate beyond 10^7 m.
+        A number is not finite, or a coordinate is beyond 10^7 m.
     """
     x, y, heading, _ = place
     if not max(abs(x), abs(y), abs(heading)) <= FARTHEST_M or np.isnan([x, y, heading]).any():
         raise LogError(
             f"the transform from {quoted(parent)} to {quoted(child)} is "
             f"({x:g}, {y:g}, {heading:g}), "
-            f"which must be metres and radians up to {FARTHEST_M:g}; it is not used"
+            f"which must be metres and radians up to {FARTHEST_M:g}; the transform is ignored"
         )
 
 
 def _half_turn(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles from -pi to pi; those that are already there stay as they are, bit for bit."""
+    """Angles wrapped to -pi to pi; angles within the range stay the same, bit for bit."""
     inside = np.abs(angles) <= np.pi
     turned: NDArray[np.float64] = np.where(
         inside, angles, np.mod(angles + np.pi, 2 * np.pi) - np.pi
@@ -179,13 +179,13 @@ def _half_turn(angles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 KEEP_S = 10.0
-"""How long transforms are kept, as long as tf2 does."""
+"""Seconds of transforms in the buffer, as in tf2."""
 
 Place = tuple[float, float, float, bool]
 
 
 class SoughtPose(NamedTuple):
-    """A pose that was looked up, or why there is none.
+    """The result of a pose look-up: the pose, or the reason why it is missing.
 
     Parameters
     ----------
@@ -194,9 +194,9 @@ class SoughtPose(NamedTuple):
     mirrored : bool
         Whether the frame is upside down.
     may_come : bool
-        Whether a transform that is still on its way could tell.
+        Whether a later transform may make the pose available.
     problem : str
-        Why there is no pose.
+        The reason for a missing pose.
     """
 
     pose: NDArray[np.float64] | None
@@ -207,7 +207,7 @@ class SoughtPose(NamedTuple):
 
 @dataclass
 class _Edge:
-    """Where a frame lies in its parent, by time."""
+    """The recent poses of a frame in its parent."""
 
     parent: str
     is_static: bool
@@ -216,7 +216,7 @@ class _Edge:
 
     def add(self, time_s: float, place: Place) -> None:
         if self.is_static or (self.times_s and time_s < self.times_s[-1] - KEEP_S):
-            self.times_s.clear()  # the last word counts; or the clock has jumped back
+            self.times_s.clear()  # the last entry counts; or the clock has jumped back
             self.places.clear()
         at = bisect_left(self.times_s, time_s)
         if at < len(self.times_s) and self.times_s[at] == time_s:
@@ -228,7 +228,7 @@ class _Edge:
             del self.times_s[0], self.places[0]
 
     def around(self, time_s: float) -> PoseTrack:
-        """The entries before and after a time that lies between the first and the last."""
+        """The two entries around a time within the buffer."""
         at = 0 if self.is_static else bisect_left(self.times_s, time_s)
         part = slice(max(at - 1, 0), at + 1)
         entries = zip(self.times_s[part], self.places[part], strict=True)
@@ -238,10 +238,10 @@ class _Edge:
 
 
 class FrameBuffer:
-    """The tree of coordinate frames, seen from above, over the last ten seconds.
+    """A buffer of planar transforms over the last ten seconds.
 
-    A pose is that of its own time, interpolated between two transforms; none is made up beyond
-    the latest. A leading ``/`` of a frame's name means nothing.
+    Poses are interpolated between two transforms and never extrapolated. A leading ``/`` of a
+    frame's name is ignored.
 
     Examples
     --------
@@ -258,7 +258,7 @@ class FrameBuffer:
         self._edges: dict[str, _Edge] = {}
 
     def forget_after(self, time_s: float) -> None:
-        """Forget what is said of later times: the clock has gone back to this one."""
+        """Drop later transforms after the clock has jumped back to a time."""
         for child, edge in list(self._edges.items()):
             if not edge.is_static:
                 at = bisect_right(edge.times_s, time_s)
@@ -278,14 +278,14 @@ class FrameBuffer:
     def add(
         self, parent: str, child: str, time_s: float, place: Place, *, is_static: bool = False
     ) -> None:
-        """Take a transform: where ``child`` lies in ``parent`` at a time.
+        """Add a transform: the pose of ``child`` in ``parent`` at a time.
 
         Parameters
         ----------
         parent, child : str
         time_s : float
         place : (x, y, heading, mirrored)
-            As :func:`~pgm_places.io.logs.bag_poses.planar` gives it.
+            As returned by :func:`~pgm_places.io.logs.bag_poses.planar`.
         is_static : bool
             Whether it holds at all times.
         """
@@ -296,13 +296,13 @@ class FrameBuffer:
         edge.add(time_s, place)
 
     def pose(self, ancestor: str, frame: str, time_s: float) -> SoughtPose:
-        """Where ``frame`` lay in ``ancestor`` at a time."""
+        """The pose of ``frame`` in ``ancestor`` at a time."""
         ancestor, frame = ancestor.lstrip("/"), frame.lstrip("/")
         chain: list[PoseTrack] = []
-        child, seen = frame, {frame}
+        child, visited = frame, {frame}
         while child != ancestor:
             edge = self._edges.get(child)
-            if edge is None or edge.parent in seen:
+            if edge is None or edge.parent in visited:
                 return self._unconnected(ancestor, frame)
             if not edge.is_static and time_s > edge.times_s[-1]:
                 late_s = time_s - edge.times_s[-1]
@@ -319,7 +319,7 @@ class FrameBuffer:
                     f"{edge.times_s[0] - time_s:.2f} s after the scan",
                 )
             chain.append(edge.around(time_s))
-            seen.add(edge.parent)
+            visited.add(edge.parent)
             child = edge.parent
         poses, known, mirrored = at_times(chain[::-1], np.array([time_s]), "interpolated", np.inf)
         if not known[0]:

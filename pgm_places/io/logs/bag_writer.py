@@ -24,7 +24,7 @@ _ROS1_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms\n"
 
 
 def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
-    """The path, once the bag is written.
+    """Write a trajectory as a ROS bag; returns its path.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
         There are no scans, their beams are not evenly spaced, stamps are negative, the name has
         another ending, or ``rosbags`` is not installed.
     OutputError
-        The bag cannot be written; nothing is left half-written.
+        The bag cannot be written; no partial bag remains.
     """
     path = Path(path)
     if trajectory.geometry is None:
@@ -95,7 +95,7 @@ def _write_ros1(path: Path, trajectory: Trajectory) -> None:
 
 @contextlib.contextmanager
 def ros2_writer(folder: Path, name: str, storage: Literal["MCAP", "SQLITE3"]) -> Iterator[Any]:
-    """A ``rosbags.rosbag2.Writer`` of a bag of that name, whose files are in the folder then."""
+    """A ``rosbags.rosbag2.Writer`` of a named bag; its files are then moved into the folder."""
     bags = needed("rosbags.rosbag2", extra="bags", purpose="writing ROS bags")
     inner = folder / name  # files in a bag are called as its folder
     plugin = bags.StoragePlugin[storage]
@@ -128,7 +128,7 @@ def _write(
 
 
 class _Messages:
-    """Makes the messages of a trajectory from one ROS version's definitions."""
+    """Creates the messages of a trajectory with the definitions of a ROS version."""
 
     def __init__(self, store: Any, header: dict[str, int]) -> None:
         self.types = store.types
@@ -212,7 +212,7 @@ class _Messages:
 
 
 def _corrections(poses: NDArray[np.float64], wheels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(T, 3) where the odometry's frame lies in the map, so that both say the same of the robot."""
+    """(T, 3) poses of the odometry frame in the map that make the odometry match the poses."""
     turn = poses[:, 2] - wheels[:, 2]
     cos, sin = np.cos(turn), np.sin(turn)
     x = poses[:, 0] - (cos * wheels[:, 0] - sin * wheels[:, 1])

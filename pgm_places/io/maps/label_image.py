@@ -212,11 +212,11 @@ def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
     for strip in image.strips(indices=by_index):
         stored = coding.values_of_colours(strip, values, image)
         labels = table[stored]
-        seen = stored
+        opaque = stored
         if strip.alpha is not None:
             labels[strip.alpha == 0] = -1
-            seen = stored[strip.alpha > 0]
-        counts += np.bincount(seen.ravel(), minlength=256)
+            opaque = stored[strip.alpha > 0]
+        counts += np.bincount(opaque.ravel(), minlength=256)
         raster[height - strip.row - len(stored) : height - strip.row] = labels[::-1]
     _check_values(image.path, counts, values)
     return raster

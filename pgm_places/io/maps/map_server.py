@@ -99,12 +99,12 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
             )
         text = json.dumps(value, ensure_ascii=False).encode()  # which YAML reads as it is
         new = line.sub(lambda found, text=text: found[1] + text, new)  # type: ignore[misc]
-    kept = yaml_path.with_name(yaml_path.name + KEPT_SUFFIX)
-    if kept.exists() or kept.is_symlink():
-        raise OutputError(f"{kept} exists and would be lost; move it away first")
-    write_bytes(kept, old)
+    original = yaml_path.with_name(yaml_path.name + KEPT_SUFFIX)
+    if original.exists() or original.is_symlink():
+        raise OutputError(f"{original} exists and would be lost; move it away first")
+    write_bytes(original, old)
     write_bytes(yaml_path, new)
-    return kept
+    return original
 
 
 _log = logging.getLogger(__name__)
@@ -312,10 +312,10 @@ def _refuse_picture(path: Path) -> None:
     if path.suffix.lower() not in PICTURES:
         return
     beside = [path.with_suffix(end) for end in (".yaml", ".yml")]
-    found = [str(each) for each in beside if file_kind(each) == "file"]
+    descriptions = [str(each) for each in beside if file_kind(each) == "file"]
     raise MapError(
         f"{path} is the picture of a map; give its description (YAML), "
-        + (found[0] if found else f"which names it: 'image: {path.name}'")
+        + (descriptions[0] if descriptions else f"which names it: 'image: {path.name}'")
     )
 
 

@@ -64,8 +64,8 @@ def _indices(
 ) -> tuple[int, int]:
     start, stop = _pair(name, limits)
     first, last = 0 if start is None else start, size if stop is None else stop
-    whole = isinstance(first, int | np.integer) and isinstance(last, int | np.integer)
-    if not whole or not 0 <= first < last <= size:
+    are_integers = isinstance(first, int | np.integer) and isinstance(last, int | np.integer)
+    if not are_integers or not 0 <= first < last <= size:
         raise MapError(
             f"the window {_listed(**{name: limits})} must be whole numbers with "
             f"0 <= start < stop <= {size}, the {size_name} of the map's image"

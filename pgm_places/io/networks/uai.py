@@ -224,8 +224,8 @@ def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | N
         at += 1 + int(size)
         left -= 1
     sums = [row.sum() for row in rows]
-    whole = left == 0 and at == len(values) and np.allclose(sums, 1, rtol=0, atol=1e-3)
-    return tuple(rows) if whole and (values[1:] >= 0).all() else None
+    is_complete = left == 0 and at == len(values) and np.allclose(sums, 1, rtol=0, atol=1e-3)
+    return tuple(rows) if is_complete and (values[1:] >= 0).all() else None
 
 
 def _joined(values: "NDArray[np.float64] | NDArray[np.int64] | list[int]") -> str:

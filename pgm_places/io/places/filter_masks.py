@@ -201,8 +201,8 @@ def write_filter_mask(
         parameters.update(found)
         return [image_path, yaml_path]
     listed = yaml.safe_dump(found, sort_keys=False, allow_unicode=True)
-    given = _named(topology, None) if values is None else values
-    legend = ", ".join(f"{value:g} {escape_control(name)}" for name, value in given.items())
+    by_name = _named(topology, None) if values is None else values
+    legend = ", ".join(f"{value:g} {escape_control(name)}" for name, value in by_name.items())
     text = f"# values: 0 nothing, {legend}\n{listed}"
     params_path = write_text(target.with_name(f"{target.name}_params.yaml"), text)
     return [image_path, yaml_path, params_path]

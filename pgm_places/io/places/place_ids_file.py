@@ -122,10 +122,10 @@ def _runs(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _cells(runs: Any, most: int) -> NDArray[np.int64]:
     """(n, 2) the cells of runs."""
-    found = np.array(runs, np.int64).reshape(-1, 3)
-    length = found[:, 2] - found[:, 1] + 1
-    if (np.abs(found) > FARTHEST).any() or (length < 1).any() or length.sum() > most:
+    checked = np.array(runs, np.int64).reshape(-1, 3)
+    length = checked[:, 2] - checked[:, 1] + 1
+    if (np.abs(checked) > FARTHEST).any() or (length < 1).any() or length.sum() > most:
         raise ValueError("cells of a place")
     start = np.repeat(np.cumsum(length) - length, length)
-    column = np.arange(length.sum()) - start + np.repeat(found[:, 1], length)
-    return np.column_stack([np.repeat(found[:, 0], length), column])
+    column = np.arange(length.sum()) - start + np.repeat(checked[:, 1], length)
+    return np.column_stack([np.repeat(checked[:, 0], length), column])

@@ -81,8 +81,8 @@ def edge_ids(
     """The id of each directed edge between ids of nodes: that of the earlier edge, or a new one."""
     new = _unused(FIRST_EDGE, {*nodes, *earlier.edges.values(), *earlier.nodes})
     own = {*nodes}
-    found = [earlier.edges.get(way) for way in ways]
-    return [next(new) if number is None or number in own else number for number in found]
+    known = [earlier.edges.get(way) for way in ways]
+    return [next(new) if number is None or number in own else number for number in known]
 
 
 def _matches(routes: RouteGraph, earlier: EarlierIds) -> Iterator[tuple[int, int]]:

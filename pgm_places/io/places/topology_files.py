@@ -251,11 +251,11 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     )
     plain_names("names of places", [item.name for item in regions], InputError)
     ids = {item.id for item in regions}
-    seen = {*np.flatnonzero(np.bincount(region.ravel())).tolist()} - {0}
-    if seen != ids:
+    present = {*np.flatnonzero(np.bincount(region.ravel())).tolist()} - {0}
+    if present != ids:
         raise InputError(
             f"{REGION_FILE} and {places_path(source).name} hold other regions "
-            f"({sorted(seen ^ ids)[:5]}); they come from different runs; write them again"
+            f"({sorted(present ^ ids)[:5]}); they come from different runs; write them again"
         )
     connections = items_of(Connection, record, "connections")
     for item in connections:
