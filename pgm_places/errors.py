@@ -132,10 +132,8 @@ def escape_control(text: str, *, keep: str = "") -> str:
     """
 
     def spelled(match: re.Match[str]) -> str:
-        character = match.group()
-        return (
-            character if character in keep else character.encode("unicode_escape").decode("ascii")
-        )
+        char = match.group()
+        return char if char in keep else char.encode("unicode_escape").decode("ascii")
 
     return _HIDDEN.sub(spelled, text)
 

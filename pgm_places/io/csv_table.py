@@ -214,7 +214,7 @@ def _read_parquet(path: Path) -> Table:
         except UnicodeDecodeError:
             raise InputError(
                 f"{path}: a name or a value is not UTF-8, which texts in Parquet must be; write "
-                "the table anew, with texts decoded, or bytes as a binary column"
+                "the table again, with texts decoded, or bytes as a binary column"
             ) from None
         except (ValueError, OverflowError) as problem:  # a date beyond the year 9999
             raise InputError(f"{path}: a value cannot be read: {_line(problem)}") from None

@@ -312,7 +312,7 @@ def test_maps_that_cannot_be_labelled_leave_the_one_before() -> None:
         robot.node.turn(20.0 * number + 0.1)
     size = grid.cells.size
     assert [line.partition(";")[0] for line in robot.said][:2] == [
-        f"the map is not labelled: the map says {grid.shape[1]} x {grid.shape[0]} cells, but "
+        f"the map is not labelled: the map states {grid.shape[1]} x {grid.shape[0]} cells, but has "
         f"{size - 1} came",
         "the map is not labelled: the map has no free cell to label",
     ]
@@ -414,7 +414,7 @@ def test_a_transform_that_leads_nowhere_is_refused_and_the_next_one_taken(
     robot.node.turn(100.0)
     assert len(robot.places()) == 1
     assert robot.said[0].startswith("the transform from 'map' to 'laser' is (")
-    assert "must be metres and radians up to 1e+07; it is not used" in robot.said[0]
+    assert "must be metres and radians up to 1e+07; the transform is ignored" in robot.said[0]
 
 
 @pytest.mark.parametrize(
@@ -433,7 +433,7 @@ def test_beams_without_directions_are_refused_and_the_next_scan_taken(
     robot.node.turn(100.0)
     assert len(robot.places()) == 1
     assert "a scan is dropped: scan: a scan of" in robot.said[0]
-    assert "and go round once; check the laser's driver" in robot.said[0]
+    assert "and cover at most a full circle; check the laser's driver" in robot.said[0]
 
 
 @pytest.mark.parametrize("far_m", [1e3, 1e4, 1e6])

@@ -268,6 +268,6 @@ def test_maps_of_messages(tmp_path: Path) -> None:
     wanted = [FREE, FREE, UNKNOWN, UNKNOWN, OCCUPIED, OCCUPIED]
     assert grid_of_message(message).cells.ravel().tolist() == wanted
     message.data = np.zeros(5, np.int8)
-    with pytest.raises(MapError, match="the map says 3 x 2 cells, but 5 came"):
+    with pytest.raises(MapError, match="the map states 3 x 2 cells, but has 5"):
         grid_of_message(message)
     assert list(read_map_messages(tmp_path / "drive.log")) == []

@@ -1,4 +1,4 @@
-"""ROS messages and bags: scans and maps of messages, and trajectories with poses from bags."""
+"""Reading ROS messages and bags: scans, maps, and trajectories with poses."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -22,14 +22,14 @@ from pgm_places.trajectories.trajectory import Trajectory
 
 
 class ScanMessages:
-    """Makes scans of ``sensor_msgs/LaserScan``; scans with the same beams share one geometry.
+    """Converts ``sensor_msgs/LaserScan`` to scans; scans with equal beams share a geometry.
 
     Parameters
     ----------
     source : str
-        Where the messages come from, for the error about a bad one.
+        The origin of the messages, for errors.
     range_max_m : float, optional
-        Readings of at least this mean no return; what the messages say by default.
+        Readings of at least this mean no return; by default the messages' ``range_max``.
     """
 
     def __init__(self, source: str, range_max_m: float | None = None) -> None:
@@ -39,7 +39,7 @@ class ScanMessages:
     def scan(
         self, message: Any, time_s: float, pose: NDArray[np.float64], *, mirrored: bool = False
     ) -> Scan:
-        """The scan of a message, taken at a pose (3,) of the laser.
+        """The scan of a message, with the laser's pose (3,).
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class ScanMessages:
         Raises
         ------
         LogError
-            The message has no beams, no limits of a range, or no directions of its beams.
+            The message lacks beams, range limits, or beam directions.
         """
         geometry = self._geometry(message, mirrored)
         ranges = geometry.cleaned(message.ranges)
@@ -64,7 +64,7 @@ class ScanMessages:
         reach = high if self._range_max_m is None else self._range_max_m
         start, spacing = float(message.angle_min), float(message.angle_increment)
         self._check_directions(n_beams, start, spacing)
-        # Drivers compute the angles for each message; a thousandth of a radian is the same beam.
+        # Drivers compute the angles for each message: equal within a thousandth of a radian.
         key = (n_beams, round(start, 3), round(spacing * n_beams, 3), low, reach, mirrored)
         if key not in self._known:
             if len(self._known) >= _MOST_KINDS:
@@ -74,7 +74,7 @@ class ScanMessages:
                 geometry = ScanGeometry(angles, reach, low)
             except InputError as error:
                 raise LogError(
-                    f"{self._source}: a scan of {n_beams} beams says range_min {low:g} and "
+                    f"{self._source}: a scan of {n_beams} beams has range_min {low:g} and "
                     f"range_max {high:g}: {error}; give the correct one as range_max_m"
                 ) from None
             if mirrored:
@@ -83,14 +83,14 @@ class ScanMessages:
         return self._known[key]
 
     def _check_directions(self, n_beams: int, start: float, spacing: float) -> None:
-        """Refuse beams that all point the same way, or go round more than once."""
+        """Refuse beams that all point in one direction, or cover more than a full circle."""
         span = abs(spacing) * (n_beams - 1)
         is_wide = n_beams < 2 or abs(spacing) >= _LEAST_SPACING
         if not (abs(start) <= _MOST_TURNED and is_wide and span <= _FULL_CIRCLE):
             raise LogError(
-                f"{self._source}: a scan of {n_beams} beams says angle_min {start:g} and "
+                f"{self._source}: a scan of {n_beams} beams has angle_min {start:g} and "
                 f"angle_increment {spacing:g}: beams must lie {_LEAST_SPACING:g} rad apart or more "
-                "and go round once; check the laser's driver"
+                "and cover at most a full circle; check the laser's driver"
             )
 
 
@@ -114,14 +114,14 @@ map_saver."""
 
 
 class MapMessage(NamedTuple):
-    """A map that was sent.
+    """An occupancy grid message.
 
     Parameters
     ----------
     time_s : float
         Its stamp.
     frame : str
-        The frame that its origin is given in.
+        The coordinate frame of its origin.
     grid : OccupancyGrid
     """
 
@@ -134,17 +134,17 @@ def grid_of_message(message: Any) -> OccupancyGrid:
     """The map of a ``nav_msgs/OccupancyGrid``.
 
     Cells of up to 25 % are free, of 65 % and more occupied, all others unknown. In a map without
-    walls, unknown cells beside free ones are walls, as for ``load_map``.
+    walls, unknown cells next to free ones count as walls, as in ``load_map``.
 
     Raises
     ------
     MapError
-        There are more or fewer cells than width times height, or the frame is not that of a map.
+        The number of cells is not width times height, or the resolution or origin is invalid.
     """
     info, data = message.info, np.asarray(message.data, np.int8)
     if info.width * info.height != len(data):
         raise MapError(
-            f"the map says {info.width} x {info.height} cells, but {len(data)} came; check its "
+            f"the map states {info.width} x {info.height} cells, but has {len(data)}; check its "
             "publisher"
         )
     data = data.reshape(info.height, info.width)
@@ -165,7 +165,7 @@ def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessa
     ----------
     path : path
     topic : str
-        The topic of the maps; the default also takes the only one in the bag.
+        The topic of the maps; the default also accepts the bag's only topic of maps.
 
     Raises
     ------
@@ -203,7 +203,7 @@ _ORIGIN = np.zeros(3)
 
 @dataclass(frozen=True)
 class _Poses:
-    """Where poses come from: a chain of tracks down to the laser, and words for messages."""
+    """A source of poses: a chain of tracks down to the laser, and its name for messages."""
 
     chain: list[PoseTrack]
     source: str
@@ -234,23 +234,22 @@ def read_bag(
         Take the poses from the frames' tree (``/tf``, ``/tf_static``) instead: of the laser in
         this frame.
     lookup : {"interpolated", "nearest"}
-        How a pose is found for the time of a scan.
+        How the pose at the time of a scan is computed.
     max_gap_s : float
-        Interpolate only between poses at most this far apart; the nearest may be this far away. A
-        scan without a pose is dropped, and counted in a warning.
+        Interpolate only between poses at most this far apart; the nearest may be this far away.
+        Scans without a pose are dropped, and counted in a warning.
     range_max_m : float, optional
-        Readings of at least this mean no return; what the messages say by default.
+        Readings of at least this mean no return; by default the messages' ``range_max``.
 
-    Where neither topic nor frame is named, poses come from the tree if that connects ``map`` with
-    the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry beside
-    poses in ``map`` is kept as the trajectory's odometry. Where the tree knows how the laser is
-    mounted on the robot, poses are the laser's, and the beams of a laser mounted upside down are
-    reversed.
+    Without a topic or a frame, poses come from the tree if it connects ``map`` with the laser, else
+    from the only odometry topic, else from the tree with ``odom``. Odometry in addition to poses in
+    ``map`` becomes the trajectory's odometry. If the tree contains the laser's mounting on the
+    robot, poses are the laser's, and the beams of a laser mounted upside down are reversed.
 
     Raises
     ------
     LogError
-        The bag is damaged, has no scans or no poses, or there are several and none was chosen.
+        The bag is damaged, has no scans or no poses, or has several topics and none was chosen.
     InputError
         An option is invalid, or ``rosbags`` is not installed.
     """
@@ -306,7 +305,7 @@ class _Bag:
         return sorted(t for t, kind in self.types.items() if kind in kinds and self.counts[t])
 
     def topic(self, option: str, wanted: str | None, kinds: Sequence[str]) -> str:
-        """The topic that was asked for, or the only one of its kinds."""
+        """The requested topic, or the only one of the message types."""
         names = " or ".join(kind.rpartition("/")[2] for kind in kinds)
         if wanted is None:
             topics = self.of_type(kinds)
@@ -401,7 +400,7 @@ def _choose_poses(
 
 
 def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
-    """The poses of a topic, moved from the robot to its laser where the tree says how."""
+    """The poses of a topic, moved from the robot to its laser if the tree has its mounting."""
     entries = []
     robot = "base_link"
     for _, recorded_ns, message in bag.messages(topic):
@@ -420,7 +419,7 @@ def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
 
 
 def _turned_round(trajectory: Trajectory) -> Trajectory:
-    """With the beams of a laser mounted upside down pointing where they really point."""
+    """A trajectory with the beams of an upside-down laser in their true directions."""
     if trajectory.ranges_m is None or trajectory.geometry is None:
         return trajectory
     geometry = replace(trajectory.geometry, angles_rad=-trajectory.geometry.angles_rad[::-1])

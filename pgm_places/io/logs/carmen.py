@@ -41,17 +41,17 @@ _RESOLUTION_M = 0.001
 
 
 def write_carmen(path: Path | str, trajectory: Trajectory) -> Path:
-    """The path, once the log is written; compressed where the name ends in ``.gz``.
+    """Write a CARMEN log, compressed if the name ends in ``.gz``; returns its path.
 
     Parameters
     ----------
     path : path
-        Parent folders are made.
+        Parent folders are created.
     trajectory : Trajectory
         With scans. Those of a scanner over a half circle, as
         :meth:`~pgm_places.trajectories.scan.ScanGeometry.half_circle` makes it, become ``FLASER``
-        lines, which every reader knows; other evenly spaced beams become ``ROBOTLASER1`` lines,
-        which say where the beams point. Each is preceded by an ``ODOM`` line.
+        lines, which every reader supports; other evenly spaced beams become ``ROBOTLASER1`` lines,
+        which contain the beams' directions. Each is preceded by an ``ODOM`` line.
 
     Poses and times are written so that they are read back bit for bit, ranges in millimetres. A
     log holds neither labels nor a shortest range.
@@ -61,7 +61,7 @@ def write_carmen(path: Path | str, trajectory: Trajectory) -> Path:
     InputError
         There are no scans, or their beams are not evenly spaced.
     OutputError
-        The file cannot be written; nothing is left half-written.
+        The file cannot be written; no partial file remains.
     """
     text = "\n".join(_lines(trajectory)) + "\n"
     data = text.encode("ascii")
@@ -98,7 +98,7 @@ def _numbers(values: list[float]) -> str:
 
 
 def _message_ends(geometry: ScanGeometry) -> tuple[str, tuple[str, str]]:
-    """What a message has before its readings, after them, and after its poses."""
+    """The text of a message before its readings, after them, and after its poses."""
     n_beams, reach = geometry.n_beams, geometry.range_max_m
     front = ScanGeometry.half_circle(n_beams, range_max_m=reach, range_min_m=geometry.range_min_m)
     if geometry.same_as(front):
@@ -117,7 +117,7 @@ def _message_ends(geometry: ScanGeometry) -> tuple[str, tuple[str, str]]:
 def _in_millimetres(ranges_m: NDArray[np.float32], geometry: ScanGeometry) -> NDArray[np.float64]:
     """Rounded ranges; one with a return stays below the maximum range."""
     rounded = np.round(ranges_m.astype(np.float64), 3)
-    # Rounding must not turn a wall just within reach into "nothing seen", nor the other way round.
+    # Rounding must not turn a wall just within reach into "no return", or the reverse.
     longest = np.ceil(geometry.range_max_m / _RESOLUTION_M - 1e-6) * _RESOLUTION_M
     met: NDArray[np.float64] = np.clip(rounded, None, longest - _RESOLUTION_M)
     return np.where(geometry.returned(ranges_m), met, longest)
@@ -135,17 +135,17 @@ _KNOWN = {b"ODOM", b"PARAM", *(kind for kinds in _LASERS.values() for kind in ki
 _MAX_WORDS, _LONGEST_WORD = 1000, 40
 
 _LONGEST_M = 81.83
-"""The SICK LMS in centimetre mode: readings from 8183 on are codes for errors and no return."""
+"""Limit of the SICK LMS in centimetre mode; larger readings are codes (error, no return)."""
 
 
 @dataclass
 class CarmenReader:
-    """Parses a log line by line and counts what it cannot use.
+    """Parses a log line by line and counts unusable lines.
 
     Parameters
     ----------
     laser : {"front", "rear"}
-        Which of the robot's lasers is wanted.
+        Which of the robot's lasers to read.
     range_max_m : float or None
         Readings of at least this mean no return. None takes it from the message
         (``ROBOTLASER1``), else from the log's parameter ``robot_front_laser_max`` (or ``rear``),
@@ -180,7 +180,7 @@ class CarmenReader:
         check_option("range_max_m", Positive | None, self.range_max_m)
 
     def scan(self, line: bytes) -> Scan | None:
-        """The scan of a line, or None where the line is something else or cannot be read."""
+        """The scan of a line; None for other or unreadable lines."""
         fields = line.split()
         if not fields or fields[0].startswith(b"#"):
             return None
@@ -243,7 +243,7 @@ def _finite(fields: list[bytes]) -> tuple[float, ...]:
 
 
 def _pose(fields: list[bytes]) -> tuple[float, ...]:
-    """Numbers that a robot's poses can have."""
+    """A pose as finite numbers within the limits of a robot's pose."""
     numbers = _finite(fields)
     if any(abs(number) > FARTHEST_M for number in numbers):
         raise ValueError
@@ -267,7 +267,7 @@ def iter_carmen_scans(
         A file opened in binary mode, :class:`~pgm_places.io.logs.log_lines.LogLines`, or the lines
         of a growing file (:func:`~pgm_places.io.logs.log_lines.follow_lines`).
     reader : CarmenReader, optional
-        Which laser, which limit; it also counts the lines that are not scans.
+        The choice of laser and limit; it also counts the lines that are not scans.
 
     Scans may differ in their number of beams: each carries its own geometry.
     """
@@ -292,10 +292,10 @@ def read_carmen(
     range_max_m : float, optional
         Readings of at least this mean no return; see :class:`CarmenReader`.
 
-    Poses are the laser's. The odometry of the same lines is kept where it differs from them.
-    What could be read is kept, with a warning each: the part before the place where compressed
-    data are truncated or damaged; the scans of the most frequent kind where the number of beams
-    changes; the ``ODOM`` lines as a trajectory without scans where there are none.
+    Poses are the laser's; the odometry of the same lines is stored if it differs. Imperfect files
+    are read as far as possible, with a warning: up to the point where compressed data are truncated
+    or damaged; only the most frequent kind of scans if the number of beams changes; the ``ODOM``
+    lines as a trajectory without scans if the log has no scans.
 
     Raises
     ------

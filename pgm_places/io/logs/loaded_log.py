@@ -15,25 +15,25 @@ MAX_SCANS = 5_000_000
 MAX_READINGS = 500_000_000
 _MAX_KINDS = 1000
 
-# No wall gives so many readings of exactly the same distance, the longest of all.
+# Walls never give such a share of readings of exactly the same distance, the longest of all.
 _CODE_SHARE = 0.005
 _CODE_READINGS = 20
 
 
 @dataclass(frozen=True)
 class LoadedLog:
-    """A trajectory and what happened while its file was read.
+    """A trajectory, with warnings and counts of its file.
 
     Parameters
     ----------
     trajectory : Trajectory
-        What was read.
+        The trajectory of the file.
     path : Path
-        From where.
+        The file.
     warnings : tuple of str
-        One sentence each about what was left out, or what may be wrong with the rest.
+        One sentence each about dropped or suspicious data.
     counts : mapping of str to int
-        How many messages of each kind the file holds, those that were skipped among them.
+        Number of messages of each kind in the file, skipped ones included.
     """
 
     trajectory: Trajectory
@@ -48,7 +48,7 @@ def order_warnings(trajectory: Trajectory) -> list[str]:
     if not backward:
         return []
     steps = "step has an earlier stamp" if backward == 1 else "steps have earlier stamps"
-    return [f"{backward} {steps} than the step before; the order of the file is kept"]
+    return [f"{backward} {steps} than the step before; the steps stay in the order of the file"]
 
 
 @dataclass
@@ -63,9 +63,9 @@ class _Kind:
 
 
 class ScanColumns:
-    """The scans of a log by their beams, as columns: a list of scans takes ten times the memory.
+    """The scans of a log as columns per geometry, a tenth of the memory of a list of scans.
 
-    Readers give scans with the same beams the same geometry object.
+    Readers share one geometry object between scans with the same beams.
 
     Parameters
     ----------
@@ -79,12 +79,12 @@ class ScanColumns:
         self._kinds: dict[int, _Kind] = {}
 
     def add(self, scan: Scan) -> None:
-        """Keep a scan.
+        """Add a scan.
 
         Raises
         ------
         LogError
-            There are too many, or of too many kinds.
+            The log has too many scans, or too many kinds of beams.
         """
         kind = self._kinds.setdefault(id(scan.geometry), _Kind(scan.geometry))
         kind.times_s.append(scan.time_s)
@@ -105,7 +105,7 @@ class ScanColumns:
             )
 
     def trajectory(self, name: str) -> tuple[Trajectory, list[str]]:
-        """The scans of the most frequent kind, the earlier one of two; and what was left out."""
+        """The scans of the most frequent kind (of equals, the first), and a warning of the rest."""
         kind = max(self._kinds.values(), key=lambda kind: len(kind.times_s))
         n_kept = len(kind.times_s)
         odometry = np.frombuffer(kind.odometry).reshape(-1, 3)
@@ -126,7 +126,7 @@ class ScanColumns:
 
 
 def code_warnings(trajectory: Trajectory) -> list[str]:
-    """A warning where the longest reading is so frequent that it must stand for "nothing seen"."""
+    """A warning if the longest reading is so frequent that it must mean "no return"."""
     ranges, geometry = trajectory.ranges_m, trajectory.geometry
     if ranges is None or geometry is None:
         return []

@@ -16,18 +16,18 @@ from pgm_places.io.input_file import open_input
 __all__ = ["LogLines", "follow_files", "follow_lines"]
 
 MAX_LINE = 4 << 20
-"""Bytes of a line: a scan of half a million beams."""
+"""The longest line in bytes: a scan of half a million beams."""
 MAX_BYTES = 4 << 30
-"""Bytes of a log, unpacked."""
+"""The largest log in bytes, unpacked."""
 AnyBytes = TypeVar("AnyBytes", bytes, bytearray)
 _GZIP_MAGIC = b"\x1f\x8b"
 
 
 class LogLines:
-    """The lines of a file or a pipe, plain or gzip by its first bytes, whatever it is called.
+    """The lines of a file or a pipe, plain or gzip by its first bytes, not by its name.
 
-    If the compressed data are truncated or damaged, the lines before that point still come, and
-    :attr:`damage` then says what happened.
+    If the compressed data are truncated or damaged, the lines before that point are yielded, and
+    :attr:`damage` then holds the reason.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class LogLines:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.damage: str | None = None
-        """What is wrong with the compressed data, once the lines have been read; else None."""
+        """The damage of the compressed data, once the lines have been read; else None."""
 
     def __iter__(self) -> Iterator[bytes]:
         self.damage = None
@@ -74,19 +74,19 @@ class LogLines:
 def follow_lines(
     stream: BinaryIO, *, poll_s: float | None = 0.2, is_over: Callable[[], bool] = lambda: False
 ) -> Iterator[bytes]:
-    """Complete lines of a file that is still growing, or of standard input, as they come.
+    """Complete lines of a growing file or of standard input, as they arrive.
 
     Parameters
     ----------
     stream : binary file
         An open plain file, or ``sys.stdin.buffer``. It is read line by line, never ahead.
     poll_s : float or None
-        At the end of the data: look again after this many seconds, as in a growing file. None stops
-        there, which suits a pipe, whose end is final.
+        At the end of the data, read again after this many seconds, for a growing file. None stops
+        there, for a pipe, whose end is final.
     is_over : callable
-        Asked at each end of the data; true ends the lines.
+        Called at each end of the data; true ends the lines.
 
-    A last line without a newline comes once it is certain that nothing will follow.
+    A last line without a newline is yielded once the data are certain to end.
 
     Raises
     ------
@@ -110,10 +110,10 @@ def follow_lines(
 
 
 def follow_files(path: Path, *, poll_s: float = 0.2) -> Iterator[Iterator[bytes]]:
-    """The lines of a growing file, and those of every file that takes its place under its name.
+    """The lines of a growing file, and of every file that replaces it under its name.
 
     A log may be truncated and restarted, or moved away and replaced (as logrotate does). The rest
-    of the old file then comes first, and the new one follows from its beginning.
+    of the old file is yielded first, then the new one from its beginning.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def follow_files(path: Path, *, poll_s: float = 0.2) -> Iterator[Iterator[bytes]
 
 
 def _until_replaced(path: Path, stream: BinaryIO, poll_s: float) -> Iterator[bytes]:
-    """The lines of one file; a last line that was never finished is dropped."""
+    """The lines of one file until it is replaced; an incomplete last line is dropped."""
     ends = partial(_is_replaced, path, stream)
     for line in follow_lines(stream, poll_s=poll_s, is_over=ends):
         if line.endswith(b"\n") or not ends():
@@ -141,14 +141,14 @@ def _until_replaced(path: Path, stream: BinaryIO, poll_s: float) -> Iterator[byt
 
 
 def _is_replaced(path: Path, stream: IO[bytes]) -> bool:
-    """Whether another file has that name now, or this one is shorter than what was read of it."""
+    """Whether another file has the name now, or the file is shorter than the read position."""
     ours = os.fstat(stream.fileno())
     if ours.st_size < stream.tell():
         return True
     try:
         named = path.stat()
     except FileNotFoundError:
-        return False  # moved away; the next one is not there yet
+        return False  # moved away; the next one does not exist yet
     return (named.st_dev, named.st_ino) != (ours.st_dev, ours.st_ino)
 
 

@@ -1,4 +1,4 @@
-"""Counts of objects from other programs: CSV and JSON files, and detections of a ROS bag."""
+"""Reading object counts: CSV and JSON files, and detections in ROS bags."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -26,12 +26,12 @@ def read_object_counts(path: Path | str) -> ObjectCounts:
 
     CSV has a header: the column ``t_s``, seconds, and a column per class of objects. JSON is a
     list of records such as ``{"t_s": 12.3, "counts": {"coffee machine": 1}}``; classes that a
-    record does not name count 0. Times are on the clock of the log that they go with.
+    record does not name count 0. Times are on the clock of the log.
 
     Raises
     ------
     LogError
-        The file is missing, too large or something else, or a value is not a time or a count.
+        The file is missing, too large or of another format, or a value is not a time or a count.
     """
     source = user_path(path, LogError)
     if source.suffix.lower() == ".json":
@@ -114,28 +114,28 @@ def read_detection_bag(
     names: Mapping[str, str] | None = None,
     together_s: float = 0.5,
 ) -> ObjectCounts:
-    """Detections counted by class: each by its best hypothesis, if that is good enough.
+    """Detections counted by class: each by its best hypothesis, if its score is high enough.
 
-    Several cameras make one panorama: messages of all topics whose stamps fall into the same
-    ``together_s`` seconds are added up, each topic's last message only.
+    Several cameras form one panorama: messages of all topics whose stamps are within the same
+    ``together_s`` seconds are added up, only the last message of each topic.
 
     Parameters
     ----------
     path : path
         A ROS 1 bag, a ROS 2 bag (sqlite3 or MCAP).
     topics : sequence of str, optional
-        Which topics to take; all of that type by default.
+        Topics to read; all of the type by default.
     min_score : float
-        Detections whose best score is lower do not count.
+        Detections with a lower best score are ignored.
     names : mapping of str to str, optional
-        What the classes of the detector are called here; others keep their id.
+        Names of the detector's classes; other classes keep their id.
     together_s : float
         Length of an observation, positive.
 
     Raises
     ------
     LogError
-        The bag cannot be read, has no such topic, or does not say what its messages hold.
+        The bag cannot be read, lacks the topic, or does not define its messages.
     InputError
         The extra ``bags`` is not installed.
     """

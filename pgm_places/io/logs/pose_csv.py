@@ -1,4 +1,4 @@
-"""Tables of poses: one step per line, with columns found by name."""
+"""Pose tables (CSV): one step per line, columns by name."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,16 +35,16 @@ def read_pose_csv(
     path : path
         UTF-8 text. Columns may come in any order, other columns are ignored:
 
-        - time in seconds: ``t_s``, ``time_s``, ``timestamp``, ``time`` or ``t``; where there is
-          none, steps are numbered;
+        - time in seconds: ``t_s``, ``time_s``, ``timestamp``, ``time`` or ``t``; without such a
+          column, steps are numbered;
         - position in metres: ``x_m`` or ``x``, ``y_m`` or ``y``;
         - heading: ``heading_rad``, ``yaw_rad``, ``theta_rad``, or these without ``_rad``, in
-          radians, or with ``_deg`` in degrees; where there is none, the direction of travel;
+          radians, or with ``_deg`` in degrees; without one, the direction of travel;
         - place: ``label`` or ``place``; an empty field is an unknown place.
     label_column : str, optional
-        Another column to take the places from.
+        Another column of places.
     label_names : sequence of str, optional
-        The labels in the order of their numbers; the names found, sorted, by default.
+        The labels in the order of their numbers; by default the names in the file, sorted.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def read_pose_csv(
 
 
 class _Columns(NamedTuple):
-    """The columns that poses are taken from."""
+    """The columns of a pose table."""
 
     x: int
     y: int
@@ -105,19 +105,19 @@ class _Columns(NamedTuple):
 
 
 def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, NDArray[Any]]]:
-    """The time and the pose (3,) of each row of such a table, as its lines come.
+    """The time and the pose (3,) of each row of a pose table, as its lines arrive.
 
     Parameters
     ----------
     path : Path
         The file, for messages.
     lines : iterable of bytes
-        From its header on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
+        From the header on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
 
     Raises
     ------
     LogError
-        As of :func:`read_pose_csv`, at the offending row.
+        As :func:`read_pose_csv`, at the offending row.
     """
     table = CsvTable(path, _fields(path, lines), LogError)
     columns = _Columns.of(table)
@@ -140,7 +140,7 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
 
 
 def _too_far(path: Path, row: int, pose: NDArray[np.float64]) -> LogError:
-    """The refusal of a pose that no robot has."""
+    """The error of a pose beyond the limits."""
     x, y, heading = pose
     return LogError(
         f"{path}, row {row} after the header: the pose ({x:g}, {y:g}, {heading:g}) must be metres "
@@ -190,21 +190,21 @@ def _labelled(
 
 
 def write_pose_csv(path: Path | str, trajectory: Trajectory) -> Path:
-    """The path, once a trajectory's times, poses and labels are written as such a table.
+    """Write a trajectory's times, poses and labels as a pose table; returns its path.
 
-    Columns ``t_s, x_m, y_m, heading_rad`` and, where there are labels, ``label``; numbers are
-    written so that they are read back bit for bit.
+    Columns ``t_s, x_m, y_m, heading_rad`` and, if it has labels, ``label``; numbers are written so
+    that they are read back bit for bit.
 
     Raises
     ------
     OutputError
-        The file cannot be written; nothing is left half-written.
+        The file cannot be written; no partial file remains.
     """
     columns: list[list[object]] = [trajectory.times_s.tolist()]
     columns += [column.tolist() for column in trajectory.poses.T]
     names = ["t_s", "x_m", "y_m", "heading_rad"]
     if trajectory.labels is not None and trajectory.label_names is not None:
-        texts = (*trajectory.label_names, "")  # the last one is what -1 points at
+        texts = (*trajectory.label_names, "")  # index -1 is the last entry
         columns.append([texts[label] for label in trajectory.labels.tolist()])
         names.append("label")
     return write_text(path, csv_text([names, *zip(*columns, strict=True)]))
@@ -218,7 +218,7 @@ def with_truth(
     label_column: str | None = None,
     classes: Mapping[str, str] | None = None,
 ) -> Trajectory:
-    """The trajectory with the true places in a table of as many rows as it has steps.
+    """The trajectory with true places from a table with a row for each step.
 
     Parameters
     ----------
@@ -226,16 +226,16 @@ def with_truth(
     path : Path
         A table as :func:`pgm_places.io.logs.pose_csv.read_pose_csv` reads it.
     label_names : sequence of str
-        The places to distinguish.
+        The labels.
     label_column : str, optional
-        The column of places, if it has none of the usual names.
+        The column of places, if it has another name.
     classes : mapping of str to str, optional
-        From the table's names to label names; all others are unknown places.
+        From the table's names to label names; other names become unknown places.
 
     Raises
     ------
     LogError
-        There is no such column, or there are more or fewer rows than steps.
+        The column is missing, or the number of rows is not the number of steps.
     LabelError
         Without ``classes``: a place that is not among the labels.
     """
@@ -256,7 +256,7 @@ def with_truth(
 def translated(
     trajectory: Trajectory, label_names: Sequence[str], classes: Mapping[str, str] | None
 ) -> Trajectory:
-    """The trajectory with its places by their new names; without ``classes``, by their own.
+    """The trajectory with its places renamed by ``classes``, or unchanged without it.
 
     Places that are not among the labels become unknown.
     """

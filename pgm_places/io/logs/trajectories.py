@@ -32,13 +32,13 @@ def read_trajectory(
         table of poses whose name ends in ``.csv``
         (:func:`~pgm_places.io.logs.pose_csv.read_pose_csv`).
     laser
-        For CARMEN logs; see there.
+        For CARMEN logs; see ``read_carmen``.
     range_max_m
         For logs and bags: readings of at least this mean no return.
     scan_topic, pose_topic, fixed_frame
-        For bags; see there.
+        For bags; see ``read_bag``.
     label_column, label_names
-        For tables; see there.
+        For tables; see ``read_pose_csv``.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_trajectory(
 
 
 def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
-    """The path, once the trajectory is written in the format that its name asks for.
+    """Write a trajectory in the format of its file name; returns the path.
 
     ``.log`` and ``.log.gz`` are CARMEN logs
     (:func:`~pgm_places.io.logs.carmen.write_carmen`), ``.csv`` a table of times, poses and
@@ -80,9 +80,9 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
     Raises
     ------
     InputError
-        The name ends in something else, or the format cannot hold the trajectory.
+        The name has another ending, or the format cannot hold the trajectory.
     OutputError
-        The file cannot be written; nothing is left half-written.
+        The file cannot be written; no partial file remains.
     """
     path = Path(path)
     check_name(path)
@@ -100,12 +100,12 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
 
 
 def check_name(path: Path | str) -> None:
-    """Refuse a name whose ending is not a format of trajectories.
+    """Refuse a name whose ending is not a trajectory format.
 
     Raises
     ------
     InputError
-        The ending is not one of these.
+        The ending is unknown.
     """
     path = Path(path)
     if not _is_carmen(path) and path.suffix.lower() not in ("", ".csv", ".bag", ".mcap"):

@@ -1,1 +1,1 @@
-"""Maps as files: map_server, images, labels and regions as ground truth."""
+"""Map files: map_server's format, images, and ground truth as label images or regions."""

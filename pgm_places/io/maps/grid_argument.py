@@ -1,4 +1,4 @@
-"""What is taken where a grid is wanted: a file's map, a labelled map, the path of a map."""
+"""Conversion of arguments to grids: from a map file, a labelled map, or a map's path."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 
 def as_grid(value: Any) -> OccupancyGrid | None:
-    """The grid of what is one in all but name: of a file's map, a labelled map, a path of a map.
+    """The grid of a loaded map file, a labelled map, or a map's path; None for other values.
 
     Raises
     ------

@@ -21,37 +21,37 @@ from pgm_places.io.maps.label_values import LabelValues
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image, raster_png
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-# Shares of labels off the free cells. Labels that were drawn by hand spill over walls, whichever
-# way they lie; the wrong way they spill several times as much. Of 121 label images of real floors,
-# flipped, the one that fits best has 2.7 % off.
+# Shares of labels off the free cells. Labels drawn by hand spill over walls even in the right
+# orientation; in a wrong one they spill several times as much. Of 121 label images of real floors,
+# flipped, the best fit has 2.7 % off.
 _TIMES, _MARGIN = 4.0, 0.01
 
 _TIMES_DOUBTED = 2.0
 
 _MANY_OFF = 0.2
 
-# Nothing is known of fewer labels off the free cells than this, nor of labels on a smaller part of
-# the free cells: strokes of paint lie on free cells wherever they are put.
+# No verdict on fewer labels off the free cells than this, or on labels on a smaller part of the
+# free cells: strokes of paint lie on free cells in any orientation.
 _FEWEST, _LEAST_COVERED = 20, 0.2
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """How the labels of an image lie on the free cells of its map.
+    """How well the labels of an image fit the free cells of its map, as it is and turned.
 
     Parameters
     ----------
     on_free : float
         Share of the labelled pixels that lie on free cells.
     best : float
-        The same, the way round in which it is largest.
+        The largest such share over all turned and flipped images.
     what, remedy : str
-        What the image is like against that, and what to do about it; empty where it is best as it
-        is.
+        How the image deviates from its best orientation, and how to correct it; empty if it is
+        best as it is.
     is_wrong : bool
-        Whether it is certain that the image lies the wrong way round.
+        Whether the image certainly has a wrong orientation.
     is_doubtful : bool
-        Whether it may be, or may be of another map.
+        Whether the orientation may be wrong, or the image may belong to another map.
     """
 
     on_free: float
@@ -63,7 +63,7 @@ class Orientation:
 
     @classmethod
     def of(cls, labelled: NDArray[np.bool_], free: NDArray[np.bool_]) -> "Orientation":
-        """Of a mask of the labelled cells (H, W), at least one, on the free cells; row 0 below."""
+        """From masks (H, W) of labelled cells, at least one, and free cells; row 0 at the bottom."""
         n_labelled = int(np.count_nonzero(labelled))
         n_on_free = int(np.count_nonzero(labelled & free))
         on_free, off = n_on_free / n_labelled, 1 - n_on_free / n_labelled
@@ -83,7 +83,7 @@ class Orientation:
 
 
 def _views(image: NDArray[np.bool_]) -> Iterator[tuple[tuple[str, str], NDArray[np.bool_]]]:
-    """An image (row 0 on top) turned and flipped in all ways that keep its size; in words."""
+    """All rotations and flips of an image (row 0 on top) that keep its size, with their names."""
     yield ("upside down", "flip it vertically"), image[::-1]
     yield ("mirrored left to right", "flip it horizontally"), image[:, ::-1]
     yield ("turned by 180 degrees", "turn it by 180 degrees"), image[::-1, ::-1]
@@ -107,16 +107,15 @@ def load_labels(
     names_path: Path | str | None = None,
     classes: Mapping[str, str] | None = None,
 ) -> NDArray[np.int16]:
-    """(H, W) label of each cell of ``grid`` (row 0 at the bottom); -1 where there is none.
+    """(H, W) label of each cell of ``grid`` (row 0 at the bottom); -1 for no label.
 
     Parameters
     ----------
     image_path : Path
         PNG, PGM, BMP or TIFF of the size of the map's image. Greys are compared with the values of
         the names file; in an indexed image the palette's greys, or the indices if its palette has
-        other colours. The colours in which :func:`save_labels` writes stand for the same values in
-        any image, whatever an editor has done to its palette. Fully transparent pixels have no
-        label.
+        other colours. The colours of :func:`save_labels` mean the same values in any image, even if
+        an editor has changed its palette. Fully transparent pixels have no label.
     label_names : sequence of str
         The labels to read; label ``k`` of the result is ``label_names[k]``.
     grid : OccupancyGrid
@@ -125,16 +124,15 @@ def load_labels(
         YAML file with ``values: {room: 77, ...}`` and ``ignore: 0`` (a value or a list); by
         default ``<image>.yaml`` beside the image, else ``labels.yaml`` there.
     classes : mapping of str to str, optional
-        From the names of that file to label names; the key ``*`` stands for all names that are not
-        keys. Other names, and those mapped to an empty string, have no label. Without a mapping the
-        file's names must be the label names.
+        From the names of that file to label names; the key ``*`` stands for all other names. Names
+        without an entry, or mapped to an empty string, have no label. Without a mapping the file's
+        names must be the label names.
 
     Raises
     ------
     LabelError
-        Where a file is missing or damaged, the sizes differ, a value has no name, a name is not
-        among ``label_names`` or the other way round, or the image is flipped or turned against the
-        map.
+        A file is missing or damaged, the sizes differ, a value has no name, the names are not
+        ``label_names``, or the image is flipped or turned against the map.
     """
     path = user_path(image_path, LabelError)
     names = label_names if classes is None else coding.listed_names(path, names_path)
@@ -167,7 +165,7 @@ def save_labels(
     path : Path
         The PNG; the names go to the same path with the suffix ``.yaml``.
     raster : (H, W) int
-        Label of each cell, row 0 at the bottom; -1 where there is none.
+        Label of each cell, row 0 at the bottom; -1 for no label.
     label_names : sequence of str
         At most 255 names. Label ``k`` of K gets the index ``(k + 1) * (255 // K)``; no label is 0.
 
@@ -179,7 +177,7 @@ def save_labels(
     Raises
     ------
     OutputError
-        Where a file cannot be written, or one of another kind stands there, such as the map's own
+        A file cannot be written, or a file of another kind exists there, such as the map's own
         description.
     """
     target = Path(path)
@@ -188,7 +186,7 @@ def save_labels(
     names = [str(name) for name in label_names]
     values = coding.default_values(names)
     labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
-    table = np.zeros(len(names) + 1, np.uint8)  # the last entry is that of label -1
+    table = np.zeros(len(names) + 1, np.uint8)  # the last entry is for label -1
     table[: len(names)] = list(values.values())
     stored = np.empty(labels.shape, np.uint8)
     # NumPy looks up by 64-bit copies of the numbers.
@@ -229,7 +227,7 @@ def _translated(
     classes: Mapping[str, str],
     label_names: Sequence[str],
 ) -> NDArray[np.int16]:
-    """Labels by the names of a file as labels by the names that ``classes`` gives them."""
+    """A file's labels, translated by ``classes``."""
     wanted = [str(name) for name in label_names]
     to = [classes.get(name, classes.get("*", "")) for name in names]
     unknown = sorted({*to} - {"", *wanted})

@@ -17,7 +17,7 @@ from pgm_places.palette import hex_of
 
 @dataclass(frozen=True)
 class LabelValues:
-    """Grey value of each label in the order of the configuration, and the ignored values."""
+    """Grey value of each label in the order of the label names, and the ignored values."""
 
     path: Path
     names: tuple[str, ...]
@@ -66,7 +66,7 @@ def read_label_values(
     Raises
     ------
     LabelError
-        Where the file is missing or damaged, a value is used twice, or the names in the file and
+        The file is missing or damaged, a value is used twice, or the names in the file and
         ``label_names`` differ.
     """
     file = read_yaml(_names_file(image_path, names_path), LabelError, "label names")
@@ -179,13 +179,13 @@ def palette_of(values: Sequence[int]) -> NDArray[np.uint8]:
 def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
     """Whether an indexed image is read by its colours rather than by its indices.
 
-    It is if all colours are greys, or if an editor has renumbered the palette of a label image.
-    Otherwise the indices count, whatever the colours are.
+    Colours count if all of them are greys, or if an editor has renumbered the palette of a label
+    image. Otherwise the indices count.
 
     Raises
     ------
     LabelError
-        Both readings are possible, and they give different labels.
+        Both are possible, with different labels.
     """
     used = np.zeros(256, np.bool_)
     for strip in image.strips(indices=True):
@@ -211,7 +211,7 @@ def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
 
 
 def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> NDArray[np.uint8]:
-    """(h, w) the value that each pixel's colour stands for: a grey for itself.
+    """(h, w) the value of each pixel's colour; a grey is its own value.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> 
 
 
 def _coded(values: LabelValues) -> list[int]:
-    """The values that have a colour: those of labels that were put under 'ignore' keep theirs."""
+    """The values that have a colour: labels' values, also if they are under 'ignore'."""
     nothing = values.ignored & {0}
     return sorted(values.known - nothing)
 
@@ -280,7 +280,7 @@ def _key(rgb: Sequence[int] | NDArray[np.uint8]) -> int:
 
 
 def _colour(k: int) -> tuple[int, int, int]:
-    """The k-th colour; after the first seven, the same ones darkened step by step, never grey."""
+    """The k-th colour; after the first seven, darker versions of them, never grey."""
     red, green, blue = LABEL_COLOURS[k % len(LABEL_COLOURS)]
     shade = 1 / (1 + 0.5 * (k // len(LABEL_COLOURS)))
     return round(red * shade), round(green * shade), round(blue * shade)

@@ -1,4 +1,4 @@
-"""The pixels of a map's image as cells, by the rules of its YAML file, and what looks wrong."""
+"""Conversion of a map image's pixels to cells, by the rules of its YAML file, with warnings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
 Compat: TypeAlias = Literal["nav2", "ros1"]
 
-# Rec. 709 luma of gamma-coded channels: the grey conversion of ImageMagick, which Nav2 calls.
+# Rec. 709 luma of gamma-coded channels: the grey conversion of ImageMagick, which Nav2 uses.
 _LUMA = np.array([0.212656, 0.715158, 0.072186])
 
 
@@ -32,7 +32,7 @@ def grey_of(channels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @dataclass(frozen=True)
 class PixelRules:
-    """The keys of a map description that decide what its pixels mean.
+    """The keys of a map description that define the meaning of its pixels.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class PixelRules:
     free_thresh, occupied_thresh : float
         Thresholds on the probability that the cell is occupied.
     compat : {"nav2", "ros1"}
-        Whose rules.
+        The rules of current Nav2 or of ROS 1.
     """
 
     mode: Mode
@@ -58,10 +58,9 @@ class PixelRules:
     ) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
         """(h, W) occupancy, 0 to 100 or -1, and (h, W) cells of (h, W, C) channels.
 
-        Occupancy is what map_server would publish. The cells are ``FREE``, ``OCCUPIED`` or
-        ``UNKNOWN``: in mode trinary the same; in mode scale what trinary would make of the same
-        pixels; in mode raw the file's own thresholds on ``occupancy / 100``, as a map saver turns
-        such a map into a trinary one.
+        Occupancy is as map_server publishes it. The cells are ``FREE``, ``OCCUPIED`` or
+        ``UNKNOWN``: in mode trinary by occupancy; in mode scale by the rules of trinary; in mode
+        raw by the file's thresholds on ``occupancy / 100``, as map savers convert such maps.
         """
         levels: NDArray[np.integer]
         levels, n_channels = grey_of(channels), 1
@@ -78,7 +77,7 @@ class PixelRules:
         return occupancy, cells
 
     def is_free(self, grey: int) -> bool:
-        """Whether the thresholds make cells of a grey free."""
+        """Whether cells of a grey are free by the thresholds."""
         return bool(self.tables()[1][grey] == FREE)
 
     def tables(self, n_channels: int = 1) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
@@ -140,25 +139,25 @@ class PixelRules:
         return np.where(p > self.occupied_thresh, float(OCCUPIED), table).astype(np.int8)
 
 
-# The grey values that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
+# The grey values of map savers, and the thresholds between them (Nav2 and ROS 1).
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 
 NO_WALLS = "no cell is occupied: a map without walls; check negate and the thresholds"
 
-# A smaller share of pixels with grey 205 is edges of walls, not the outside of a building.
+# A smaller share of pixels with grey 205 means edges of walls, not the outside of a building.
 _MANY = 0.01
 
-# Grey 205 stands alone where greys this near hold less than this share of its pixels: a picture
-# with many shades has as many of each, while a line that an editor has smoothed has a few.
+# Grey 205 is isolated if greys within this distance have less than this share of its pixels: in a
+# picture with many shades all are frequent, while smoothed lines give only a few pixels.
 _NEAR, _FEW = 10, 0.01
 
-# A grey with at least this share of the pixels is no accident.
+# A grey with at least this share of the pixels is deliberate.
 _OFTEN = 0.05
 
 _UNDECIDED = 1
-"""Stands for grey 205 among the cells until all pixels have been counted."""
+"""Marks cells of grey 205 until all pixels have been counted."""
 
 
 class Fractions(NamedTuple):
@@ -179,7 +178,7 @@ class Fractions(NamedTuple):
 
 @dataclass
 class MapPixels:
-    """The decoded image in grid order, with counts of what was seen.
+    """The decoded cells in grid order, with counts of grey values.
 
     Parameters
     ----------
@@ -190,11 +189,11 @@ class MapPixels:
     grey_counts : (256,) int64
         Opaque pixels of each grey value.
     rules : PixelRules
-        By which they were read.
+        The rules of the conversion.
     unknown_value : int, "none" or None
-        The grey that was read as unknown in any case; 205 where it was found to be meant so.
+        The grey that was read as unknown regardless of thresholds; 205 if detected.
     is_meant : bool
-        Whether nobody but the picture says that grey 205 is unknown.
+        Whether grey 205 was read as unknown because of the image alone.
     is_lossy : bool
         Whether the image's compression changes greys.
     """
@@ -211,7 +210,7 @@ class MapPixels:
     def read(
         cls, image: RasterImage, rules: PixelRules, unknown_value: UnknownGrey | None
     ) -> "MapPixels":
-        """The pixels of an image; ``unknown_value`` is that of ``load_map``."""
+        """The pixels of an image; ``unknown_value`` as in ``load_map``."""
         height, width = image.shape
         cells = np.empty((height, width), np.int8)
         occupancy = None if rules.mode == "trinary" else np.empty((height, width), np.int8)
@@ -242,7 +241,7 @@ class MapPixels:
         return cls(cells, occupancy, counts, rules, chosen, is_meant, image.is_lossy)
 
     def suspicions(self, yaml_path: Path) -> list[str]:
-        """What looks wrong: grey 205 read as free, noise, nothing free, no walls."""
+        """Warnings: grey 205 read as free, JPEG noise, no free cells, no walls."""
         lines = [*self._of_grey_205(yaml_path), *self._of_second_grey(), *self._of_noise()]
         shares = Fractions.of(self.cells)
         if shares.free == 0:
@@ -267,7 +266,7 @@ class MapPixels:
         free_thresh = f"free_thresh {self.rules.free_thresh:g}"
         if self.is_meant:
             return [
-                f"{start}: read as unknown, although {free_thresh} says free (50/255 = 0.196). "
+                f"{start}: read as unknown, although by {free_thresh} it is free (50/255 = 0.196). "
                 f"'pgm-places doctor {yaml_path.name} --fix' corrects the file; if free is meant, "
                 'pass unknown_value = "none" (--unknown-value none)'
             ]
@@ -308,18 +307,18 @@ class MapPixels:
         return [
             f"the picture is a JPEG, whose noise changes greys ({100 * share:.1f} % of the pixels "
             f"have none of {', '.join(map(str, saved))}): specks of free cells may appear in "
-            "unknown space, and walls may break or thicken; save the map as PNG or PGM anew, from "
-            "where it was made"
+            "unknown space, and walls may break or thicken; save the map as PNG or PGM from its "
+            "source"
         ]
 
 
 def _stands_out(counts: NDArray[np.int64], grey: int) -> bool:
-    """Whether the greys around a grey have less than a hundredth of its pixels together."""
+    """Whether the greys around a grey have together less than a hundredth of its pixels."""
     around = counts[max(grey - _NEAR, 0) : grey + _NEAR + 1]
     return bool(around.sum() - counts[grey] < _FEW * counts[grey])
 
 
 def _stands_alone(counts: NDArray[np.int64]) -> bool:
-    """Whether grey 205 is one of the three that map savers write, and no shade among others."""
+    """Whether grey 205 is a map saver's unknown, not one shade of many."""
     others = counts[OCCUPIED_GREY] > 0 and counts[FREE_GREY] > 0
     return bool(others and _stands_out(counts, UNKNOWN_GREY))

@@ -55,7 +55,7 @@ __all__ = ["KEPT_SUFFIX", "Fractions", "MapFile", "correct_map", "load_map", "sa
 
 
 KEPT_SUFFIX = ".orig"
-"""What the name of the file as it was ends with; no search for maps finds it."""
+"""Suffix of the original file; searches for maps ignore it."""
 
 Correction: TypeAlias = Literal["free_thresh", "occupied_thresh", "image"]
 _LONGEST_PATH = 200  # characters, in a message
@@ -63,10 +63,10 @@ _KEYS = ("image", "mode", "resolution", "origin", "negate", "occupied_thresh", "
 
 
 def correct_map(path: Path | str, corrections: Mapping[Correction, float | str]) -> Path:
-    """Change thresholds, or the image's name, in a map's YAML file; the path of the original file.
+    """Change thresholds or the image's name in a map's YAML file; returns the backup's path.
 
-    Nothing else of the file changes, comments included. The original file stays beside it, under
-    its name with ``.orig`` appended.
+    All else, comments included, stays the same. The backup is the original file, with ``.orig``
+    appended to its name.
 
     Parameters
     ----------
@@ -78,9 +78,9 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
     Raises
     ------
     MapError
-        The file is no map's description, or does not have a key on a line of its own.
+        The file is no map description, or a key does not have its own line.
     OutputError
-        There is an earlier ``.orig``, or a file cannot be written.
+        An ``.orig`` exists already, or a file cannot be written.
     """
     yaml_path, what = user_path(path, MapError), "the map description (YAML)"
     file = read_yaml(yaml_path, MapError, "map description")
@@ -94,8 +94,7 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
         )
         if len(line.findall(new)) != 1:
             raise MapError(
-                f"{yaml_path}: the key {key} is not on a line of its own; set {key}: {value} by "
-                "hand"
+                f"{yaml_path}: the key {key} does not have its own line; set {key}: {value} by hand"
             )
         text = json.dumps(value, ensure_ascii=False).encode()  # which YAML reads as it is
         new = line.sub(lambda found, text=text: found[1] + text, new)  # type: ignore[misc]
@@ -113,30 +112,30 @@ _log = logging.getLogger(__name__)
 @public
 @dataclass(frozen=True, eq=False)
 class MapFile:
-    """A map as it was read.
+    """A map file with its grid, occupancy and warnings.
 
     Parameters
     ----------
     grid : OccupancyGrid
         Free, occupied and unknown cells; row 0 is the bottom of the image.
     yaml_path, image_path : Path
-        What was opened.
+        The files.
     fractions : Fractions
         Shares of free, occupied and unknown cells.
     warnings : tuple of str
-        What looks wrong although it could be read, each with its remedy.
+        Suspicious properties of the map, each with its remedy.
     occupancy : (H, W) int8
         Occupancy from 0 to 100 or -1, in the grid's order, as map_server would publish it; in
         trinary mode the grid's cells themselves.
     rules : PixelRules
         Mode, thresholds and negation of the YAML file.
     unknown_value : int or "none", optional
-        The grey that was read as unknown whatever the thresholds say; "none" where the thresholds
-        alone were to decide.
+        The grey that was read as unknown regardless of thresholds; "none" if only the thresholds
+        count.
     wall_threshold : float, optional
-        The ``occupied_thresh`` that was used in place of the file's, which read walls as unknown.
+        The ``occupied_thresh`` used instead of the file's, which would read walls as unknown.
     image_beside : str, optional
-        The name of the image beside the YAML file that was read in place of one that is missing.
+        The image in the YAML file's folder that was read instead of a missing one.
     """
 
     grid: OccupancyGrid
@@ -152,7 +151,7 @@ class MapFile:
 
     @property
     def corrections(self) -> dict[Correction, float | str]:
-        """The values that the map was read by where they differ from the file's."""
+        """The values used to read the map, where they differ from the file's."""
         corrections: dict[Correction, float | str] = {}
         if self.unknown_value == UNKNOWN_GREY and self.rules.is_free(UNKNOWN_GREY):
             corrections["free_thresh"] = FREE_THRESH
@@ -164,7 +163,7 @@ class MapFile:
 
     @property
     def name(self) -> str:
-        """What to call the map: its file, or its folder where the file is called ``map.yaml``."""
+        """The map's name: of its file, or of its folder if the file is called ``map.yaml``."""
         path = self.yaml_path.absolute()
         return path.parent.name if path.stem == "map" and path.parent.name else path.stem
 
@@ -184,19 +183,19 @@ def load_map(
     path : Path
         The YAML file; ``image`` is found relative to its folder unless absolute.
     compat : {"nav2", "ros1"}
-        Whose rules: current Nav2's, or those of ROS 1 and of older Nav2 (mean of the colour
-        channels and alpha, strict comparisons).
+        The rules of current Nav2, or of ROS 1 and older Nav2 (mean of the colour channels and
+        alpha, strict comparisons).
     unknown_value : int or "none", optional
-        Grey from 0 to 255 that is unknown whatever the thresholds say. By default, that is 205
-        where a map saver must have meant it so: in mode trinary, beside greys 0 and 254 and with no
-        other grey near it. With "none" the thresholds alone decide.
+        Grey from 0 to 255 that is unknown regardless of thresholds. By default, 205 if it is a map
+        saver's unknown: in mode trinary, together with greys 0 and 254 and no other grey near it.
+        With "none" only the thresholds count.
     max_pixels : int
         Largest width x height that is decoded.
 
     Raises
     ------
     MapError
-        Where the YAML file or the image is missing, damaged, inconsistent or too large.
+        The YAML file or the image is missing, damaged, inconsistent or too large.
     ConfigError
         An option is invalid.
     """
@@ -247,7 +246,7 @@ def _with_walls(
     opened: Callable[[], AbstractContextManager[RasterImage]],
     resolution_m: float,
 ) -> tuple[NDArray[np.int8], float | None, str]:
-    """Cells with walls for a map that lacks them, the threshold that found them, and a warning."""
+    """Cells with walls for a map that lacks them, the threshold used, and a warning."""
     rules, share = pixels.rules, wall_share(pixels.cells, resolution_m)
     lack = f"only {100 * share:.0f} % of the border of free space has a wall"
     with opened() as image:
@@ -268,7 +267,7 @@ def _with_walls(
     return (
         with_walls(pixels.cells),
         None,
-        f"{lack}: unknown cells beside free ones are read as walls; to rely on the file's "
+        f"{lack}: unknown cells next to free ones are read as walls; to rely on the file's "
         'thresholds, pass unknown_value = "none" (--unknown-value none)',
     )
 
@@ -308,7 +307,7 @@ def _origin(file: YamlFile, warnings: list[str]) -> tuple[float, float, float]:
 
 
 def _refuse_picture(path: Path) -> None:
-    """Answer a picture that is given in place of its description with that."""
+    """Refuse an image in place of a map description, with a hint to the description."""
     if path.suffix.lower() not in PICTURES:
         return
     beside = [path.with_suffix(end) for end in (".yaml", ".yml")]
@@ -320,16 +319,16 @@ def _refuse_picture(path: Path) -> None:
 
 
 def _image_path(file: YamlFile, warnings: list[str]) -> tuple[Path, str | None]:
-    """The image, and its name where it was found beside the file and not where it should be."""
+    """The image's path, and its name if it was missing but exists in the file's folder."""
     name = file.text("image")
-    path = file.path.parent / name  # an absolute name stands for itself
+    path = file.path.parent / name  # absolute if the name is
     if file_kind(path) == "file":
         return path, None
-    last = PureWindowsPath(name).name  # behind slashes of either kind
+    last = PureWindowsPath(name).name  # after slashes of either kind
     if last and last != name and file_kind(file.path.parent / last) == "file":
         warnings.append(
-            f"the image {quoted(name)} is missing, and {quoted(last)} beside the YAML file "
-            "is read; "
+            f"the image {quoted(name)} is missing; {quoted(last)} in the YAML file's folder is "
+            "read instead; "
             f"'pgm-places doctor {file.path.name} --fix' corrects the file"
         )
         return file.path.parent / last, last
@@ -347,18 +346,18 @@ def save_map(
     """Write ``<stem>.yaml`` and its image as Nav2's map saver does in trinary mode.
 
     Greys 254 (free), 205 (unknown) and 0 (occupied) with ``free_thresh: 0.196``, so that current
-    and older readers agree. All digits of resolution and origin are kept (Nav2's saver rounds the
-    origin to millimetres).
+    and older readers agree. Resolution and origin have all digits (Nav2's saver rounds the origin
+    to millimetres).
 
     Returns
     -------
     Path
-        The YAML file, which is written last: where it stands, its image does too.
+        The YAML file, which is written last: if it exists, its image does, too.
 
     Raises
     ------
     OutputError
-        Where a file cannot be written, or one of another kind stands there, such as label names.
+        A file cannot be written, or a file of another kind exists there, such as label names.
     """
     target = Path(stem)
     if not target.name:
@@ -373,7 +372,7 @@ def save_map(
 
 
 def write_description(image_path: Path, grid: OccupancyGrid, mode: Mode) -> Path:
-    """Write the YAML file of a map's image beside it; the path."""
+    """Write the YAML file of a map's image next to it; returns its path."""
     x, y = grid.origin_xy_m
     return write_text(
         image_path.with_suffix(".yaml"),
@@ -397,5 +396,5 @@ def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
 
 
 def _quoted(name: str) -> str:
-    """A file name as a YAML string that no parser takes for anything else."""
+    """A file name as a quoted YAML string."""
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,7 +1,7 @@
-"""Maps whose walls are grey or missing: a threshold that finds them, or unknown cells as walls.
+"""Missing walls: a threshold that recovers grey walls, or unknown cells as walls.
 
-Some maps hold hardly any occupied cell at the border of free space: a map saver's threshold was
-above the probabilities of the walls (Cartographer, RTAB-Map), or free space alone was drawn. On 138
+Some maps have hardly any occupied cells at the border of free space: a map saver's threshold was
+above the probabilities of the walls (Cartographer, RTAB-Map), or only free space was drawn. On 138
 maps of robots and drawn plans, 21 % to 100 % of the border lie within 0.15 m of an occupied cell,
 92 % in the median; on a map without walls 0 % to 8 %.
 """
@@ -24,10 +24,10 @@ FEWEST_WALLS = 0.1
 """Share of the border with a wall below which walls are missing."""
 
 ENOUGH_WALLS = 0.5
-"""Share of the border that has a wall once the right threshold is found."""
+"""Least share of the border with a wall at an accepted threshold."""
 
 SHORTEST_BORDER_M = 10.0
-"""A shorter border of free space tells nothing."""
+"""A shorter border of free space is not judged."""
 
 _LIGHTEST = 0.05
 """Share of the wall cells, the lightest, that a threshold may miss."""
@@ -64,17 +64,17 @@ def lacks_walls(cells: NDArray[np.int8], resolution_m: float) -> bool:
 def wall_threshold(
     image: RasterImage, rules: PixelRules, cells: NDArray[np.int8], resolution_m: float
 ) -> tuple[int, float] | None:
-    """The grey of walls that were read as unknown, and the ``occupied_thresh`` that finds them.
+    """The grey of walls that were read as unknown, and an ``occupied_thresh`` that includes them.
 
     Walls are the greys near free space that are more probably occupied than the most frequent grey
-    of unknown cells. None where there are none.
+    of unknown cells. None without such greys.
 
     Parameters
     ----------
     image : RasterImage
         Row 0 is the top.
     rules : PixelRules
-        By which ``cells`` were read.
+        The rules that gave ``cells``.
     cells : (H, W) int8
         Row 0 is the bottom.
     resolution_m : float
@@ -116,8 +116,8 @@ def with_walls(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 def _around_free(cells: NDArray[np.int8], resolution_m: float) -> NDArray[np.int8]:
-    """The part of a raster that says what lies near its free cells, without a canvas around it."""
-    margin = int(_near_cells(resolution_m)) + 1  # where the part ends, no wall counts as near
+    """The window of a raster with its free cells and their surroundings."""
+    margin = int(_near_cells(resolution_m)) + 1  # cells beyond the window's edge are not near
     free = cells == FREE
     spans = []
     for axis in (1, 0):

@@ -1,4 +1,4 @@
-"""Images of rasters: PNG, PGM/PPM, BMP, TIFF and JPEG read as strips of greys, and PNG written."""
+"""Raster images: reading PNG, PGM/PPM, BMP, TIFF and JPEG in strips, and writing PNG."""
 
 import importlib
 import io
@@ -19,7 +19,7 @@ from pgm_places.io.input_file import open_input
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# A map of 10 000 x 10 000 cells passes with a factor of 2 to spare; one byte per pixel is held.
+# Twice a map of 10 000 x 10 000 cells; memory is one byte per pixel.
 MAX_PIXELS = 200_000_000
 
 # Strips are whole rows; Pillow refuses to cut out more pixels than 179 million.
@@ -47,10 +47,10 @@ _DECODERS = {
     "Tiff": (b"II*\0", b"MM\0*"),
     "Jpeg": (b"\xff\xd8\xff",),
 }
-"""What files of each of Pillow's formats begin with."""
+"""The first bytes of each of Pillow's formats."""
 
 PICTURES = (".png", ".pgm", ".pbm", ".ppm", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
-"""What the names of such files end with."""
+"""The file name endings of these formats."""
 
 FORMATS = "PNG, PGM, PBM, PPM, BMP or TIFF"
 
@@ -60,7 +60,7 @@ _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L
 
 _DAMAGED: tuple[type[Exception], ...] = (OSError, ValueError, SyntaxError, EOFError, LookupError)
 _DAMAGED += (TypeError, AttributeError, ArithmeticError, struct.error)
-"""What Pillow's decoders raise on damaged bytes."""
+"""Exceptions of Pillow's decoders on damaged bytes."""
 
 
 class Strip(NamedTuple):
@@ -73,7 +73,7 @@ class Strip(NamedTuple):
 
 @dataclass
 class RasterImage:
-    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom.
+    """An open image with a checked size; ``strips`` decodes it from top to bottom.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ class RasterImage:
     _png_bits: int = 0
 
     def palette_rgb(self) -> NDArray[np.uint8]:
-        """(n, 3) colours of an indexed image; none for others."""
+        """(n, 3) colours of an indexed image; (0, 3) for others."""
         with self._reported():
             colours = self._picture.getpalette("RGB") if self._picture is not None else None
         return np.array(colours or [], np.uint8).reshape(-1, 3)
 
     def stored(self) -> NDArray[np.integer]:
-        """(H, W) numbers of a grey image, from the top, just as the file has them."""
+        """(H, W) values of a grey image, from the top, unconverted."""
         with self._reported():
             return np.asarray(self._picture)
 
@@ -121,7 +121,7 @@ class RasterImage:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Whatever a decoder raises, as the one error that this image reports."""
+        """Turn a decoder's exceptions into this image's error."""
         try:
             yield
         except MemoryError:
@@ -159,27 +159,27 @@ def open_image(
     Parameters
     ----------
     path : Path
-        A PNG, PGM, PBM, PPM, BMP or TIFF file, or a JPEG where one will do; its first bytes
-        decide, not its name.
+        A PNG, PGM, PBM, PPM, BMP or TIFF file, or a JPEG with ``lossy``, by its first bytes, not
+        by its name.
     error : type
         The exception to raise for everything that is wrong.
     max_pixels : int
-        Largest width x height that is accepted.
+        Largest allowed width x height.
     lossy : bool
-        Whether a JPEG will do, whose compression changes values.
+        Whether JPEGs are allowed, whose compression changes values.
 
     Raises
     ------
     error
-        Where the file is missing, of another format, larger than allowed, or too short for the
-        size its header states.
+        The file is missing, of another format, larger than allowed, or too short for the size in
+        its header.
     """
     with open_input(path, error, _wanted(lossy)) as file:
         image = _opened(path, file, error, _wanted(lossy))
         if image.is_lossy and not lossy:
             raise error(
-                f"{path}: a JPEG, whose compression changes values; save the image as PNG anew, "
-                "from where it was made"
+                f"{path}: a JPEG, whose compression changes values; save the image as PNG from its "
+                "source"
             )
         height, width = image.shape
         if height < 1 or width < 1:
@@ -225,10 +225,10 @@ def _opened(path: Path, file: IO[bytes], error: type[InputError], what: str) -> 
 def _picture(
     path: Path, file: IO[bytes], head: bytes, error: type[InputError], what: str
 ) -> "Image":
-    """The header as Pillow reads it; one named decoder, never Pillow's guess among dozens.
+    """Open an image with a Pillow plugin for the format of its first bytes.
 
-    The plugin is called by its class: ``Image.open`` would take maps of more than 89 million pixels
-    for an attack, by a limit that is global to the process.
+    The plugin is called directly: ``Image.open`` refuses maps of more than 89 million pixels as an
+    attack, by a limit that is global to the process.
     """
     kind = next((kind for kind, starts in _DECODERS.items() if head.startswith(starts)), None)
     if kind is None:
@@ -242,7 +242,7 @@ def _picture(
 
 
 def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> None:
-    """Refuse a header that promises more pixels than the file can hold."""
+    """Refuse a header that states more pixels than the file can hold."""
     height, width = image.shape
     picture = image._picture
     assert picture is not None  # just opened
@@ -263,11 +263,11 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
 
 
 def _check_scans(path: Path, file: IO[bytes], error: type[InputError]) -> None:
-    """Refuse a JPEG that would take long to decode."""
+    """Refuse a JPEG with many scans, which takes long to decode."""
     at, n_scans, last = file.tell(), 0, b""
     file.seek(0)
     while part := file.read(_READ_BYTES):
-        n_scans += (last + part).count(_JPEG_SCAN)  # within coded data, 0 follows every 255
+        n_scans += (last + part).count(_JPEG_SCAN)  # within coded data, every 255 is followed by 0
         last = part[-1:]
     file.seek(at)
     if n_scans > _MAX_JPEG_SCANS:
@@ -296,7 +296,7 @@ def _channels(part: "Image") -> tuple[NDArray[np.uint8], NDArray[np.uint8] | Non
 
 
 def _eight_bits(part: "Image") -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """Grey values of 16 bits, rounded to 8 (65535 becomes 255), with the transparent one if any."""
+    """16-bit grey values rounded to 8 bits (65535 becomes 255), and alpha if any."""
     values = np.asarray(part).astype(np.int64)
     if values.min() < 0 or values.max() > 65535:
         raise ValueError("grey values outside 0..65535")
@@ -307,16 +307,16 @@ def _eight_bits(part: "Image") -> tuple[NDArray[np.uint8], NDArray[np.uint8] | N
 
 
 def raster_png(picture: "Image") -> bytes:
-    """The content of a PNG file, without a date or a version in it.
+    """A picture as reproducible PNG bytes, without date or version.
 
-    Only runs of equal bytes are packed, which takes a third to a half of the time of a search for
-    repetitions anywhere before, and makes the files of floors as small.
+    Run-length compression takes a third to a half of the time of zlib's default strategy, and the
+    files of floors are as small.
     """
     return encoded(picture, compress_type=zlib.Z_RLE)
 
 
 def encoded(picture: "Image", kind: str = "PNG", **options: Any) -> bytes:
-    """The content of a file of a picture; options are those of Pillow's ``save``."""
+    """A picture as the bytes of a file, with options of Pillow's ``save``."""
     buffer = io.BytesIO()
     picture.save(buffer, kind, **options)
     return buffer.getvalue()

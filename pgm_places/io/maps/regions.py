@@ -1,4 +1,4 @@
-"""Regions: ground truth as polygons in map metres (GeoJSON), rasterised to a label per cell."""
+"""Ground-truth regions: polygons in map metres (GeoJSON), rasterised to a label per cell."""
 
 import itertools
 import logging
@@ -25,7 +25,7 @@ class Region:
     Parameters
     ----------
     index : int
-        Its place in the file, from 0.
+        Its position in the file, from 0.
     code : str
         The value of the property that names its class.
     polygons : tuple of tuples of (n, 2) arrays
@@ -52,13 +52,13 @@ def read_regions(
 
     Coordinates are metres in the map frame, as map_server's origin defines it, not degrees. A
     third coordinate is ignored. With ``line_width_m`` lines are read, too: each of their segments
-    is a rectangle of that width, or of the feature's own property ``width_m``.
+    becomes a rectangle of that width, or of the feature's property ``width_m``.
 
     Raises
     ------
     LabelError
-        Where the file is missing, not GeoJSON or larger than 64 MiB, or a feature is not a closed
-        polygon of finite numbers or has no class; the message names the feature's index.
+        The file is missing, not GeoJSON or larger than 64 MiB, or a feature is not a closed polygon
+        of finite numbers or has no class; the message contains the feature's index.
     """
     file = user_path(path, LabelError)
     data = read_json(file, LabelError, "regions (GeoJSON)", max_bytes=MAX_BYTES)
@@ -76,7 +76,7 @@ def read_regions(
 
 
 _POLYGONS, _LINES = (1, 1, 4, 2), (1, 2, 2)
-"""How many items there are at least at each depth of coordinates (RFC 7946, 3.1)."""
+"""Least number of items at each depth of coordinates (RFC 7946, 3.1)."""
 _FAR = 1e9
 _WANTED = (
     "a list of polygons",
@@ -85,7 +85,7 @@ _WANTED = (
     "a point [x, y] in metres",
     "a number of metres below 1e9",
 )
-"""What stands at each depth of these coordinates."""
+"""The expected content at each depth of coordinates."""
 
 
 def _region(
@@ -155,7 +155,7 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
 
 
 def _misplaced(value: Any, least: tuple[int, ...]) -> tuple[tuple[int, ...], Any] | None:
-    """Where the first thing stands that is no list of so many items, or no number; and what."""
+    """Position and value of the first item that is no list of sufficient length, or no number."""
     if not least:
         is_number = type(value) in (int, float) and -_FAR < value < _FAR  # which NaN is not
         return None if is_number else ((), value)
@@ -199,7 +199,7 @@ def load_regions(
     classes: Mapping[str, str] | None = None,
     line_width_m: float | None = None,
 ) -> NDArray[np.int16]:
-    """(H, W) label of each cell whose centre lies in a region; -1 where there is none.
+    """(H, W) label of each cell whose centre lies in a region; -1 elsewhere.
 
     Where regions overlap, the smaller one wins (a doorway drawn over a room), or the later in the
     file if they are equal. Walls and unknown cells inside a region get its label too.
@@ -214,17 +214,17 @@ def load_regions(
     grid : OccupancyGrid
         The map.
     classes : mapping of str to str, optional
-        From the file's classes to label names; the key ``*`` stands for all classes that are not
-        keys. Other regions, and those whose class is mapped to an empty string, have no label and
-        hide larger ones beneath them. Without a mapping the file's classes must be label names.
+        From the file's classes to label names; the key ``*`` stands for all other classes. Regions
+        of classes without an entry, or mapped to an empty string, have no label and hide larger
+        ones beneath them. Without a mapping the file's classes must be label names.
     line_width_m : float, optional
-        Reads lines, too, as wide as this: see :func:`~pgm_places.io.maps.regions.read_regions`.
+        Reads lines, too, with this width: see :func:`~pgm_places.io.maps.regions.read_regions`.
 
     Raises
     ------
     LabelError
-        Where the file is missing or damaged (naming the feature's index), a class or a mapping
-        does not lead to a label, or no region touches the map.
+        The file is missing or damaged (the message contains the feature's index), a class or a
+        mapping does not lead to a label, or no region touches the map.
     """
     names = [str(name) for name in label_names]
     regions = read_regions(path, line_width_m=line_width_m)

@@ -216,7 +216,7 @@ def test_limits_that_make_no_sense_can_be_said_better(tmp_path: Path) -> None:
     bag.odometry(1.0, 0.0)
     bag.scan(1.0, [1.0, 2.0, 3.0], range_max=float("inf"))
     path = bag.write(tmp_path)
-    with pytest.raises(LogError, match=r"says range_min 0.1 and range_max inf"):
+    with pytest.raises(LogError, match=r"has range_min 0.1 and range_max inf"):
         read_bag(path)
     assert len(read_bag(path, range_max_m=5.0).trajectory) == 1
 

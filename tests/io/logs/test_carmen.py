@@ -140,7 +140,7 @@ def test_disordered_stamps_are_told_and_kept(tmp_path: Path) -> None:
     log = read_carmen(write(tmp_path / "a.log", *lines))
     assert log.trajectory.times_s.tolist() == [1.0, 3.0, 2.0]
     assert log.warnings == (
-        "1 step has an earlier stamp than the step before; the order of the file is kept",
+        "1 step has an earlier stamp than the step before; the steps stay in the order of the file",
     )
 
 

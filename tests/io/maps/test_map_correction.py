@@ -57,7 +57,7 @@ def test_an_earlier_file_is_not_lost(tmp_path: Path) -> None:
 def test_what_cannot_be_changed_in_place_is_left_alone(tmp_path: Path, text: str) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(text)
-    with pytest.raises(MapError, match=r"not on a line of its own; set free_thresh: 0\.196 by"):
+    with pytest.raises(MapError, match=r"does not have its own line; set free_thresh: 0\.196 by"):
         correct_map(path, {"free_thresh": 0.196})
     assert path.read_text() == text
     assert [file.name for file in tmp_path.iterdir()] == ["map.yaml"]

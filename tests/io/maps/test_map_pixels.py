@@ -30,7 +30,7 @@ def test_grey_205_of_a_map_saver_is_unknown_whatever_its_threshold_says(tmp_path
     assert found.unknown_value == 205
     assert found.warnings == (
         "16.7 % of the pixels have grey 205, which map savers write for unknown: read as unknown, "
-        "although free_thresh 0.25 says free (50/255 = 0.196). 'pgm-places doctor map.yaml --fix' "
+        "although by free_thresh 0.25 it is free (50/255 = 0.196). 'pgm-places doctor map.yaml --fix' "
         'corrects the file; if free is meant, pass unknown_value = "none" (--unknown-value none)',
     )
 
@@ -130,5 +130,5 @@ def test_a_jpeg_is_read_and_its_noise_is_said(tmp_path: Path, name: str, mode: s
     assert found.warnings == (
         f"the picture is a JPEG, whose noise changes greys ({share:.1f} % of the pixels have none "
         "of 0, 205, 254, 255): specks of free cells may appear in unknown space, and walls may "
-        "break or thicken; save the map as PNG or PGM anew, from where it was made",
+        "break or thicken; save the map as PNG or PGM from its source",
     )

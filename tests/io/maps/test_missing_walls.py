@@ -112,7 +112,7 @@ def test_without_walls_unknown_cells_beside_free_ones_are_walls(tmp_path: Path) 
     path = write_map(tmp_path, flat(205))
     found = load_map(path)
     [line] = found.warnings
-    assert line.startswith("only 0 % of the border of free space has a wall: unknown cells beside")
+    assert line.startswith("only 0 % of the border of free space has a wall: unknown cells next to")
     assert found.corrections == {}
     cells = load_map(path, unknown_value="none").grid.cells
     assert not (cells == OCCUPIED).any()
