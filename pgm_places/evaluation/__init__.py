@@ -1,1 +1,1 @@
-"""Evaluation: figures of merit, confidence intervals and folds."""
+"""Evaluation: metrics, confidence intervals and cross-validation folds."""

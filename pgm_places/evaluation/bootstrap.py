@@ -1,4 +1,4 @@
-"""Scores beyond chance: block bootstrap for correlated samples, sign test for buildings."""
+"""Significance of scores: block bootstrap for correlated samples, sign test over buildings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ __all__ = ["Interval", "Resamples", "SignTest", "block_bootstrap", "pooled", "sq
 
 @dataclass(frozen=True)
 class SignTest:
-    """In how many buildings a method is better than another, worse, or as good.
+    """Sign test: in how many buildings a method is better than, worse than or equal to another.
 
     Examples
     --------
@@ -32,22 +32,21 @@ class SignTest:
 
     @classmethod
     def of(cls, first: Sequence[float], second: Sequence[float]) -> Self:
-        """From the figure of both methods in each building."""
+        """From the scores of both methods in each building."""
         pairs = list(zip(first, second, strict=True))
         better, worse = sum(a > b for a, b in pairs), sum(a < b for a, b in pairs)
         return cls(better, worse, len(pairs) - better - worse)
 
     @property
     def n_buildings(self) -> int:
-        """All of them, those where the methods are even, too."""
+        """The number of buildings, ties included."""
         return self.better + self.worse + self.even
 
     @property
     def p_value(self) -> float:
-        """Probability of so uneven a count, or a more uneven one, if both were equally good.
+        """Probability of a count at least this uneven if both methods were equally good.
 
-        Two-sided and exact; buildings where both are even say nothing and are left out. Below 0.05
-        it takes six buildings.
+        Two-sided and exact; ties are left out. A value below 0.05 needs at least six buildings.
         """
         n = self.better + self.worse
         tail = sum(comb(n, k) for k in range(min(self.better, self.worse) + 1))
@@ -64,12 +63,12 @@ class Interval:
 
     @classmethod
     def of(cls, values: NDArray[np.float64], confidence: float = 0.95) -> Self:
-        """The first value with percentiles of all others, of those that are defined.
+        """The first value, with percentiles of the others that are not NaN.
 
         Parameters
         ----------
         values : (1 + R,) float
-            A figure of the whole, then of each resample, as :meth:`Resamples.confusions` has them.
+            A score of all nodes, then of each resample, as for :meth:`Resamples.confusions`.
         confidence : float
             Probability mass of the interval, between 0 and 1.
         """
@@ -82,10 +81,10 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Resamples:
-    """Draws of blocks of nodes with replacement, the same for every labelling of these nodes.
+    """Draws of blocks of nodes with replacement, shared by all labellings of the nodes.
 
-    Figures of two labellings on the same draws are paired: what is hard about a block is hard for
-    both, so that the difference of two figures varies less than either.
+    Scores of two labellings on the same draws are paired: a difficult block is difficult for both,
+    so that the difference of two scores varies less than either.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ class Resamples:
     block : (N,) int
         The block of each node with a true label, numbered from 0; 0 elsewhere.
     draws : (R, B) int
-        How often each resample has each block.
+        How often each resample contains each block.
     """
 
     truth: NDArray[np.int64]
@@ -114,7 +113,7 @@ class Resamples:
         n_resamples: int = 1000,
         seed: int = 0,
     ) -> Self:
-        """Draws of as many blocks as there are; nodes without a true label are in none."""
+        """Draws of the total number of blocks; nodes without a true label are in no block."""
         require_at_least("n_resamples", n_resamples, 1)
         true, _, known = paired_labels(truth, truth, n_labels)
         block_ids = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
@@ -127,8 +126,8 @@ class Resamples:
         return cls(true, n_labels, number, draws)
 
     def confusions(self, predicted: ArrayLike) -> NDArray[np.int64]:
-        """(1 + R, K, K) counts of true and predicted labels: of the whole, then of each draw."""
-        from scipy.sparse import coo_array  # labelling a map does without it
+        """(1 + R, K, K) counts of true and predicted labels: of all nodes, then of each draw."""
+        from scipy.sparse import coo_array  # slow import, not needed to label a map
 
         true, chosen, known = paired_labels(self.truth, predicted, self.n_labels)
         pairs = self.n_labels * self.n_labels
@@ -142,19 +141,19 @@ class Resamples:
 
 
 def pooled(repetitions: Sequence[NDArray[np.int64]], *, seed: int = 0) -> NDArray[np.int64]:
-    """(1 + R, K, K) counts of several labellings of the same nodes, such as those of several seeds.
+    """(1 + R, K, K) counts of several labellings of the same nodes, such as of several seeds.
 
-    First of all of them together, then of each draw of blocks with labellings that are drawn, too:
-    what is left to chance in a method is part of the interval. Methods with as many labellings get
-    the same draws, so that their differences are paired by seed and by block. Such an interval is
-    wide rather than narrow (A. Owen, The pigeonhole bootstrap, Annals of Applied Statistics, 2007).
+    First of all of them together, then of draws of both blocks and labellings, so that the interval
+    includes a method's randomness. Methods with equally many labellings get the same draws, so that
+    their differences are paired by seed and by block. The interval is conservative (A. Owen, The
+    pigeonhole bootstrap, Annals of Applied Statistics, 2007).
 
     Parameters
     ----------
     repetitions : sequence of (1 + R, K, K) int
         :meth:`Resamples.confusions` of each labelling.
     seed : int
-        Of the draws.
+        Seed of the draws.
     """
     n, n_resamples = len(repetitions), len(repetitions[0]) - 1
     if n == 1:
@@ -179,22 +178,22 @@ def block_bootstrap(
 
     Errors of neighbouring cells are correlated, so single cells are not independent samples; blocks
     (see :func:`square_blocks`, or ``step // length`` on a trajectory) nearly are. The intervals are
-    percentiles over ``n_resamples`` draws of as many blocks as there are, with replacement.
+    percentiles over ``n_resamples`` draws of the total number of blocks, with replacement.
 
     Parameters
     ----------
     truth, predicted : (N,) int
         As in :func:`pgm_places.evaluation.evaluation.evaluate`.
     blocks : (N,) int
-        Number of the block that each node belongs to.
+        Block number of each node.
     n_labels : int
         K.
     n_resamples : int
-        Draws.
+        Number of draws.
     confidence : float
         Probability mass of the intervals, between 0 and 1.
     seed : int
-        Of the draws.
+        Seed of the draws.
     """
     confusions = Resamples.of(
         truth, blocks, n_labels=n_labels, n_resamples=n_resamples, seed=seed
@@ -206,7 +205,7 @@ def block_bootstrap(
 
 
 def numbered_apart(parts: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """(N,) block numbers of several maps or drives together, so that no two share a block.
+    """(N,) block numbers of several maps or drives, renumbered so that they share no block.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Confusion matrices and the figures of merit derived from them, over any leading axes.
+"""Confusion matrices and the metrics derived from them, over any leading axes.
 
 Entries are counts of nodes, or sums of their weights.
 """
@@ -26,7 +26,7 @@ def paired_labels(
         raise InputError(f"predicted must have the shape of truth {true.shape}, got {chosen.shape}")
     if not known.any():
         raise InputError(
-            "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
+            "nothing to evaluate: no node has a true label (all are -1, not evaluated)"
         )
     chosen = integer_array("predicted", np.where(known, chosen, 0), ("N",), low=0, high=n_labels)
     return true, chosen, known
@@ -41,8 +41,8 @@ def confusion_matrix(
 ) -> NDArray[Any]:
     """(K, K) counts of nodes by true and predicted label, both (N,) and known everywhere.
 
-    K is one more than the highest label unless ``n_labels`` is given; with ``weights`` (N,), nodes
-    count by these.
+    K is by default one more than the highest label; with ``weights`` (N,), entries are sums of
+    weights.
     """
     size = n_labels or 1 + int(max(truth.max(initial=-1), predicted.max(initial=-1)))
     pairs = truth * size + predicted

@@ -1,4 +1,4 @@
-"""Cross-fitting: a model for each fold that was fitted without it, and held-out scores."""
+"""Cross-fitting: a model per fold, fitted without that fold, and held-out scores."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -16,7 +16,7 @@ def cross_fit(
     fit: Callable[[int], M],
     name: str = "held-out scores",
 ) -> dict[int, M]:
-    """For each fold the model that ``fit`` makes of all rows outside it.
+    """For each fold, the model that ``fit`` returns for all rows outside it.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def cross_fit(
     fit : callable
         From the number of a fold to the model of all other rows.
     name : str
-        The stage that is reported.
+        The name of the progress stage.
 
     Examples
     --------
@@ -49,8 +49,8 @@ def held_out_scores(
 ) -> NDArray[np.float64]:
     """(n, ...) the score of each row by the model that was fitted without its fold.
 
-    ``score`` takes a model and which rows to score; where one model scores all rows, these are a
-    slice, which copies nothing.
+    ``score`` takes a model and the rows to score; if one model scores all rows, these are a slice,
+    to avoid copies.
     """
     numbers = np.unique(folds).tolist()
     if len({id(models[fold]) for fold in numbers}) == 1:

@@ -1,4 +1,4 @@
-"""Evaluation of a labelling: counts of true against predicted labels, and all figures of merit."""
+"""Evaluation of a labelling: the confusion matrix, and all metrics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -69,10 +69,11 @@ class Reliability:
 @travels
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Every figure of merit of a labelling, all from its confusion matrix.
+    """The metrics of a labelling, from its confusion matrix.
 
-    A figure that is 0/0 for a label (the recall of a label that never occurs, the precision of one
-    that is never predicted, F1 and IoU of one that is neither) is None and left out of means.
+    A metric that is 0/0 for a label (the recall of a label that never occurs, the precision of a
+    label that is never predicted, F1 and IoU of a label without either) is None and left out of
+    means.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ class Evaluation:
     confusion : (K, K) int
         ``confusion[t, p]``: nodes with true label ``t`` and predicted label ``p``.
     reliability : Reliability or None
-        Present where beliefs were evaluated.
+        None without beliefs.
     """
 
     label_names: Sequence[str]
@@ -94,7 +95,7 @@ class Evaluation:
         counts = integer_array("confusion", self.confusion, (size, size), low=0, high=2**63 - 1)
         if not counts.sum():
             raise InputError(
-                "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
+                "nothing to evaluate: no node has a true label (all are -1, not evaluated)"
             )
         set_frozen(self, label_names=names, confusion=counts)
 
@@ -102,7 +103,7 @@ class Evaluation:
     def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:
         """One evaluation of several maps together, with equal weight for every node.
 
-        The reliability is kept if all have one with the same number of bins.
+        The result has a reliability if all have one with the same number of bins.
         """
         if not evaluations:
             raise InputError("merged needs at least one evaluation, got none")
@@ -124,7 +125,7 @@ class Evaluation:
             )
         return cls(names, confusion, pooled)
 
-    # ------------------------------------------------------------------ whole figures
+    # ------------------------------------------------------------------ metrics over all labels
 
     @cached_property
     def n(self) -> int:
@@ -156,16 +157,16 @@ class Evaluation:
         """Expected calibration error; None without beliefs."""
         return None if self.reliability is None else self.reliability.expected_calibration_error
 
-    # ------------------------------------------------------------------ figures by label
+    # ------------------------------------------------------------------ metrics by label
 
     @cached_property
     def recall(self) -> dict[str, float | None]:
-        """By label: share of its nodes that were found."""
+        """By label: share of its nodes that are predicted correctly."""
         return self._by_name(_confusion.recall(self.confusion))
 
     @cached_property
     def precision(self) -> dict[str, float | None]:
-        """By label: share of the nodes predicted as it that are correct."""
+        """By label: share of its predictions that are correct."""
         return self._by_name(_confusion.precision(self.confusion))
 
     @cached_property
@@ -175,11 +176,11 @@ class Evaluation:
 
     @cached_property
     def iou(self) -> dict[str, float | None]:
-        """By label: nodes true and predicted over nodes true or predicted."""
+        """By label: intersection over union of true and predicted nodes."""
         return self._by_name(_confusion.iou(self.confusion))
 
     def to_dict(self) -> dict[str, Any]:
-        """The figures as numbers, lists and dicts by label name, ready for JSON."""
+        """The metrics as numbers, lists and dicts by label name, for JSON."""
         result: dict[str, Any] = {
             "n": self.n,
             "accuracy": self.accuracy,
@@ -209,7 +210,7 @@ def evaluate(
     *,
     beliefs: ArrayLike | None = None,
 ) -> Evaluation:
-    """The figures of merit of predicted labels.
+    """The metrics of predicted labels.
 
     Parameters
     ----------
@@ -220,12 +221,12 @@ def evaluate(
     label_names : sequence of str
         The K labels.
     beliefs : (N, K) float, optional
-        Probabilities of the labels, for the reliability of confidence.
+        Probabilities of the labels, for the reliability table.
 
     Raises
     ------
     InputError
-        Shapes that do not fit, labels out of range, or no node with a true label.
+        Shapes do not fit, labels are out of range, or no node has a true label.
 
     Examples
     --------

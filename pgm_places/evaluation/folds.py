@@ -1,4 +1,4 @@
-"""Folds: which examples are held out together."""
+"""Cross-validation folds: by building, or by contiguous parts."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,8 @@ from pgm_places.maps.labelled_map import LabelledMap
 def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     """(N,) block number of each position: stripes of about equal size across the longer side.
 
-    Neighbouring cells look alike, so held-out cells must not be among training cells; stripes keep
-    them apart except at their borders. Positions with the same coordinate along that side are in
+    Neighbouring cells look alike, so held-out cells must not lie between training cells; stripes
+    separate them except at their borders. Positions with the same coordinate along that side are in
     the same block.
 
     Parameters
@@ -39,10 +39,10 @@ def contiguous_parts(
 ) -> NDArray[np.int64]:
     """(N,) part of each node: the :func:`contiguous_blocks` of the graph's positions.
 
-    Without positions those of its raster's cells, or of the steps of a chain. Where nothing says
-    which nodes lie together, stripes in the order of the nodes would hold out whole labels if they
-    are sorted by label: the nodes of each label (N,), -1 where unknown, are then cut into stripes
-    by themselves, so that every part has its share of all labels.
+    Without positions, the cells of a raster or the steps of a chain are used. If the neighbourhood
+    of nodes is unknown and nodes are sorted by label, stripes in their order would hold out all
+    nodes of a label: the nodes of each label (N,), -1 where unknown, are then divided separately,
+    so that every part has its share of all labels.
     """
     if graph.points_m is None and isinstance(graph.layout, GridLayout):
         return contiguous_blocks(graph.layout.cells_rc, n_parts)
@@ -59,7 +59,7 @@ def contiguous_parts(
 
 
 def groups_of(fold: int | None, places: NDArray[np.integer], n_folds: int) -> NDArray[np.int64]:
-    """The fold of each place: that of its building, or of the contiguous part that it is in."""
+    """The fold of each place: of its building, or of its contiguous part."""
     if fold is None:
         return contiguous_blocks(places, n_folds)
     return np.full(len(places), fold, np.int64)
@@ -68,10 +68,10 @@ def groups_of(fold: int | None, places: NDArray[np.integer], n_folds: int) -> ND
 def building_folds(
     maps: Sequence[LabelledMap], masks: Sequence[NDArray[np.bool_]], n_folds: int
 ) -> NDArray[np.int64]:
-    """(N,) fold of each cell: whole buildings if there are several, else contiguous blocks.
+    """(N,) fold of each cell: by building if there are several, else contiguous blocks.
 
-    A list is much more confident in another part of a known building than in a new one; a method
-    meant for new buildings must learn from scores on new buildings.
+    A list is much more confident in another part of a training building than in a new one; a method
+    for new buildings must learn from scores on new buildings.
     """
     folds = fold_of_buildings(map_buildings(maps), n_folds)
     return np.concatenate(
@@ -83,14 +83,14 @@ def building_folds(
 
 
 def map_buildings(maps: Sequence[LabelledMap]) -> list[str]:
-    """The building of each map: one of its own where none is named."""
+    """The building of each map; maps without a name are separate buildings."""
     return [item.building or f"map {index}" for index, item in enumerate(maps)]
 
 
 def fold_of_buildings(buildings: Sequence[str | None], n_folds: int) -> list[int | None]:
     """The fold of each source by its building; None for sources to be cut into contiguous parts.
 
-    These are all of them where fewer than two buildings are named, and those of no known building.
+    Sources are cut if they have no named building, or if fewer than two buildings are named.
 
     Examples
     --------

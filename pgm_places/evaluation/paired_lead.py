@@ -1,4 +1,4 @@
-"""Whether one labelling of drives is ahead of another by more than chance."""
+"""Paired test of two labellings of drives, with correlated steps."""
 
 from collections.abc import Sequence
 
@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 ERRORS = 2.5
-"""Standard errors of a lead that counts: some fifty sets of options compete for it."""
+"""Standard errors of a significant lead, high because some fifty sets of options compete."""
 
 STEPS, FEWEST = 50, 8
-"""Steps in one stretch, whose errors are taken to come together; fewer where there would not be so
-many stretches."""
+"""Steps in a stretch, within which errors are correlated; fewer if there would be too few
+stretches."""
 
 
 def is_ahead(
@@ -23,11 +23,11 @@ def is_ahead(
     Parameters
     ----------
     lead : (N,) float
-        Of each step: 1 where one labelling alone is right, -1 where the other alone is.
+        Per step: 1 if only the first labelling is right, -1 if only the second is.
     stretch : (N,) int
         The stretch of each step; stretches are independent, steps within one are not.
     counts : (N,) float, optional
-        What each step counts: a stretch with twos is the same stretch twice.
+        Weight of each step: a stretch with weights of 2 counts as two equal stretches.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def is_ahead(
 def stretches(lengths: Sequence[int], total: float | None = None) -> NDArray[np.int64]:
     """(N,) the stretch of each step of consecutive sequences with the given lengths.
 
-    ``total`` is what all steps count together, where that is not 1 each.
+    ``total`` is the sum of the steps' weights, by default their number.
 
     Examples
     --------

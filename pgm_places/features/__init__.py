@@ -1,1 +1,1 @@
-"""Geometric features of a laser scan."""
+"""Geometric features of laser scans, and custom features."""

@@ -1,4 +1,4 @@
-"""Beams prepared for the features: missing returns replaced, the number of beams changed."""
+"""Preparation of scans for features: filling missing returns, and resampling beams."""
 
 import math
 from typing import Any, Literal, get_args
@@ -97,7 +97,7 @@ def check_invalid(invalid: str) -> None:
 
 
 def resample_beams(ranges: ArrayLike, n_beams: int) -> NDArray[Any]:
-    """(N, ``n_beams``) ranges of the same scans at equally spaced angles, the first one kept.
+    """(N, ``n_beams``) ranges of the scans at equally spaced angles, with the same first angle.
 
     Fewer beams: the nearest beam is taken. More beams: linear interpolation over the angle, except
     between neighbours more than 0.5 m apart, where the nearest beam is taken. Of two equally near

@@ -27,7 +27,7 @@ def window_means(
     layout : GridLayout
         The cells that are nodes; only they are averaged over.
     values : (N, K) float
-        For place labelling the histogram z of each cell.
+        For place labelling, the label histogram z of each cell.
     half_widths_m : sequence of W float
         Half the side of each window, in metres; rounded to whole cells, at least one.
     resolution_m : float
@@ -54,24 +54,24 @@ def iter_window_means(
     half_widths_m: Sequence[float],
     resolution_m: float,
 ) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-    """The same means, a band of rows at a time, so that memory does not grow with the map's height.
+    """:func:`window_means` in bands of rows, with memory independent of the map's height.
 
     Parameters
     ----------
     layout, half_widths_m, resolution_m
         As in :func:`window_means`; the nodes in row-major order.
     values : callable
-        Returns the values (n, K) of a range of nodes; asked once for each node, in order.
+        Returns the values (n, K) of a range of nodes; called once for each node, in order.
     n_labels : int
         K.
 
     Yields
     ------
     slice, (n, W * K) float32
-        A range of nodes and their means, the same bits as in one piece.
+        A range of nodes and their means, with the same bits as :func:`window_means`.
     """
     height, width = layout.shape
-    # A window may be as wide as it likes: beyond the map there is nothing to average.
+    # Wider windows than the map give the same means: there is nothing to average beyond it.
     widest = max(height, width)
     radii = [max(1, round(min(half / resolution_m, widest))) for half in half_widths_m]
     first_of_row = layout.cells.row_start
@@ -98,10 +98,10 @@ def iter_window_means(
 
 
 class _RollingIntegral:
-    """Integral images of several planes, of which only the rows still needed are kept.
+    """Integral images of several planes, restricted to the rows in use.
 
     Row r, column c of an integral image is the sum of the plane's first r rows and c columns. Rows
-    are added in order, so that the sums have the same bits however they are cut into pieces.
+    are added in order, so that the sums have the same bits for any size of bands.
     """
 
     def __init__(self, n_planes: int, width: int) -> None:
@@ -116,7 +116,7 @@ class _RollingIntegral:
         self._kept, self._first = self._kept[:, drop:], self._first + drop
 
     def append(self, planes: NDArray[np.float64]) -> None:
-        """Take the next rows (P, n, width) of the planes, which are overwritten."""
+        """Add the next rows (P, n, width) of the planes, which are overwritten."""
         planes[:, 0] += self._below
         np.cumsum(planes, axis=1, out=planes)
         self._below = planes[:, -1].copy()

@@ -104,7 +104,7 @@ def values_on_map(
     cells_rc: NDArray[np.integer[Any]],
     columns: NDArray[np.int64] | None = None,
 ) -> dict[int, NDArray[np.float32]]:
-    """(N, D) values of each map feature that has a wanted column, by its place among ``own``.
+    """(N, D) values of each map feature with a requested column, by its index in ``own``.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def values_on_map(
     found = {}
     for place, (item, chosen) in enumerate(_wanted(own, columns)):
         if len(chosen) and isinstance(item, MapFeature):
-            cells = np.asarray(cells_rc, np.int64)  # 16 bytes a cell: only where they are wanted
+            cells = np.asarray(cells_rc, np.int64)  # 16 bytes a cell: only if needed
             found[place] = _checked(item, "of_cells", item.of_cells(grid, cells), len(cells))
     return found
 
@@ -134,13 +134,13 @@ def feature_values(
     ranges_m : (n, M) float32
         Scans all around.
     own : sequence of features
-        As :func:`as_features` has them.
+        From :func:`as_features`.
     columns : (F,) int, optional
-        The wanted columns, ascending; all by default. Only what they need is computed.
+        The requested columns, ascending; all by default. Only these are computed.
     max_range_m : float
         The sensor's reach.
     from_map : mapping of int to (n, D) float32, optional
-        What :func:`values_on_map` returned, for these n cells.
+        The result of :func:`values_on_map` for these n cells.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def feature_values(
 def _wanted(
     own: Sequence[Any], columns: NDArray[np.int64] | None
 ) -> list[tuple[Any, NDArray[np.int64]]]:
-    """Each feature with its own numbers of its wanted columns."""
+    """Each feature with the numbers of its requested columns."""
     pairs, first = [], N_LASER
     for item in own:
         numbers = np.arange(len(item.column_names))

@@ -31,10 +31,10 @@ N_FEATURES = len(LASER_FEATURES)
 LANES = 16
 
 TILE_ROWS = N_BEAMS + 1
-"""Row ``TILE_ROWS tile + k`` holds beam ``k`` of a tile's scans, one a lane; beam 360 is beam 0."""
+"""Rows of a tile: row ``TILE_ROWS tile + k`` holds beam ``k`` of its scans; beam 360 is beam 0."""
 
 SHAPE_ROWS = 4
-"""Rows a tile has in ``shape``: area, perimeter and centroid, which later kernels need."""
+"""Rows of a tile in ``shape``: area, perimeter and centroid, for later kernels."""
 
 
 _CACHE_LINE_BYTES = 64
@@ -49,10 +49,10 @@ def aligned_planes(rows: int, dtype: Any) -> NDArray[Any]:
 
 
 class Workspace:
-    """Planes for a number of tiles; a tenth of a megabyte for each and a little more.
+    """Buffers for a number of tiles, about 0.1 MB each.
 
-    ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
-    the features; the others are scratch of single kernels.
+    ``rho`` holds the beams, ``edges`` and ``shape`` the shared results of the polygon's kernels,
+    ``values`` the features; the others are scratch of single kernels.
     """
 
     def __init__(self, n_tiles: int) -> None:
@@ -69,7 +69,7 @@ class Workspace:
 Columns = Sequence[int] | NDArray[np.integer[Any]]
 
 TILES_PER_GROUP = 8
-"""Tiles that one kernel call handles: their planes, about a megabyte, stay in a near cache."""
+"""Tiles per kernel call: their buffers, about a megabyte, fit into a near cache."""
 
 SCANS_PER_GROUP = TILES_PER_GROUP * LANES
 
@@ -113,10 +113,10 @@ def extract(
         no return.
     columns : sequence of F int, optional
         Which columns of ``LASER_FEATURES`` to compute, without repetition, in any order; all 321
-        if not given. Only what they need is computed, and a value has the same bits whether it is
-        computed alone or with others.
+        by default. Only these are computed, and a value has the same bits with any selection of
+        columns.
     out : (N, F) float32, optional
-        Where to write the result.
+        Receives the result.
     invalid : {"max-range", "interpolate"}
         Beams without a return count as ``max_range_m`` long, or lie on a straight line between
         their neighbours with a return: see ``clean_beams``.
@@ -126,8 +126,8 @@ def extract(
     InputError
         If an argument does not fit.
 
-    Definitions are in ``LASER_FEATURES`` and the manual; a scan that leaves one without meaning (an
-    area of 0, say) gets 0 there, never NaN. Values are computed in float64 and rounded to float32,
+    Definitions are in ``LASER_FEATURES`` and the manual; an undefined feature of a scan (division
+    by an area of 0, say) is 0, never NaN. Values are computed in float64 and rounded to float32,
     except the sums of ``f16``, which are float32. Memory beyond the result is about a megabyte for
     each thread.
 
@@ -176,7 +176,7 @@ def extract_one(
     columns: Columns | None = None,
     invalid: InvalidBeams = "max-range",
 ) -> NDArray[np.float32]:
-    """(F,) features of one scan of M beams, the same bits as its row of ``extract``.
+    """(F,) features of one scan of M beams, with the same bits as ``extract``.
 
     Examples
     --------
@@ -192,9 +192,7 @@ def extract_one(
 
 
 class ScanExtractor:
-    """The features of one scan after the other: what every call would make ready is ready.
-
-    It works in planes of its own, so two threads must not share one.
+    """Extractor for a sequence of single scans, with reused buffers; not thread-safe.
 
     Parameters
     ----------
@@ -211,7 +209,7 @@ class ScanExtractor:
         self._space = Workspace(1)
 
     def features(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(F,) features of a scan (M,), the same bits as its row of :func:`extract`."""
+        """(F,) features of a scan (M,), with the same bits as :func:`extract`."""
         if scan.shape != (N_BEAMS,) or scan.dtype != np.float32:
             columns = self._plan.columns
             return extract_one(scan, max_range_m=self._max_range_m, columns=columns)
@@ -222,7 +220,7 @@ class ScanExtractor:
 
 
 class _OfThread(threading.local):
-    """The planes for one tile that a thread keeps: making them takes longer than a feature."""
+    """The buffers for one tile of each thread; allocating them takes longer than a feature."""
 
     def __init__(self) -> None:
         self.space = Workspace(1)

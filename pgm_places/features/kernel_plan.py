@@ -14,13 +14,13 @@ FOURIER_REACH = 14
 """Orders are reached from the centres 0, +-29, +-58, +-87 by steps of up to 14."""
 
 FOURIER_BLOCK = 5
-"""Steps from one centre that the kernel takes together; a rest of three or four is filled up."""
+"""Steps from one centre per block of the kernel; a rest of three or four is padded."""
 
 Columns = NDArray[np.int64]
 
 
 class Thresholds(NamedTuple):
-    """Parameters of one family, sorted, and the columns their results go to."""
+    """Parameters of a family, sorted, and the columns of their results."""
 
     parameters: NDArray[np.float64]
     """(P,)."""
@@ -29,7 +29,7 @@ class Thresholds(NamedTuple):
 
 
 class FourierPlan(NamedTuple):
-    """The cells (centre, step) that the wanted orders need; see the Fourier kernel."""
+    """The cells (centre, step) for the requested orders; see the Fourier kernel."""
 
     n_steps: int
     """The largest step."""
@@ -43,7 +43,7 @@ class FourierPlan(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FeaturePlan:
-    """Which families are computed, None or False for those that are not."""
+    """The families to compute; None or False for others."""
 
     columns: Columns
     spread: bool
@@ -104,7 +104,7 @@ def _thresholds(
     descending: bool = False,
     also: tuple[str, ...] = (),
 ) -> Thresholds | None:
-    """The parameters wanted of any of the families; ``also`` are results without a parameter."""
+    """The requested parameters of the families; ``also`` are results without a parameter."""
     specs = [LASER_FEATURES[column] for column in columns]
     parameters = sorted(
         {spec.parameter for spec in specs if spec.id in families and spec.parameter is not None},
@@ -135,7 +135,7 @@ def _cell(order: int) -> tuple[int, int, int]:
 
 
 def _filled(steps: set[int]) -> list[int]:
-    """The steps of one centre, filled up to whole blocks where that costs less than single ones."""
+    """The steps of one centre, padded to full blocks if that is faster than single steps."""
     rest = len(steps) % FOURIER_BLOCK
     if rest >= 3:
         spare = (step for step in range(FOURIER_REACH + 1) if step not in steps)
@@ -152,7 +152,7 @@ def _fourier(columns: tuple[int, ...]) -> FourierPlan | None:
         for column, spec in specs
         if spec.id == "f16" and spec.parameter is not None
     ]
-    # orders 1 and -1 are summed apart
+    # orders 1 and -1 are summed separately
     needed = [_cell(order)[:2] for order, _ in wanted if order != -1]
     n_rows = 1 + max((row for row, _ in needed), default=-1)
     rows = [_filled({step for r, step in needed if r == row}) for row in range(n_rows)]

@@ -18,7 +18,7 @@ CANONICAL_BEAMS = 360
 """Features are computed on this many beams: counts and differences depend on their number."""
 
 DEFINITIONS_VERSION = 1
-"""Raised whenever a definition changes so that stored models can be refused."""
+"""Incremented when a definition changes, so that stored models are refused."""
 
 CUT_LENGTHS_M = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50)
 GAP_LENGTHS_M = tuple(k / 2 for k in range(1, 21))
@@ -49,7 +49,7 @@ class FeatureSpec:
     definition
         The formula; ``t`` stands for a threshold, ``d`` for a prominence, ``n``, ``k`` for orders.
     source
-        Where the definition and its parameters come from.
+        The source of the definition and its parameters.
 
     Examples
     --------
@@ -169,8 +169,8 @@ def distinct_features(max_range_m: float | None = None) -> tuple[int, ...]:
     """Columns that remain when monotone repetitions of earlier columns are left out.
 
     Linear models need this: with the repetitions their columns are linearly dependent. Stumps do
-    not. 286 of 321 columns remain; where ``max_range_m`` is given, the cuts ``f3[t]`` at or beyond
-    it, which repeat ``f2``, are left out too.
+    not. 286 of 321 columns remain; with ``max_range_m``, the cuts ``f3[t]`` at or beyond it, which
+    repeat ``f2``, are left out, too.
 
     Examples
     --------
@@ -191,5 +191,5 @@ def _cut_never_reached(spec: FeatureSpec, max_range_m: float | None) -> bool:
 
 
 def first_column(id: str) -> int:
-    """The first column of the family of that name."""
+    """The first column of a family."""
     return next(column for column, spec in enumerate(LASER_FEATURES) if spec.id == id)

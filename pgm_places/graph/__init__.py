@@ -1,1 +1,1 @@
-"""The graph that everything is labelled on: nodes, edges, edge kinds and layouts."""
+"""Label graphs: nodes, edges, edge kinds and layouts."""

@@ -1,4 +1,4 @@
-"""Graphs of networkx: read with their nodes' names, and written."""
+"""Conversion from and to networkx graphs."""
 
 from collections.abc import Hashable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any

@@ -9,7 +9,7 @@ BAND_CELLS = 4_000_000
 
 
 def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slice]:
-    """Bands of rows, small enough that what is made of one takes little memory.
+    """Bands of rows, small enough that temporaries for a band take little memory.
 
     Parameters
     ----------
@@ -24,11 +24,11 @@ def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slic
 
 
 def counted(parts: Iterable[NDArray[np.integer]]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The different numbers in some arrays, ascending, and how often each occurs in all of them.
+    """The distinct numbers in some arrays, ascending, and their counts.
 
     Examples
     --------
-    >>> [found.tolist() for found in counted([np.array([3, 1, 3]), np.array([1, 1])])]
+    >>> [array.tolist() for array in counted([np.array([3, 1, 3]), np.array([1, 1])])]
     [[1, 3], [3, 2]]
     """
     found = [np.unique(part, return_counts=True) for part in parts]

@@ -1,4 +1,4 @@
-"""Sets of nodes that want to have one label: superpixels, sentences, rooms."""
+"""Cliques: sets of nodes that tend to share a label, such as superpixels or rooms."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Cliques:
     members : (M,) int
         The nodes of the first set, of the second, ...
     start : (C + 1,) int
-        Where each set begins in ``members``, and where the last one ends.
+        Start of each set in ``members``, and the end of the last one.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Cliques:
         Raises
         ------
         InputError
-            A set is empty, or names a node twice or one that is not in the graph.
+            A set is empty, or names a node twice or a node outside the graph.
         """
         members: list[NDArray[np.int64]] = []
         for number, nodes in enumerate(sets):
@@ -80,12 +80,12 @@ class Cliques:
 
     @cached_property
     def links(self) -> NDArray[np.int64]:
-        """(M, 2) each node with the number of a set that it is in."""
+        """(M, 2) pairs of a node and the number of its set."""
         of_set = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return frozen_copy(np.stack([self.members, of_set], axis=1))
 
     def among(self, keep: NDArray[np.bool_]) -> "Cliques":
-        """The sets without the nodes that a mask (N,) leaves out; empty ones are dropped."""
+        """The sets restricted to the nodes of a mask (N,); empty sets are dropped."""
         number = np.cumsum(keep) - 1
         inside = keep[self.members]
         sizes = self.sizes_among(keep)
@@ -93,13 +93,13 @@ class Cliques:
         return Cliques(frozen_copy(members), frozen_copy(np.cumsum([0, *sizes[sizes > 0]])))
 
     def sizes_among(self, keep: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """(C,) how many nodes of each set a mask (N,) keeps; :meth:`among` drops those with 0."""
+        """(C,) nodes of each set in a mask (N,); :meth:`among` drops sets with 0."""
         of_set = self.links[keep[self.members], 1]
         return np.bincount(of_set, minlength=len(self.sizes)).astype(np.int64, copy=False)
 
     @staticmethod
     def beside(parts: Sequence["Cliques"], starts: ArrayLike) -> "Cliques":
-        """The sets of several graphs as those of one; ``starts`` are the graphs' first nodes."""
+        """The sets of several graphs in their union; ``starts`` are the graphs' first nodes."""
         begin = np.asarray(starts, np.int64)
         members = [part.members + first for part, first in zip(parts, begin, strict=True)]
         sizes = np.concatenate([part.sizes for part in parts])
@@ -107,6 +107,6 @@ class Cliques:
 
 
 def check_cliques(cliques: Any, n_nodes: int) -> None:
-    """Raise InputError unless these are cliques, and all members nodes of a graph of that many."""
+    """Raise InputError unless these are cliques of nodes below ``n_nodes``."""
     require_type("cliques", cliques, Cliques, "; Cliques.of takes lists of nodes")
     integer_array("cliques", cliques.members, ("M",), low=0, high=max(n_nodes, 1))

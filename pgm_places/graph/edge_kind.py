@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class EdgeKind(IntEnum):
-    """What an edge stands for; models may treat kinds differently."""
+    """The kind of an edge; models may treat kinds differently."""
 
     AXIS = 0
     """Two cells that share a side."""
@@ -13,6 +13,6 @@ class EdgeKind(IntEnum):
     TIME = 2
     """Two steps that follow each other."""
     LINK = 3
-    """Nodes of two graphs that were joined."""
+    """Nodes of two joined graphs."""
     LOOP = 4
-    """Two steps at one spot on different passes."""
+    """Two steps at one location on different passes."""

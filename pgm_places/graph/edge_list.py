@@ -1,4 +1,4 @@
-"""The edges of label graphs: checked pairs, values beside them, kinds, and links between graphs."""
+"""The edges of label graphs: checked pairs, their values and kinds, and links between graphs."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pgm_places.graph.raster_edges import RasterEdges
 
 
 def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
-    """``edges`` as an array, of shape (0, 2) where there are none; (2, E) is refused by name."""
+    """``edges`` as an array, of shape (0, 2) without edges; (2, E) gets a hint."""
     pairs = number_array(name, edges, None)
     if pairs.ndim == 2 and pairs.shape[0] == 2 and pairs.shape[1] > 2:
         raise InputError(
@@ -26,16 +26,16 @@ def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
 
 
 def require_canonical(edges: NDArray[np.int64]) -> None:
-    """Raise InputError unless (E, 2) pairs are ``i < j``, sorted, and each comes once."""
+    """Raise InputError unless (E, 2) pairs are ``i < j``, sorted and distinct."""
     first, second = edges.T
     key = first * (edges.max(initial=0) + 1) + second
     if (first >= second).any() or (np.diff(key) <= 0).any():
-        EdgeOrder.of(edges)  # says which edge is a loop, or comes twice
+        EdgeOrder.of(edges)  # its message names a loop or a duplicate
         raise InputError("edges must be (i, j) with i < j, sorted; use LabelGraph.from_edges")
 
 
 def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> EdgeOrder:
-    """Where pairs (E, 2) are among the edges of a graph; refuses any that are others."""
+    """The order of pairs (E, 2) among the edges of a graph; refuses other pairs."""
     order = EdgeOrder.of(pairs)
     pairs = np.sort(pairs[order.rows], axis=1)
     if pairs.shape == edges.shape and (pairs == edges).all():
@@ -49,16 +49,16 @@ def order_among(edges: NDArray[np.int32], pairs: NDArray[np.integer[Any]]) -> Ed
 
 
 POINTS_AT_ONCE = 2048
-"""Points whose neighbours are searched together."""
+"""Number of points per neighbour search."""
 
 MOST_DIMENSIONS = 10
-"""Of points for which a tree is faster than all distances."""
+"""The largest dimension for which a tree is faster than all distances."""
 
 
 def _search(
     points: NDArray[np.float64], count: int
 ) -> Callable[[NDArray[np.float64]], NDArray[np.int64]]:
-    """What finds the nearest of the points, (n, count), of each of (n, D) others."""
+    """A function that returns the ``count`` nearest points (n, count) of queries (n, D)."""
     if points.shape[1] <= MOST_DIMENSIONS:
         from scipy.spatial import cKDTree
 
@@ -77,16 +77,16 @@ def _search(
 
 
 def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.int64]:
-    """(E, 2) pairs, each once, of points of which one is among the other's nearest."""
+    """(E, 2) distinct pairs of points of which one is among the other's nearest."""
     n = len(points)
     wanted = min(n_neighbours, n - 1)
     if wanted < 1:
         return np.zeros((0, 2), np.int64)
     search = _search(points, wanted + 1)
-    # Some at a time: Ctrl-C is heard in between.
+    # In blocks, so that Ctrl-C works in between.
     near = np.concatenate([search(points[some]) for some in row_blocks(n, POINTS_AT_ONCE)])
     own = np.arange(n)[:, None]
-    # Among coincident points a point need not find itself first, or at all.
+    # With coincident points, a point may not be its own first neighbour, or not one at all.
     others = near != own
     others[others.all(axis=1), -1] = False
     pairs = np.stack([np.repeat(own[:, 0], wanted), near[others]], axis=1)
@@ -94,7 +94,7 @@ def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.
 
 
 def require_sparse(matrix: Any) -> None:
-    """Raise InputError unless it is a sparse matrix or array of SciPy."""
+    """Raise InputError unless the value is a sparse SciPy matrix or array."""
     if not hasattr(matrix, "tocoo"):
         raise InputError(
             "matrix must be a sparse matrix or array of SciPy, got a "
@@ -103,7 +103,7 @@ def require_sparse(matrix: Any) -> None:
 
 
 def sparse_pairs(matrix: Any) -> tuple[int, NDArray[np.int64]]:
-    """N and the (E, 2) pairs, each once, at which a square matrix is not 0 in either direction."""
+    """N and the (E, 2) distinct pairs at which a square matrix is not 0 in either direction."""
     require_sparse(matrix)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise InputError(f"matrix must have shape (N, N), got {matrix.shape}")
@@ -120,11 +120,11 @@ def sparse_pairs(matrix: Any) -> tuple[int, NDArray[np.int64]]:
 
 
 def matrix_edges(n_nodes: int, edges: NDArray[np.int32], matrix: Any) -> NDArray[np.float64]:
-    """(E,) the stored entry of a matrix at each edge, the larger of two, 0 where there is none."""
+    """(E,) the entry of a matrix at each edge, the larger of both directions, else 0."""
     require_sparse(matrix)
     if matrix.shape != (n_nodes, n_nodes):
         raise InputError(f"matrix must have shape ({n_nodes}, {n_nodes}), got {matrix.shape}")
-    entries = matrix.tocsr().tocoo()  # entries that come twice are added up
+    entries = matrix.tocsr().tocoo()  # duplicate entries are added up
     row, column = entries.row.astype(np.int64), entries.col.astype(np.int64)
     wanted = edges[:, 0].astype(np.int64) * n_nodes + edges[:, 1]
     key = np.minimum(row, column) * n_nodes + np.maximum(row, column)
@@ -143,7 +143,7 @@ def mapped_edges(
     values: Mapping[tuple[Hashable, Hashable], Any],
     default: Any,
 ) -> NDArray[np.float64]:
-    """(E,) the value of each edge by its two names in either order, the larger of two."""
+    """(E,) the value of each edge by the names of its ends, the larger of both orders."""
     largest = []
     for i, j in edges.tolist():
         pair = (names[i], names[j])
@@ -172,12 +172,12 @@ def mapped_nodes(
 
 @dataclass(frozen=True, eq=False)
 class EdgeList:
-    """Node pairs, and what kind of edge each is.
+    """Node pairs and the kind of each edge.
 
     Parameters
     ----------
     pairs : (E, 2) int32
-        Pairs with ``i < j``, sorted, each once. Where direction matters it is i to j.
+        Distinct pairs with ``i < j``, sorted. If direction matters, it is i to j.
     kinds : (E,) int8 or None
         An :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge.
 
@@ -201,7 +201,7 @@ class EdgeList:
 
     @classmethod
     def of(cls, n_nodes: int, edges: ArrayLike, edge_kind: ArrayLike | None = None) -> Self:
-        """Those of pairs (E, 2) in any order and direction, whose kinds (E,) follow them."""
+        """From pairs (E, 2) in any order and direction, and their kinds (E,)."""
         pairs = checked_pairs(edges, n_nodes)
         rows = EdgeOrder.of(pairs).rows
         kind: NDArray[Any] | None = None
@@ -233,12 +233,12 @@ Part = tuple[int, EdgeList | RasterEdges]
 
 
 def checked_pairs(pairs: ArrayLike, n_nodes: int, name: str = "edges") -> NDArray[Any]:
-    """Pairs (E, 2) of nodes that are there."""
+    """Pairs (E, 2), checked to be nodes of the graph."""
     return integer_array(name, empty_pairs(pairs, name), ("E", 2), low=0, high=max(n_nodes, 1))
 
 
 def check_links(n_nodes: int, links: EdgeList | RasterEdges) -> None:
-    """Raise InputError unless the edges join nodes that are there."""
+    """Raise InputError unless the edges join nodes below ``n_nodes``."""
     if isinstance(links, EdgeList):
         if links.pairs.max(initial=-1) >= n_nodes:
             checked_pairs(links.pairs, n_nodes)
@@ -263,7 +263,7 @@ def lattice_edges(mask: NDArray[np.bool_], *, diagonals: bool) -> EdgeList:
     for step in product((-1, 0, 1), repeat=mask.ndim):
         moved = sum(map(abs, step))
         if step <= (0,) * mask.ndim or (moved > 1 and not diagonals):
-            continue  # the other half of the steps are these, seen from the other end
+            continue  # the other half of the steps are the same edges in reverse
         shifted = tuple(
             slice(1 + by, 1 + by + size) for by, size in zip(step, mask.shape, strict=True)
         )

@@ -1,4 +1,4 @@
-"""Where given pairs of nodes are among a graph's edges: per-edge values follow them there."""
+"""The order of node pairs among a graph's edges, to reorder per-edge values."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -47,9 +47,9 @@ class EdgeOrder:
     Parameters
     ----------
     rows : (E,) int
-        The row among the pairs that each edge was.
+        The row of each edge among the pairs.
     flipped : (E,) bool
-        Whether the pair there names the edge's second node first.
+        Whether the pair names the edge's second node first.
 
     Examples
     --------
@@ -65,12 +65,12 @@ class EdgeOrder:
 
     @classmethod
     def of(cls, pairs: NDArray[np.integer[Any]]) -> Self:
-        """That of pairs (E, 2).
+        """The order of pairs (E, 2).
 
         Raises
         ------
         InputError
-            A pair joins a node to itself, or two join the same nodes, in whichever direction.
+            A pair joins a node to itself, or two pairs join the same nodes in any direction.
         """
         loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
         if len(loops):
@@ -86,12 +86,12 @@ class EdgeOrder:
             i, j = edges[twice[0]]
             raise InputError(
                 f"edges {first} and {second} both join nodes {i} and {j}, but two nodes may be "
-                "joined once; give that pair once, with what belongs to both together"
+                "joined once; give the pair once, with the combined values of both"
             )
         return cls(frozen_copy(rows), frozen_copy(pairs[rows, 0] > pairs[rows, 1]))
 
     def values(self, values: ArrayLike) -> NDArray[Any]:
-        """(E, ...) values of the pairs, such as features or rewards of agreement, edge by edge."""
+        """(E, ...) values of the pairs, such as features or rewards, in the order of edges."""
         array = np.asarray(values)
         if array.ndim == 0 or len(array) != len(self.rows):
             raise InputError(
@@ -100,12 +100,12 @@ class EdgeOrder:
         return np.asarray(array[self.rows])
 
     def tables(self, tables: ArrayLike) -> NDArray[np.float64]:
-        """(E, K, K) tables of the pairs edge by edge, transposed where the pair was flipped.
+        """(E, K, K) tables of the pairs in the order of edges, transposed for flipped pairs.
 
         Parameters
         ----------
         tables : (E, K, K) or (K, K) float
-            By the label of each pair's first node and that of its second; one table for all pairs
+            Indexed by the labels of each pair's first and second node; one table for all pairs
             becomes one per edge, since it may be flipped at some of them.
 
         Examples

@@ -1,4 +1,4 @@
-"""Labels that are known: whatever is asked of a graph, these nodes keep theirs."""
+"""Observed labels as constraints: scores with all other labels forbidden."""
 
 from collections.abc import Sequence
 
@@ -12,9 +12,9 @@ def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> 
     Parameters
     ----------
     scores : (M, K) float
-        Of a graph's N nodes, perhaps with further ones after them.
+        Scores of a graph's N nodes, optionally with further nodes after them.
     known : (N,) int or None
-        -1 where nothing is known; None for nowhere.
+        -1 where unknown; None without known labels.
     """
     nodes = np.zeros(0, np.int64) if known is None else np.flatnonzero(known >= 0)
     if known is None or not len(nodes):
@@ -26,7 +26,7 @@ def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64] | None) -> 
 
 
 def known_beside(parts: Sequence[tuple[NDArray[np.int64] | None, int]]) -> NDArray[np.int64] | None:
-    """What is known of several graphs side by side, each with its number of nodes."""
+    """Known labels of the union of several graphs, each with its number of nodes."""
     if all(known is None for known, _ in parts):
         return None
     return np.concatenate(

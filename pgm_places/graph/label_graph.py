@@ -1,4 +1,4 @@
-"""The graph that everything is labelled on: grid cells, trajectory steps, or any nodes."""
+"""LabelGraph: a graph over grid cells, trajectory steps, or any nodes to label."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -35,17 +35,17 @@ class LabelGraph:
     n_nodes : int
         N, at least 0.
     links : EdgeList or RasterEdges
-        Its edges: listed, or those that follow from the cells of ``layout``.
+        Its edges: a list, or derived from the cells of ``layout``.
     points_m : (N, 2) or (N, 3) float or None
-        Positions of the nodes in metres, where they do not follow from ``layout``.
+        Positions of the nodes in metres, unless derived from ``layout``.
     layout : GridLayout, StepLayout or None
-        How node values go back to where they came from.
+        The mapping of node values back to cells or steps.
     node_names : tuple of N, or None
-        What the nodes are called elsewhere, each name once; messages then name them so.
+        Distinct names of the nodes, used in messages.
     cliques : Cliques or None
-        Sets of nodes that want to have one label; problems on the graph take them over.
+        Sets of nodes that tend to share a label; problems on the graph use them by default.
 
-    Use the named constructors; the plain one checks and refuses, it does not repair.
+    Use the named constructors; the plain one only checks its arguments and does not sort edges.
 
     Examples
     --------
@@ -101,13 +101,13 @@ class LabelGraph:
     ) -> Self:
         """A graph from node pairs (E, 2) in any order and either direction.
 
-        Pairs are turned to ``i < j`` and sorted; ``edge_kind`` follows them. Whatever else belongs
-        to each pair must follow, too: :meth:`edge_order` brings it into the order of ``edges``.
+        Pairs are turned to ``i < j`` and sorted, together with ``edge_kind``. Use
+        :meth:`edge_order` to bring other values of pairs into the order of ``edges``.
 
         Raises
         ------
         InputError
-            A pair names a node outside ``0..n_nodes-1``, joins a node to itself, or comes twice.
+            A pair names a node outside ``0..n_nodes-1``, joins a node to itself, or is repeated.
         """
         if not isinstance(n_nodes, Integral):
             raise InputError(f"n_nodes must be a whole number, got {n_nodes!r}")
@@ -127,27 +127,27 @@ class LabelGraph:
         connectivity : {8, 4}
             8 joins cells that share a side or a corner (paper section 6.1), 4 only a side.
         mask : (H, W) bool, optional
-            Take only the free cells inside it.
+            Use only the free cells inside it.
 
         Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL.
-        Edges and positions are worked out only when something asks for them.
+        Edges and positions are computed on demand.
         """
         layout = grid_layout(grid, mask)
         return cls(layout.n_nodes, RasterEdges(layout, connectivity), layout=layout)
 
     @classmethod
     def from_lattice(cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False) -> Self:
-        """The pixels of an image, the voxels of a volume, the cells of a lattice of any dimension.
+        """A lattice of any dimension as nodes: pixels of an image, voxels of a volume.
 
         Parameters
         ----------
         nodes : tuple of int, or (...) bool
             The shape of a full lattice, or a mask of the cells that are nodes.
         diagonals : bool
-            Join cells that differ by one along several axes too, not only along one.
+            Also join cells that differ by one along several axes.
 
-        Nodes are in row-major order: values of a full lattice are ``array.reshape(N, -1)``, those
-        of a mask ``array[mask]``. Edges have kinds AXIS and DIAGONAL. In two dimensions there is a
+        Nodes are in row-major order: values of a full lattice are ``array.reshape(N, -1)``, of a
+        mask ``array[mask]``. Edges have kinds AXIS and DIAGONAL. Two-dimensional graphs have a
         layout, as from :meth:`from_grid`.
 
         Examples
@@ -162,7 +162,7 @@ class LabelGraph:
 
     @classmethod
     def from_points(cls, points: ArrayLike, *, n_neighbours: int = 8) -> Self:
-        """Each point joined to its nearest ones; an edge where either has the other among them.
+        """Points joined to their nearest neighbours, in either direction.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class LabelGraph:
             Positions or features, compared by Euclidean distance. Points of two or three
             dimensions become the graph's ``positions_m``.
         n_neighbours : int
-            How many nearest points each is joined to; all of them where there are fewer.
+            Number of neighbours of each point; at most all other points.
 
         Examples
         --------
@@ -186,9 +186,9 @@ class LabelGraph:
 
     @classmethod
     def from_sparse(cls, matrix: Any, *, positions_m: ArrayLike | None = None) -> Self:
-        """An edge wherever a sparse (N, N) matrix or array of SciPy is not 0, in either direction.
+        """A graph with an edge for each non-zero, in either direction, of a sparse (N, N) matrix.
 
-        :meth:`edge_values` gives the matrix' values edge by edge, for ``edge_features``.
+        :meth:`edge_values` returns the matrix' values in the order of edges, for ``edge_features``.
 
         Raises
         ------
@@ -199,15 +199,15 @@ class LabelGraph:
 
     @classmethod
     def from_trajectory(cls, positions_m: ArrayLike, *, loops: ArrayLike | None = None) -> Self:
-        """A chain over a trajectory's steps, with links where it closes loops.
+        """A chain over a trajectory's steps, with links at loop closures.
 
         Parameters
         ----------
         positions_m : (T, 2) or (T, 3) float
-            Position of each step in metres, and its heading, which is not used.
+            Position of each step in metres; a third column, the heading, is ignored.
         loops : (L, 2) int, optional
-            Pairs of steps at one spot on different passes, as
-            :func:`pgm_places.trajectories.segments.loop_links` finds them.
+            Pairs of steps at one location on different passes, as from
+            :func:`pgm_places.trajectories.segments.loop_links`.
 
         Edges have the kinds TIME and LOOP.
         """
@@ -225,16 +225,15 @@ class LabelGraph:
         nodelist: Iterable[Hashable] | None = None,
         position: str | None = "pos",
     ) -> Self:
-        """The nodes and edges of a networkx graph, whose nodes keep their names.
+        """The nodes and edges of a networkx graph, with the names of nodes.
 
         Parameters
         ----------
         graph : networkx.Graph
             Directions and parallel edges are dropped; self-loops are refused.
         nodelist : iterable, optional
-            All nodes in the order that they are to have, that of other arrays; the graph's own
-            order by default. :meth:`node_values` and :meth:`edge_values` look attributes up by
-            name, whatever the order.
+            All nodes in the order of other arrays; the graph's own order by default.
+            :meth:`node_values` and :meth:`edge_values` look attributes up by name, in any order.
         position : str or None
             Node attribute that holds ``(x, y)`` in metres; ignored unless every node has it.
         """
@@ -243,9 +242,10 @@ class LabelGraph:
 
     @classmethod
     def joined(cls, first: "LabelGraph", second: "LabelGraph", links: ArrayLike) -> Self:
-        """One graph of both, the second's nodes renumbered from ``first.n_nodes``.
+        """The union of two graphs, with the second's nodes renumbered from ``first.n_nodes``.
 
-        ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
+        ``links`` (L, 2) are pairs of a node of the first and a node of the second, by their numbers
+        in these graphs.
         """
         both = (first.n_nodes, first.links), (second.n_nodes, second.links)
         positions = None
@@ -257,7 +257,7 @@ class LabelGraph:
         return cls(n_nodes, edge_list.joined_edges(*both, links), positions, cliques=cliques)
 
     def with_cliques(self, cliques: Cliques) -> Self:
-        """The graph with sets of nodes that want to have one label.
+        """The graph with sets of nodes that tend to share a label.
 
         Examples
         --------
@@ -269,11 +269,11 @@ class LabelGraph:
     # ------------------------------------------------------------------ conversions
 
     def to_networkx(self) -> "nx.Graph[Any]":
-        """The same graph for networkx, with ``pos`` and ``kind`` attributes where known."""
+        """The graph as a networkx graph, with ``pos`` and ``kind`` attributes if known."""
         return to_networkx(self._names, self.edges, self.positions_m, self.edge_kind)
 
     def node_values(self, values: Mapping[Any, Any], default: Any = None) -> NDArray[Any]:
-        """(N, ...) the value of each node, by its name or else its number.
+        """(N, ...) the value of each node, by its name, or by its number without names.
 
         For example ``graph.node_values(networkx.get_node_attributes(g, "age"))``. Without a
         ``default`` every node must have a value.
@@ -286,26 +286,25 @@ class LabelGraph:
         Parameters
         ----------
         values : sparse (N, N) matrix or array of SciPy, or mapping
-            A matrix's entry that is stored in either direction, 0 where there is none; or a value
-            by pairs of names (numbers where nodes have no names), such as
-            ``networkx.get_edge_attributes(g, "weight")``. Where both directions have one it is the
-            larger of the two.
+            A matrix, whose missing entries are 0; or values by pairs of names (or numbers, without
+            names), such as ``networkx.get_edge_attributes(g, "weight")``. If both directions have a
+            value, the larger one counts.
         default : float, optional
-            For edges that a mapping leaves out.
+            The value of edges that a mapping lacks.
         """
         if isinstance(values, Mapping):
             return edge_list.mapped_edges(self._names, self.edges, values, default)
         return edge_list.matrix_edges(self.n_nodes, self.edges, values)
 
     def edge_order(self, pairs: ArrayLike) -> EdgeOrder:
-        """Where pairs (E, 2) in any order and direction are among the edges.
+        """The order of pairs (E, 2), in any order and direction, among the edges.
 
-        Brings what is given pair by pair, such as tables and features, into the order of ``edges``.
+        Use it to bring values of pairs, such as tables and features, into the order of ``edges``.
 
         Raises
         ------
         InputError
-            The pairs are not the graph's edges, each once.
+            The pairs are not exactly the graph's edges.
 
         Examples
         --------
@@ -319,10 +318,10 @@ class LabelGraph:
         )
 
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
-        """The graph of the nodes where the mask (N,) is true, renumbered in order.
+        """The subgraph of the nodes of a mask (N,), renumbered in order.
 
-        A grid's layout is kept (with fewer cells), a trajectory's is dropped; cliques lose the
-        nodes that are left out, and those without any node are dropped.
+        A grid's layout is restricted to the cells, a trajectory's is dropped. Cliques are
+        restricted to the nodes, and empty ones are dropped.
         """
         keep = _checks.node_mask(nodes, self.n_nodes)
         return LabelGraph(
@@ -338,12 +337,12 @@ class LabelGraph:
 
     @property
     def edges(self) -> NDArray[np.int32]:
-        """(E, 2) node pairs with ``i < j``, sorted, each once; i to j where direction matters."""
+        """(E, 2) distinct node pairs with ``i < j``, sorted; i to j if direction matters."""
         return self.links.pairs
 
     @property
     def edge_kind(self) -> NDArray[np.int8] | None:
-        """(E,) :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge, where it is known."""
+        """(E,) :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge, or None."""
         return self.links.kinds
 
     @property
@@ -360,7 +359,7 @@ class LabelGraph:
 
     @property
     def grid_layout(self) -> GridLayout:
-        """The layout of a graph that :meth:`from_grid` made; InputError for any other."""
+        """The layout of a graph of :meth:`from_grid`; InputError for any other graph."""
         if not isinstance(self.layout, GridLayout):
             raise InputError(
                 "cells can only be scored on a graph made by LabelGraph.from_grid; this one has "

@@ -1,4 +1,4 @@
-"""Layouts: how node values map back to the raster or the list of steps they came from."""
+"""Layouts: the mapping between node values and a raster or the steps of a trajectory."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,7 +15,7 @@ from pgm_places.graph.mask_cells import MaskCells
 
 @runtime_checkable
 class CellMap(Protocol):
-    """What a graph needs of a map: its free cells, its walls, and where its cells lie."""
+    """The interface of maps for graphs: free cells, walls, and positions of cells."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -33,15 +33,15 @@ class CellMap(Protocol):
 class GridLayout:
     """The cells of a raster that are nodes, in row-major order.
 
-    A layout holds a mask and no list of cells: it takes eight times as much, and huge maps have no
-    room for it. ``cells_rc`` is listed when it is first asked for.
+    A layout stores a mask, not a list of cells, which takes eight times the memory. ``cells_rc`` is
+    computed on first use.
 
     Parameters
     ----------
     cells : MaskCells
         The cells. Row 0 is the row of the smallest y (the bottom of a map).
     source : CellMap or None
-        The map that the cells are of, which gives them positions and walls.
+        The map of the cells, for their positions and walls.
     """
 
     cells: MaskCells
@@ -94,10 +94,10 @@ class GridLayout:
 
     @cached_property
     def n_pairs(self) -> tuple[int, int]:
-        """How many pairs of nodes share a side, and how many a corner."""
+        """The numbers of pairs of nodes that share a side, and a corner."""
         sides = corners = 0
         for rows in bands_of_rows(self.shape):
-            cell = self.mask()[rows.start : rows.stop + 1]  # one more: the pairs across the border
+            cell = self.mask()[rows.start : rows.stop + 1]  # one more row: pairs across the border
             here = cell[: rows.stop - rows.start]
             sides += int(np.count_nonzero(here[:, 1:] & here[:, :-1]))
             sides += int(np.count_nonzero(cell[1:] & cell[:-1]))
@@ -127,7 +127,7 @@ class GridLayout:
     def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
         """(M,) node of each cell (M, 2), -1 where it is not a node or outside the raster.
 
-        With :meth:`~pgm_places.maps.occupancy_grid.OccupancyGrid.cells_at_m` the node under a
+        Use :meth:`~pgm_places.maps.occupancy_grid.OccupancyGrid.cells_at_m` to find the node at a
         position.
 
         Examples
@@ -169,7 +169,7 @@ def _rows(values: ArrayLike, n_nodes: int) -> NDArray[Any]:
 
 
 def painted(node_of_cell: NDArray[np.int32], n_nodes: int, values: ArrayLike, fill: Any) -> Any:
-    """Node values (N, ...) on a raster (H, W, ...) whose cells show a node each, or -1."""
+    """Node values (N, ...) on a raster (H, W, ...), from the node of each cell or -1."""
     array = _rows(values, n_nodes)
     shown = node_of_cell >= 0
     raster = np.full((*node_of_cell.shape, *array.shape[1:]), fill, array.dtype)
@@ -185,7 +185,7 @@ class StepLayout:
 
 
 def grid_layout(grid: CellMap | ArrayLike, mask: ArrayLike | None) -> GridLayout:
-    """The free cells of a map, or the true ones of a mask (H, W), that lie in another mask."""
+    """The layout of a map's free cells, or of a mask's true cells, within another mask."""
     source = grid if isinstance(grid, CellMap) else None
     free = np.asarray(grid) if source is None else source.free
     if source is None and (free.ndim != 2 or free.dtype != np.bool_):

@@ -1,4 +1,4 @@
-"""The cells of a mask in row-major order, listed only as far as someone asks."""
+"""MaskCells: the true cells of a mask in row-major order, listed on demand."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -32,7 +32,7 @@ class MaskCells:
 
     @classmethod
     def of(cls, mask: NDArray[np.bool_]) -> Self:
-        """The cells of a mask, which is copied only if it could be written to."""
+        """The cells of a mask, which is copied only if it is writeable."""
         starts = np.zeros(len(mask) + 1, np.int64)
         np.cumsum(np.count_nonzero(mask, axis=1), out=starts[1:])
         return cls(frozen_copy(mask), starts)
@@ -69,7 +69,7 @@ class MaskCells:
         for band in bands_of_rows((max(high - low, 0), self.mask.shape[1])):
             rows = slice(low + band.start, low + band.stop)
             nodes = self.nodes_of_rows(rows)
-            r, c = np.nonzero(self.mask[rows])  # of all rows at once it would take 16 bytes a cell
+            r, c = np.nonzero(self.mask[rows])  # all rows at once would take 16 bytes a cell
             overlap = slice(max(first - nodes.start, 0), min(stop, nodes.stop) - nodes.start)
             into = cells[max(nodes.start - first, 0) : min(nodes.stop, stop) - first]
             into[:, 0], into[:, 1] = r[overlap], c[overlap]
@@ -88,7 +88,7 @@ class MaskCells:
 
 
 def _by_value(values: NDArray[np.integer[Any]]) -> list[tuple[int, Any]]:
-    """Each value that occurs, and where: as a slice if the values ascend."""
+    """Each distinct value and its positions, as a slice if the values ascend."""
     if not len(values):
         return []
     if (values[1:] >= values[:-1]).all():

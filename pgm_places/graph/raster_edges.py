@@ -1,7 +1,7 @@
-"""The edges of a raster's cells, which follow from the raster and are listed only on demand.
+"""The edges between neighbouring cells of a raster, listed only on demand.
 
-A map of 100 million cells has hundreds of millions of edges; methods that walk over the raster
-itself, as relaxation does, never need the list.
+A map of 100 million cells has hundreds of millions of edges; methods that iterate over the raster,
+such as relaxation, never need the list.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _STEPS = {
 class RasterEdges:
     """Each cell of a raster joined to its neighbours among the cells.
 
-    The list is worked out when it is first asked for and kept then: 8 bytes an edge.
+    The list is computed on first use and cached: 8 bytes an edge.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class RasterEdges:
     Raises
     ------
     InputError
-        Another connectivity.
+        The connectivity is neither 4 nor 8.
     """
 
     layout: GridLayout

@@ -1,1 +1,1 @@
-"""Labelling problems, potentials and results, and the inference methods by name."""
+"""Labelling problems, potentials, results, and the registry of inference methods."""

@@ -1,9 +1,9 @@
-"""Inference by name: the two protocols, the registry of methods, and how plugins add theirs.
+"""Inference methods (backends): their protocols, traits, and the registry with plug-ins.
 
-A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
-docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
-are NumPy arrays or None; they are saved with the model and are no options. What labelers may take
-for granted of it, it declares as :class:`~pgm_places.inference.backends.Traits`.
+A backend is a frozen dataclass. Its fields are its options with their defaults, documented in its
+docstring. Fitted fields carry ``metadata={"learned": True}`` and are NumPy arrays or None; they are
+saved with the model and are no options. A backend declares its properties for labelers as
+:class:`~pgm_places.inference.backends.Traits`.
 """
 
 import dataclasses
@@ -23,27 +23,25 @@ from pgm_places.plugins import Registry
 
 @dataclass(frozen=True)
 class Traits:
-    """What a method can do without, and what it cannot do; the defaults hold for any method.
+    """Requirements and limits of a method; the defaults are safe for any method.
 
     Parameters
     ----------
     uses_node_features : bool
-        Whether it looks at a problem's node features; they need not be computed for one that does
-        not.
+        Whether it uses a problem's node features; otherwise they are not computed.
     chains_only : bool
-        Whether it labels nothing but chains, such as trajectories; it is refused for other graphs
-        before anything is learned.
+        Whether it labels only chains, such as trajectories; it is refused for other graphs before
+        training.
     learns_from_labels : bool
-        Whether ``fit`` looks at labels alone, not at what classifiers say of the nodes.
+        Whether ``fit`` uses only labels, not the scores of classifiers.
     takes_single_precision : bool
-        Whether log-probabilities in single precision are good enough for its labels.
+        Whether log-probabilities in single precision suffice for its labels.
     sees_parts_alone : bool
-        Whether the scores of a part of a graph do not depend on other parts that no edge leads to:
-        many small problems may then be labelled as one. A weight by the mean degree of the whole
-        graph does depend on them.
+        Whether the scores of a connected component do not depend on other components: many small
+        problems can then be labelled as one. A weight by the graph's mean degree, for example,
+        depends on other components.
     labelling_options : tuple of str
-        Options that only ``infer`` reads: methods that differ in nothing else learn the same, and
-        are fitted once.
+        Options that only ``infer`` reads: methods that differ only in these are fitted once.
 
     Examples
     --------
@@ -61,12 +59,12 @@ class Traits:
 
 
 def traits_of(method: Any) -> Traits:
-    """The traits that a method or its class declares as ``traits``; the defaults without any.
+    """The traits that a method or its class declares as ``traits``; by default the defaults.
 
     Raises
     ------
     ConfigError
-        It declares one by itself, as methods for earlier versions did.
+        It declares a trait as an attribute, as in earlier versions.
     """
     declared = getattr(method, "traits", None)
     if isinstance(declared, Traits):
@@ -91,32 +89,32 @@ BACKENDS: Mapping[str, str] = {
     "crf": "pgm_places.models.crf:ConditionalRandomField",
     "potts": "pgm_places.models.mrf:PottsField",
 }
-"""Built-in methods: name -> "module:Class", imported only when used."""
+"""Built-in methods: name -> "module:Class", imported on first use."""
 
-# Options by the names that models saved by earlier versions use, and their names now.
+# Former option names in saved models, and their current names.
 RENAMED = {
     "relaxation": {"iterations": "max_iterations", "prior_share": "evidence"},
     "amn": {"tolerance": "learning_tolerance"},
 }
 
-# Values of options that models saved by earlier versions have, and those now.
+# Former values of options in saved models, and their current values.
 REPLACED = {("amn", "learner", "frank-wolfe"): "cutting-plane"}
 
-# Methods of earlier versions, and what to use instead.
-RETIRED = {"space_field": "use 'potts' with unary = 'space', which labels as well"}
+# Removed methods, and what to use instead.
+RETIRED = {"space_field": "use 'potts' with unary = 'space', which is as accurate"}
 
-# Options that configurations may still call by these names, in this release for the last time.
+# Former option names that configurations may use until the next release.
 FORMER = {"relaxation": {"prior_share": "evidence"}}
 
 METHODS = Registry(
     "method", "pgm_places.inference.backends", BACKENDS, RENAMED, REPLACED, RETIRED, FORMER
 )
-"""Where methods are looked up; packages add theirs to the entry points of that group."""
+"""The registry of methods; packages add methods as entry points of its group."""
 
 
 @runtime_checkable
 class Backend(Protocol):
-    """What can label a problem."""
+    """The protocol of inference methods."""
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """A label for every node of the problem."""
@@ -131,33 +129,32 @@ class Learnable(Protocol):
     ) -> Self:
         """A new, fitted backend.
 
-        ``labelings[m]`` is (N,) for problem ``m``: the true label index per node, -1 where it is
-        not known.
+        ``labelings[m]`` (N,) is the true label index per node of problem ``m``, -1 where unknown.
         """
 
 
 def learned(*, given: bool = False, **keywords: Any) -> Any:
-    """A dataclass field that learning fills: an array or None, stored with the model.
+    """A dataclass field for a fitted array or None, stored with the model.
 
-    One that may be ``given`` instead is taken by :func:`build` as well.
+    With ``given``, :func:`build` accepts it as well.
     """
     marks = {"learned": True, "given": given}
     return dataclasses.field(default=None, repr=False, metadata=marks, **keywords)
 
 
 def backend_names() -> list[str]:
-    """The names of all methods that are built in or installed as plugins."""
+    """The names of all built-in methods and plug-ins."""
     return METHODS.names()
 
 
 @public
 def build(name: str, options: Mapping[str, Any] | None = None, /, **further: Any) -> Any:
-    """The method of that name with those options, given as a mapping, by keyword, or both.
+    """The named method with options, as a mapping, by keyword, or both.
 
     Raises
     ------
     ConfigError
-        An unknown method or option (the nearest is offered), or a value that the method refuses.
+        The method or an option is unknown (the nearest is suggested), or a value is refused.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A problem in numbers, and what about it is likely to go wrong."""
+"""Summary statistics of a labelling problem, with warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,23 +10,22 @@ from numpy.typing import NDArray
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 
-# Below this share of the labelled nodes' links, those between labelled nodes say too little.
+# Below this share of the labelled nodes' links, links between labelled nodes are too few.
 FEW_INSIDE = 0.5
 
-# A label of fewer nodes than this share is easily given up.
+# A label of fewer nodes than this share is easily lost.
 RARE = 0.02
 
-# A label less frequent than others is overlooked by a unary that names it on less than this share
-# of the nodes that have it.
+# A rare label is missed by a unary that predicts it on less than this share of its nodes.
 OVERLOOKED = 0.5
 
-# A node whose best label is a hundred times as probable as the second hardly needs others.
+# Neighbours hardly change a node whose best label is a hundred times as probable as the second.
 SURE = np.log(100.0)
 
 
 @dataclass(frozen=True)
 class ProblemDescription:
-    """What a problem looks like; ``print`` shows it line by line.
+    """Statistics of a problem and its labels; ``print`` shows them line by line.
 
     Parameters
     ----------
@@ -34,25 +33,25 @@ class ProblemDescription:
     mean_degree : float
         Mean number of neighbours.
     n_isolated : int
-        Nodes without any.
+        Nodes without neighbours.
     labelled : float
         Share of the nodes that have a label.
     balance : dict of str to float
-        Share of each label among them; empty where none has one.
+        Share of each label among the labelled nodes; empty without labelled nodes.
     median_margin : float or None
-        By how much the unary of the best label exceeds that of the second, the median over nodes.
+        Median over nodes of the difference between the unaries of the best and the second label.
     collapse_weight : float or None
-        A Potts weight at which the neighbours of a node of mean degree together outweigh that
-        median: from about there on labels are spread rather than smoothed.
+        The Potts weight at which the neighbours of a node of mean degree together outweigh the
+        median margin: larger weights spread labels rather than smooth them.
     warnings : tuple of str
-        What is likely to go wrong, and what to do.
+        Likely problems, and what to do.
     n_cliques : int
-        Sets of nodes that want to have one label.
+        Number of cliques.
     in_cliques : float
-        Share of the nodes that are in one.
+        Share of the nodes in cliques.
     clique_purity : float or None
-        Mean share of the most frequent label among the labelled nodes of a set; where it is low,
-        the sets tell little. None where no set has such nodes.
+        Mean share of the most frequent label among the labelled nodes of a clique; low values mean
+        uninformative cliques. None without such nodes.
     """
 
     n_nodes: int
@@ -100,7 +99,7 @@ def describe(
     unary: NDArray[np.float64] | None,
     cliques: Cliques | None,
 ) -> ProblemDescription:
-    """A problem and labels (N,), -1 where unknown, in numbers; see `LabelingProblem.describe`."""
+    """Statistics of a problem and labels (N,), -1 where unknown; see `LabelingProblem.describe`."""
     n, n_labels = graph.n_nodes, len(label_names)
     is_known = truth >= 0
     counts = np.bincount(truth[is_known], minlength=n_labels) / max(is_known.sum(), 1)
@@ -127,7 +126,7 @@ def describe(
 
 
 def _about_cliques(cliques: Cliques, truth: NDArray[np.int64], n_labels: int) -> dict[str, Any]:
-    """The fields of a description that tell of sets of nodes."""
+    """The fields of a description on cliques."""
     nodes, of_set = cliques.links[truth[cliques.members] >= 0].T
     counts = np.zeros((len(cliques.sizes), n_labels))
     np.add.at(counts, (of_set, truth[nodes]), 1.0)
@@ -141,7 +140,7 @@ def _about_cliques(cliques: Cliques, truth: NDArray[np.int64], n_labels: int) ->
 
 
 def _median_margin(unary: NDArray[np.float64] | None) -> float | None:
-    """The best unary less the second in the median of the nodes that more than one label is for."""
+    """Median difference of the best and second unary, over nodes with two allowed labels."""
     if unary is None or unary.shape[1] < 2:
         return None
     best = np.sort(unary, axis=1)[:, -2:]
@@ -191,7 +190,7 @@ def _about_unary(median: float | None) -> list[str]:
 def _about_posteriors(
     label_names: Sequence[str], truth: NDArray[np.int64], unary: NDArray[np.float64] | None
 ) -> list[str]:
-    """A warning where the unary hardly ever names rare labels: neighbours make that worse."""
+    """A warning if the unary hardly ever predicts rare labels, which neighbours make worse."""
     known = np.flatnonzero(truth >= 0)
     if unary is None or not len(known):
         return []

@@ -1,4 +1,4 @@
-"""Factors of any order over nodes that may differ in how many labels they have."""
+"""FactorGraph: factors of any order over nodes with different numbers of labels."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,29 +16,29 @@ from pgm_places.inference.potentials import Potentials
 
 Array = NDArray[np.float64]
 
-# Allowed labellings of one factor, up to which it becomes a node of a pairwise model.
+# Largest number of allowed labellings of a factor that becomes a node of a pairwise model.
 MOST_STATES = 256
 
 MOST_LABELS = 1 << 20
-"""Of a node: more are a slip, such as a damaged file."""
+"""Most labels of a node; more mean a damaged file."""
 
 MOST_NODES = 32
-"""Of a factor: arrays of any NumPy have so many axes."""
+"""Most nodes of a factor: the limit of NumPy's array dimensions."""
 
 
 @travels
 @dataclass(frozen=True, eq=False)
 class FactorGraph:
-    """A model whose score is the sum of tables over a few nodes each.
+    """A model whose score is the sum of tables (factors) over few nodes each.
 
-    Where all nodes have the same labels and no table is over more than two of them,
+    If all nodes have the same labels and no table has more than two nodes, use
     :class:`~pgm_places.graph.label_graph.LabelGraph` and
-    :class:`~pgm_places.inference.potentials.Potentials` say the same.
+    :class:`~pgm_places.inference.potentials.Potentials` instead.
 
     Parameters
     ----------
     n_labels : (N,) int
-        How many labels each node has, 1 to 1,048,576.
+        Number of labels of each node, 1 to 1,048,576.
     scopes : tuple of F tuples of int
         The nodes of each factor, all different, at most 32; () for a constant.
     tables : tuple of F arrays of float
@@ -48,7 +48,7 @@ class FactorGraph:
     Examples
     --------
     >>> votes = np.zeros((2, 2, 2))
-    >>> votes[1, 1, 0] = votes[0, 0, 0] = 1.0  # the third node is better off without
+    >>> votes[1, 1, 0] = votes[0, 0, 0] = 1.0  # the third node scores higher without
     >>> graph = FactorGraph.of([2, 2, 2], [(0, 1, 2), (0,)], [votes, [0.0, 0.5]])
     >>> graph.order, graph.score([1, 1, 0])
     (3, 1.5)
@@ -76,13 +76,13 @@ class FactorGraph:
     def of(
         cls, n_labels: ArrayLike, scopes: Sequence[Sequence[int]], tables: Sequence[ArrayLike]
     ) -> Self:
-        """The same from lists."""
+        """From lists."""
         all_scopes = tuple(tuple(scope) for scope in scopes)
         return cls(np.asarray(n_labels), all_scopes, tuple(map(np.asarray, tables)))
 
     @classmethod
     def of_potentials(cls, graph: LabelGraph, potentials: Potentials) -> Self:
-        """The same model as a factor for each node and each edge."""
+        """From a pairwise model, with a factor for each node and each edge."""
         tables = potentials.edge_tables(graph)
         scopes = [(node,) for node in range(graph.n_nodes)]
         pairs = [(int(i), int(j)) for i, j in graph.edges]
@@ -96,12 +96,12 @@ class FactorGraph:
 
     @cached_property
     def order(self) -> int:
-        """The most nodes that a factor has."""
+        """The largest number of nodes of a factor."""
         return max(map(len, self.scopes), default=0)
 
     @property
     def constant(self) -> float:
-        """What factors of no node add to every score."""
+        """The sum of factors without nodes."""
         pairs = zip(self.scopes, self.tables, strict=True)
         return float(sum(float(table) for scope, table in pairs if not scope))
 
@@ -110,7 +110,7 @@ class FactorGraph:
         return f"FactorGraph({self.n_nodes} nodes, {of})"
 
     def with_known(self, known: ArrayLike) -> "FactorGraph":
-        """The same with all other labels forbidden where a label is known: (N,) int, else -1."""
+        """A copy in which known labels (N,), -1 elsewhere, exclude all other labels."""
         labels = integer_array("known", known, (self.n_nodes,), low=-1, high=2**31)
         nodes = np.flatnonzero(labels >= 0)
         beyond = nodes[labels[nodes] >= self.n_labels[nodes]]
@@ -135,16 +135,16 @@ class FactorGraph:
         return float(sum(float(table[tuple(chosen[list(scope)])]) for scope, table in pairs))
 
     def pairwise(self) -> tuple[LabelGraph, Potentials]:
-        """The same model as a graph with potentials; factors of order 3 and more add nodes.
+        """An equivalent graph with potentials; factors of order 3 and more add nodes.
 
-        Nodes with fewer labels than others have the rest forbidden. A factor of more than two nodes
-        becomes a node after the first N, with a label for each of its labellings that is allowed
-        and tables that forbid what does not fit it. Constants are left out.
+        For nodes with fewer labels than others, the missing labels are forbidden. A factor of more
+        than two nodes becomes a node after the first N, with a label for each of its allowed
+        labellings, and tables that forbid inconsistent labels. Constants are omitted.
 
         Raises
         ------
         InputError
-            Such a factor allows too many labellings.
+            A factor has too many allowed labellings.
         """
         nodes = [np.zeros(size) for size in self.n_labels]
         pairs: dict[tuple[int, int], Array] = {}
@@ -194,7 +194,7 @@ def _add_pair(pairs: dict[tuple[int, int], Array], scope: Sequence[int], table: 
 def _padded(
     nodes: Sequence[Array], pairs: dict[tuple[int, int], Array]
 ) -> tuple[LabelGraph, Potentials]:
-    """All tables of one size: labels that a node does not have are forbidden, and earn nothing."""
+    """Tables padded to one size, with 0 or, at nodes, -inf for labels that a node lacks."""
     most = max(map(len, nodes), default=1)
     unary = np.full((len(nodes), most), -np.inf)
     for row, values in zip(unary, nodes, strict=True):

@@ -1,4 +1,4 @@
-"""The result of every method: labels, beliefs, score, bound, and status."""
+"""Labeling: the result of a method, with labels, beliefs, score, bound, and status."""
 
 import dataclasses
 import html
@@ -31,33 +31,33 @@ if TYPE_CHECKING:
 
 
 class Status(StrEnum):
-    """What is known of a labelling; each word says no more than is true."""
+    """The optimality status of a labelling."""
 
     EXACT = "exact"
-    """Proved best for its potentials, up to rounding: no labelling scores more."""
+    """Proved optimal for its potentials, up to rounding: no labelling scores more."""
     CONVERGED = "converged"
-    """The method reached its own end, a fixed point or a local optimum; it may not be the best."""
+    """The method converged to a fixed point or a local optimum, which may not be the best."""
     STOPPED = "stopped"
-    """A limit on iterations or time came first."""
+    """The method stopped at a limit on iterations or time."""
     RELAXED = "relaxed"
     """A relaxation was solved; its solution was fractional and has been rounded."""
     REPAIRED = "repaired"
-    """The method ended at a labelling that breaks a rule (-inf); this one, found by a search from
-    there, breaks none, and no change of a single node improves it. Or a plug-in did not keep what
-    is known or forbidden at single nodes, and only their labels were put right."""
+    """The method's labelling violated a constraint (-inf); this one, found by a search from there,
+    violates none, and no change of a single node improves it. Or a plug-in ignored known or
+    forbidden labels, and only the labels of these nodes were corrected."""
     INFEASIBLE = "infeasible"
-    """The labelling breaks a rule (its score is -inf), and the search found none that does not,
-    though there may be one."""
+    """The labelling violates a constraint (its score is -inf), and the search found no feasible
+    labelling, though one may exist."""
 
     @property
     def meaning(self) -> str:
-        """What the word means, for people who read it in a summary or a report."""
+        """The meaning of the status, for summaries and reports."""
         return _MEANINGS[self]
 
 
 _MEANINGS = {
     Status.EXACT: "proved best for the method's scores",
-    Status.CONVERGED: "the method came to its own end; another labelling may score more",
+    Status.CONVERGED: "converged to a local optimum; another labelling may score more",
     Status.STOPPED: "the method reached its iteration limit before it settled; the labels can be "
     "used, but more iterations might change some",
     Status.RELAXED: "the solution of a relaxation, rounded; another labelling may score more",
@@ -76,16 +76,16 @@ class Labeling:
     labels : (N,) int64 or int32
         Label index per node.
     status : Status
-        How the method ended.
+        The optimality status.
     beliefs : (N, K) float64 or float32, or None
-        Probability of each label at each node, where the method has one; rows sum to one.
+        Probability of each label at each node; rows sum to one. None for methods without beliefs.
     score : float or None
         The log-potential of ``labels`` under the method's potentials, computed by
         :func:`pgm_places.inference.potentials.score`; None for methods without a global objective.
     bound : float or None
-        An upper bound of the best score, where the method has one.
+        An upper bound of the best score; None for methods without a bound.
     info : mapping
-        What else the method has to say: iterations, residuals, history, seconds.
+        Further results of the method: iterations, residuals, history, seconds.
 
     Examples
     --------
@@ -122,7 +122,7 @@ class Labeling:
         return f"Labeling({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
-        """A table of what is known of the labelling."""
+        """The labelling's properties as an HTML table."""
         rows = {
             "nodes": f"{len(self.labels):,}",
             "status": f"{self.status}: {self.status.meaning}",
@@ -156,8 +156,8 @@ class Labeling:
         ax : matplotlib.axes.Axes, optional
             New axes if not given.
         along : (N,) float, optional
-            Where the nodes lie on the horizontal axis, such as times in s; their numbers if not
-            given.
+            Positions of the nodes on the horizontal axis, such as times in s; by default their
+            numbers.
         xlabel : str
 
         Returns
@@ -167,7 +167,7 @@ class Labeling:
         Raises
         ------
         InputError
-            There are no beliefs, or names or positions do not fit them.
+            The labelling has no beliefs, or names or positions do not fit them.
         """
         if self.beliefs is None:
             raise InputError("the method has no beliefs to draw")
@@ -182,7 +182,7 @@ class Labeling:
         return ax
 
     def plot_convergence(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the figure that the method reported in each iteration, with score and bound.
+        """Draw the method's objective by iteration, with score and bound.
 
         Parameters
         ----------
@@ -196,13 +196,13 @@ class Labeling:
         Raises
         ------
         InputError
-            The method reports nothing by iteration.
+            The method reports no history.
         """
         history = np.asarray(self.info.get("history", ()), np.float64)
         if not len(history):
             raise InputError("the method reports no figure by iteration")
         curves = {"history": history}
-        if "score_history" in self.info:  # the history is that of the bound
+        if "score_history" in self.info:  # the history holds bounds
             scores = np.asarray(self.info["score_history"], np.float64)
             curves = {"bound": history, "score": scores}
         ax = axes_or_new(ax)
@@ -220,13 +220,13 @@ class Labeling:
 
     @property
     def gap(self) -> float | None:
-        """How far the score may be from the best, or None without a bound; 0 is proved best."""
+        """Largest possible distance of the score from the optimum; None without a bound."""
         if self.bound is None or self.score is None:
             return None
         return max(self.bound - self.score, 0.0)
 
     def is_optimal(self, tolerance: float = 0.0) -> bool:
-        """Whether it is proved that no labelling scores more by over ``tolerance``.
+        """Whether the score is proved to be within ``tolerance`` of the optimum.
 
         Proved by the method (``EXACT``, up to rounding) or by the gap; False without a bound.
         """
@@ -234,20 +234,20 @@ class Labeling:
         return self.status is Status.EXACT or (self.gap is not None and self.gap <= tolerance)
 
     def check(self, problem: LabelingProblem, potentials: Potentials | None = None) -> list[str]:
-        """What is wrong with the labelling, a sentence each; [] where nothing is.
+        """Inconsistencies of the labelling, a sentence each; [] if it is consistent.
 
-        Checked are the number of nodes, that labels are those of the problem and allowed at their
-        nodes (``known``, -inf in ``unary``), that beliefs are probabilities of the allowed labels,
-        and that the bound is not below the score; with potentials, also that the score is that of
-        the labels, to 1e-9 of what it is the sum of.
+        Checks the number of nodes, that labels are valid and allowed at their nodes (``known``,
+        -inf in ``unary``), that beliefs are probabilities of the allowed labels, and that the bound
+        is not below the score; with potentials, also that the labels have the score, within 1e-9 of
+        the sum of its terms.
 
         Parameters
         ----------
         problem : LabelingProblem
-            What was labelled.
+            The problem.
         potentials : Potentials, optional
-            Of the method: ``method.potentials(problem)``. What cliques earn is not in them, so that
-            the score of a problem with cliques is not computed again.
+            The method's potentials: ``method.potentials(problem)``. They lack the scores of
+            cliques, so the score of a problem with cliques is not checked.
 
         Examples
         --------
@@ -292,7 +292,7 @@ class Labeling:
 _NODES_AT_ONCE = 262_144
 
 ROUNDING = 1e-9
-"""Share of a score by which sums in another order may differ."""
+"""Relative tolerance of scores, for sums in another order."""
 
 
 def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
@@ -308,20 +308,20 @@ def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64
 
 
 def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
-    """The labelling with every known label kept and no forbidden one, whatever the method did.
+    """Enforce known and forbidden labels on the labelling of any method.
 
-    All methods of the package keep evidence by themselves, so that it speaks to the neighbours too;
-    their labellings come back as they are. One that does not know of evidence has its beliefs at
-    those nodes limited to the labels allowed there, and the label with the greatest of them taken;
-    of labels with equal beliefs, or without any, the one that ``unary`` prefers. Its score and
-    bound, which were another labelling's, are dropped.
+    All methods of the package respect evidence, so that it influences neighbours, too; their
+    labellings are returned unchanged. For a method that ignores evidence, the beliefs at nodes with
+    evidence are restricted to the allowed labels, and the most probable one is chosen; of labels
+    with equal beliefs, or without beliefs, the best in ``unary``. Score and bound are dropped if
+    labels change.
 
     Parameters
     ----------
     problem : LabelingProblem
         N nodes, K labels.
     labeling : Labeling
-        What a method said about it.
+        The result of a method.
 
     Examples
     --------
@@ -357,7 +357,7 @@ def keep_evidence(problem: LabelingProblem, given: Labeling) -> Labeling:
 
 
 def _preferred(problem: LabelingProblem, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(n, K) the unary at some nodes, zeros without one, with -inf for what is not allowed."""
+    """(n, K) the unary at some nodes, zeros without one, with -inf for forbidden labels."""
     known = None if problem.known is None else problem.known[nodes]
     unary = None if problem.unary is None else problem.unary[nodes]
     scores = np.zeros((len(nodes), problem.n_labels)) if unary is None else unary

@@ -1,4 +1,4 @@
-"""The names of the labels that a method has learned, and problems with these in another order."""
+"""Learned label names, and reordering of problems whose labels are in another order."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,28 +17,28 @@ from pgm_places.inference.problem import LabelingProblem
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LearnedNames:
-    """A method whose learned arrays number labels by ``learned_names``."""
+    """A method whose learned arrays use the order of labels in ``learned_names``."""
 
     name_bytes: NDArray[np.uint8] | None = learned()
 
     @property
     def learned_names(self) -> tuple[str, ...] | None:
-        """The K labels in the order of learned arrays; None where these did not come from problems.
+        """The K labels in the order of learned arrays; None if these did not come from problems.
 
-        Models of earlier versions do not have them: their problems must have the labels in the
-        order of training.
+        Models of earlier versions lack the names: their problems must have the labels in the order
+        of training.
         """
         if self.name_bytes is None:
             return None
         return tuple(self.name_bytes.tobytes().decode().split("\0"))
 
     def with_names_of(self, problem: LabelingProblem) -> Self:
-        """One whose learned arrays have the labels in the order of a problem."""
+        """A copy whose learned arrays have the labels in the order of a problem."""
         text = "\0".join(problem.label_names).encode()
         return replace(self, name_bytes=np.frombuffer(text, np.uint8))
 
     def order_in(self, problem: LabelingProblem) -> NDArray[np.int64]:
-        """(K,) the number in a problem of each label in the order of learned arrays.
+        """(K,) the index in a problem of each label in the order of learned arrays.
 
         Raises
         ------
@@ -58,9 +58,10 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def in_learned_order(method: Method) -> Method:
-    """A method for one problem that is given its labels in the order learned, and answers in its.
+    """Decorate a method of one problem: labels are in the learned order inside.
 
-    Of further arguments, ``truth`` (N,) and ``further`` (N, K) number labels, too.
+    Results are returned in the problem's order. The arguments ``truth`` (N,) and ``further`` (N, K)
+    are reordered, too.
     """
 
     @wraps(method)
@@ -81,7 +82,7 @@ def in_learned_order(method: Method) -> Method:
 
 
 def renumbered(labels: NDArray[np.integer], order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The labels in a numbering where label ``order[k]`` is k; -1 stays.
+    """The labels renumbered so that label ``order[k]`` becomes k; -1 stays.
 
     Examples
     --------
@@ -92,7 +93,7 @@ def renumbered(labels: NDArray[np.integer], order: NDArray[np.int64]) -> NDArray
 
 
 def reordered(problem: LabelingProblem, order: NDArray[np.int64]) -> LabelingProblem:
-    """The problem with label ``order[k]`` in place k."""
+    """The problem with label ``order[k]`` at index k."""
     return replace(
         problem,
         label_names=tuple(problem.label_names[k] for k in order),
@@ -102,7 +103,7 @@ def reordered(problem: LabelingProblem, order: NDArray[np.int64]) -> LabelingPro
 
 
 def reordered_potentials(given: Potentials, order: NDArray[np.int64]) -> Potentials:
-    """The potentials with label ``order[k]`` in place k."""
+    """The potentials with label ``order[k]`` at index k."""
     tables, earned = given.pairwise, given.agreement
     return Potentials(
         given.unary[:, order],
@@ -112,7 +113,7 @@ def reordered_potentials(given: Potentials, order: NDArray[np.int64]) -> Potenti
 
 
 def restored_labeling(found: Labeling, order: NDArray[np.int64]) -> Labeling:
-    """A labelling of a problem that was :func:`reordered`, as one of the problem itself."""
+    """A labelling of a :func:`reordered` problem, converted to the original order."""
     place, info = np.argsort(order), dict(found.info)
     if "node_marginals" in info:
         info["node_marginals"] = info["node_marginals"][:, place]

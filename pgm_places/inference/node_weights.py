@@ -1,4 +1,4 @@
-"""Weights of nodes and of whole problems, for what learns from them."""
+"""Sample weights of nodes and problems for training."""
 
 from collections.abc import Sequence
 
@@ -25,8 +25,8 @@ def weights_of(
     Raises
     ------
     InputError
-        Another number of entries, an entry of another shape, or a weight that is not a number of at
-        least 0; no weight above 0 at all.
+        The number of entries or the shape of an entry is wrong, a weight is not a number of at
+        least 0, or no weight is above 0.
 
     Examples
     --------

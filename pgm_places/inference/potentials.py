@@ -1,6 +1,6 @@
-"""Potentials: how well labels fit nodes and edges, and the score of every labelling.
+"""Log-potentials of nodes and edges, and the score of a labelling.
 
-One sign everywhere: log-potentials, larger is better, the score is maximised.
+One sign everywhere: larger is better, the score is maximised.
 """
 
 from dataclasses import dataclass
@@ -65,13 +65,13 @@ class Potentials:
 
     @classmethod
     def potts(cls, unary: ArrayLike, weight: ArrayLike) -> Self:
-        """Every edge earns a weight when its ends agree, whatever the label.
+        """Every edge earns a weight if its ends have equal labels.
 
         Parameters
         ----------
         unary : (N, K) float
         weight : float or (E,) float
-            What agreeing ends earn: at all edges, or at each one.
+            The reward of equal labels: of all edges, or of each edge.
 
         Examples
         --------
@@ -93,20 +93,20 @@ class Potentials:
         power: Literal[1, 2] = 1,
         cap: ArrayLike = np.inf,
     ) -> Self:
-        """Every edge loses by how far apart its labels are: ``min(weight |a - b|^power, cap)``.
+        """Every edge costs ``min(weight |a - b|^power, cap)``, by the distance of its labels.
 
-        For labels on a scale, such as disparities, angles or times. Messages that maximise take
-        O(K) a pair of nodes then, where there are many labels.
+        For labels on a scale, such as disparities, angles or times. With many labels, max-product
+        messages then take O(K) per edge.
 
         Parameters
         ----------
         unary : (N, K) float
         weight : float or (E,) float
-            What a step costs, at least 0: of all edges, or of each one, which takes E tables.
+            The cost per unit of distance, at least 0: of all edges, or of each edge (E tables).
         power : {1, 2}
             Costs grow with the distance or with its square.
         cap : float or (E,) float
-            No edge loses more than this; at least 0.
+            The largest cost of an edge, at least 0.
 
         Examples
         --------
@@ -160,7 +160,7 @@ class Potentials:
             )
 
     def edge_tables(self, graph: LabelGraph) -> NDArray[np.float64]:
-        """(E, K, K) pairwise log-potentials, written out; read-only, shared where possible."""
+        """(E, K, K) pairwise log-potentials in full; read-only, shared where possible."""
         self.check_fits(graph)
         shape = (graph.n_edges, self.n_labels, self.n_labels)
         if self.pairwise is not None:
@@ -175,7 +175,7 @@ class Potentials:
 def checked_potentials(
     graph: LabelGraph, potentials: Potentials, known: ArrayLike | None = None
 ) -> Potentials:
-    """The potentials, with what is known; refused unless they are such, and of that graph."""
+    """The potentials with known labels applied, after a check that they fit the graph."""
     _checks.require_type("graph", graph, LabelGraph)
     _checks.require_type("potentials", potentials, Potentials)
     potentials.check_fits(graph)
@@ -184,7 +184,7 @@ def checked_potentials(
 
 @public
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:
-    """The log-potential of a whole labelling: its unaries plus its edges, larger is better.
+    """The log-potential of a labelling: its unaries plus its edges, larger is better.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
     if potentials.agreement is None and potentials.pairwise is None:
         return total
     if potentials.pairwise is not None and potentials.pairwise.ndim == 2:
-        # Pairs are counted without asking for the edges, which a grid lists only on demand.
+        # Pairs are counted without listing the edges, which a grid does only on demand.
         pairs = graph.links.label_pairs(chosen, potentials.n_labels)
         return total + float((potentials.pairwise[pairs > 0] * pairs[pairs > 0]).sum())
     first, second = chosen[graph.edges[:, 0]], chosen[graph.edges[:, 1]]
@@ -214,7 +214,7 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
 
 
 def _picked(table: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N,) the entry of each row (N, K) that ``columns`` (N,) names; few temporary arrays."""
+    """(N,) the entry of each row (N, K) in ``columns`` (N,), with few temporary arrays."""
     picked = np.empty(len(table))
     for part in _checks.row_blocks(len(table)):
         picked[part] = np.take_along_axis(table[part], columns[part, np.newaxis], axis=1)[:, 0]

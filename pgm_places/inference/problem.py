@@ -20,7 +20,7 @@ from pgm_places.inference.unseen import with_unseen_nodes, with_unseen_rows
 @public
 @dataclass(frozen=True, eq=False)
 class LabelingProblem:
-    """What a backend needs to label a graph.
+    """A graph with label names and evidence, the input of methods.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class LabelingProblem:
     label_names : sequence of str
         The K labels; label ``k`` everywhere means ``label_names[k]``.
     unary : (N, K) float64 or float32, optional
-        Log-probabilities of the labels from a classifier that looks at each node alone. In single
-        precision they take half the memory; all methods but ``relaxation`` make a copy in double.
-        A row of NaN is a node of which nothing was observed, see ``unseen``.
+        Log-probabilities of the labels from a classifier of single nodes. Single precision takes
+        half the memory; all methods but ``relaxation`` make a copy in double precision. A row of
+        NaN is a node without observation, see ``unseen``.
     node_features : (N, D) float, optional
         Features of the nodes, for models that learn their own unary potentials. Sparse ones of
         SciPy (words of a sentence, codes of a vocabulary) stay sparse.
@@ -40,22 +40,22 @@ class LabelingProblem:
         to be at least 0. Rows are those of ``graph.edges``; ``graph.edge_order(pairs).values``
         brings rows of other pairs there.
     known : (N,) int, optional
-        Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
-        labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. ``amn``
-        and ``crf`` also learn with it: they learn the other labels given these (see
-        :mod:`pgm_places.models.observed_labels`). No model stores it.
+        Observed label index of nodes, -1 elsewhere. Every method keeps these labels and labels the
+        other nodes conditioned on them; likewise for labels that ``-inf`` in ``unary`` forbids.
+        ``amn`` and ``crf`` also learn the other labels conditioned on these (see
+        :mod:`pgm_places.models.observed_labels`). Models do not store them.
     cliques : Cliques, optional
-        Sets of nodes that want to have one label, such as superpixels: C of them; the graph's by
-        default. ``potts`` and ``amn`` know them.
+        C sets of nodes that tend to share a label, such as superpixels; the graph's by default.
+        ``potts``, ``amn`` and ``crf`` support them.
     clique_features : (C, G) float, optional
-        Features of these sets, at least 0, for models that learn weights of sets: how alike their
-        nodes are, how sure one is that they belong together, or 1 in the column of their kind.
+        Features of the cliques, at least 0, for models that learn weights of cliques: the
+        similarity of their nodes, the confidence in the clique, or 1 in the column of its kind.
     unseen : (N,) bool, optional
-        Nodes of which nothing was observed: those whose row of ``unary`` is NaN, beside those given
-        here; None where there are none. Their row becomes ``-log K``, and no method takes it for an
-        observation: ``independent`` gives equal beliefs, all others go by the neighbours, and
-        ``relaxation`` begins there with the labels' shares in training. Networks that learn from
-        ``unary`` see the mean of the other nodes in its place.
+        Nodes without observation, in addition to nodes whose row of ``unary`` is NaN; None without
+        such nodes. Their row becomes ``-log K``, which methods do not treat as an observation:
+        ``independent`` returns equal beliefs, all others use the neighbours, and ``relaxation``
+        starts with the labels' shares in training. Networks with ``unary`` as input get the mean
+        of the other nodes instead.
 
     At least one of ``unary``, ``node_features`` and ``known`` is needed; with ``known`` alone the
     unary is 0 for all labels.
@@ -63,7 +63,7 @@ class LabelingProblem:
     Raises
     ------
     InputError
-        Arrays that do not fit the graph or the labels; a node without any label that is allowed.
+        Arrays do not fit the graph or the labels, or a node has no allowed label.
 
     Examples
     --------
@@ -121,7 +121,7 @@ class LabelingProblem:
             _checks.set_frozen(self, edge_features=edges)
 
     def _check_cliques(self) -> None:
-        """Take the graph's cliques over, and refuse features that do not fit them."""
+        """Use the graph's cliques by default, and check the features of cliques."""
         if self.cliques is None:
             _checks.set_frozen(self, cliques=self.graph.cliques)
         if self.cliques is not None:
@@ -162,16 +162,15 @@ class LabelingProblem:
         edge_features: NDArray[np.float64] | None = None,
         known: NDArray[np.int64] | None = None,
     ) -> Self:
-        """The problem whose unary is the logarithm of (N, K) probabilities, such as a classifier's.
+        """The problem with the logarithm of (N, K) probabilities, such as a classifier's, as unary.
 
-        A probability of 0 forbids the label there, whatever the neighbours say; a row of NaN says
-        that nothing was observed.
+        A probability of 0 forbids the label at the node; a row of NaN means no observation.
 
         Raises
         ------
         InputError
-            A row that is NaN in part, a probability outside 0..1, or a row whose sum is not 1
-            within 1e-3.
+            A row is partly NaN, a probability is outside 0..1, or the sum of a row is not 1 within
+            1e-3.
         """
         table, unseen = with_unseen_rows(
             "probabilities", probabilities, graph.n_nodes, len(label_names), probable=True
@@ -217,12 +216,12 @@ class LabelingProblem:
         )
 
     def describe(self, labels: ArrayLike | None = None) -> ProblemDescription:
-        """The problem in numbers, with warnings: degree, balance of labels, scale of the unary.
+        """Statistics of the problem, with warnings: degree, label balance, scale of the unary.
 
         Parameters
         ----------
         labels : (N,) int, optional
-            The labels to be learned from, -1 where there is none; ``known`` by default.
+            The training labels, -1 where unknown; ``known`` by default.
 
         Examples
         --------
@@ -242,9 +241,9 @@ class LabelingProblem:
         return describe(self.graph, self.label_names, truth, self.unary, self.cliques)
 
     def with_unary(self, unary: NDArray[np.float64]) -> Self:
-        """The problem with other scores (N, K); labels that were forbidden (-inf) stay so.
+        """The problem with other scores (N, K); forbidden labels (-inf) stay forbidden.
 
-        Nothing is unseen in it but rows of NaN.
+        Only rows of NaN are unseen in it.
         """
         if self._forbids_some:
             _checks.require_shape("unary", unary.shape, (self.graph.n_nodes, self.n_labels))
@@ -252,10 +251,10 @@ class LabelingProblem:
         return replace(self, unary=unary, unseen=None)
 
     def with_evidence(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Scores (N, K) with -inf for every label that is not allowed: how methods keep evidence.
+        """Scores (N, K) with -inf for every forbidden label, by which methods respect evidence.
 
-        Labels are not allowed where ``unary`` is -inf, and at a node of known label all others.
-        The array itself is returned where everything is allowed.
+        Labels are forbidden where ``unary`` is -inf, and at a node with a known label all others.
+        Without forbidden labels the array itself is returned.
         """
         _checks.require_shape("scores", scores.shape, (self.graph.n_nodes, self.n_labels))
         if scores is not self.unary and self._forbids_some:
@@ -282,7 +281,7 @@ class LabelingProblem:
         return str(node) if names is None else repr(names[node])
 
     def _check_allowed(self) -> None:
-        """Refuse a node at which no label is allowed; piece by piece, for maps of any size."""
+        """Refuse a node without an allowed label; checked in blocks, to save memory."""
         assert self.unary is not None
         for some in _checks.row_blocks(len(self.unary)):
             best = self.unary[some].max(axis=1, initial=-np.inf)
@@ -308,10 +307,10 @@ ONE_BY_ONE = "; the problems of a list are labelled one by one"
 
 
 def require_no_cliques(problem: LabelingProblem) -> None:
-    """Refuse a problem with sets of nodes, for a method that would pass over them."""
+    """Refuse a problem with cliques, for a method that does not support them."""
     if problem.cliques is not None:
         raise InputError(
-            "cliques are known to methods 'potts', 'amn' and 'crf' only; take one of them, or "
+            "only the methods 'potts', 'amn' and 'crf' support cliques; use one of them, or "
             "leave the cliques out"
         )
 
@@ -324,15 +323,15 @@ def evident_unary(
     single: bool = False,
     observed: bool = False,
 ) -> NDArray[np.float64]:
-    """(N, K) the unary with what is known or forbidden, for a method that needs one.
+    """(N, K) the unary with known and forbidden labels applied, for a method that needs one.
 
-    It is of double precision, unless the method takes ``single`` and the problem has that. With
-    ``observed``, allowed labels are NaN where nothing was observed.
+    It has double precision, unless the method supports ``single`` and the problem has single
+    precision. With ``observed``, allowed labels are NaN at nodes without observation.
 
     Raises
     ------
     InputError
-        The problem has no unary, is no problem, or has cliques, of which the method knows nothing.
+        The problem has no unary, is no problem, or has cliques, which the method does not support.
     """
     _checks.require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
     if not with_cliques:
@@ -355,7 +354,7 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     Raises
     ------
     InputError
-        A single problem, or something else among them.
+        The argument is a single problem, or contains other objects.
     """
     if isinstance(problems, LabelingProblem):
         raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
@@ -370,13 +369,13 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
 def labelled_problems(
     problems: Sequence[LabelingProblem], labelings: Sequence[ArrayLike]
 ) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
-    """What a method learns from: each problem with its true labels (N,), -1 where unknown.
+    """Training data: each problem with its true labels (N,), -1 where unknown.
 
     Raises
     ------
     InputError
-        No problem, another number of labellings, problems with different labels, or a labelling
-        that does not fit its problem.
+        The list is empty, the number of labellings differs, problems have different labels, or a
+        labelling does not fit its problem.
     """
     problems = listed_problems(problems)
     if not isinstance(labelings, Iterable) or (

@@ -1,4 +1,4 @@
-"""Problems from tables of nodes and edges, and labellings as tables, by the names of nodes."""
+"""Conversion of tables of nodes and edges to problems, and of labellings to tables."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
@@ -22,28 +22,28 @@ def problem_from_tables(
     label: str = "label",
     label_names: Sequence[str] | None = None,
 ) -> tuple[LabelingProblem, NDArray[np.int64]]:
-    """A problem, and the labels (N,) of its nodes, -1 where there is none.
+    """A problem from tables, and the labels (N,) of its nodes, -1 where unknown.
 
     Parameters
     ----------
     nodes : table
-        A row per node: its name in column ``node``; its label in column ``label``, if there is one,
-        empty (None, NaN or "") where it is not known; every other column is a node feature.
+        A row per node: its name in column ``node``; its label in the optional column ``label``,
+        empty (None, NaN or "") if unknown; every other column is a node feature.
     edges : table
         A row per edge: the names of its two nodes in the columns ``ends``; every other column is an
         edge feature.
     node, ends, label : str
-        What these columns are called.
+        The names of these columns.
     label_names : sequence of str, optional
-        The labels in order; those of the nodes, sorted, by default.
+        The labels in order; by default the nodes' labels, sorted.
 
-    Tables are those of pandas or polars, or mappings from names of columns to their values.
+    Tables are pandas or polars data frames, or mappings from column names to values.
 
     Raises
     ------
     InputError
-        A column that is missing or holds no numbers, a name that comes twice or is of no node, an
-        edge that comes twice, or a label that is not among ``label_names``.
+        A column is missing or not numeric, a name is repeated or unknown, an edge is repeated, or a
+        label is not among ``label_names``.
 
     Examples
     --------
@@ -89,10 +89,10 @@ def problem_from_tables(
 
 
 def labeling_table(problem: LabelingProblem, labeling: Labeling) -> dict[str, list[Any]]:
-    """A labelling as columns, ``pandas.DataFrame(...)`` or ``csv`` take it: a row per node.
+    """A labelling as columns with a row per node, for ``pandas.DataFrame(...)`` or ``csv``.
 
-    ``node`` is its name, or its number where nodes have none, ``label`` the name of its label, and
-    ``p(NAME)`` the belief in each label where the method has one.
+    ``node`` is its name, or its number without names, ``label`` the name of its label, and
+    ``p(NAME)`` the belief in each label, if the method has beliefs.
 
     Examples
     --------
@@ -126,12 +126,12 @@ def _values(what: str, table: Any, column: str) -> list[Hashable]:
 
 
 def is_empty(value: Any) -> bool:
-    """Whether a value of a table stands for none: None, NaN or an empty text."""
+    """Whether a value of a table is missing: None, NaN or an empty text."""
     return value is None or value == "" or value != value  # NaN is not itself
 
 
 def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) -> NDArray[np.int64]:
-    """(E, 2) numbers of nodes."""
+    """(E, 2) node numbers of the edges."""
     sides = []
     for column in ends:
         names = _values("edges", edges, column)
@@ -145,7 +145,7 @@ def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) ->
 
 
 def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float64] | None:
-    """(rows, D) the columns that are none of the others; None where there is none."""
+    """(rows, D) the columns except ``others``; None without such columns."""
     columns = []
     for column in _columns(table):
         if column in others:

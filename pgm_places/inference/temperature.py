@@ -15,31 +15,31 @@ from pgm_places.kernels.threads import run_parts
 from pgm_places.options import Positive
 
 Temperature = Positive | Literal["auto"]
-"""The option of methods whose beliefs are tempered: a number, or the one that training found."""
+"""The option of methods with tempered beliefs: a number, or "auto", set by training."""
 
 HOTTEST = 100.0
-"""Beliefs that are worth nothing at all would be given an endless temperature."""
+"""The largest temperature; for uninformative beliefs the optimum is infinite."""
 
 PRECISION = 1e-6
-"""Where the search ends, as a share of 1/T."""
+"""Relative tolerance of the search for 1/T."""
 
 LEAST_BELIEF = 1e-12
-"""Smaller beliefs count as this one: in single precision they may be 0, which no power changes."""
+"""Lower bound of beliefs: in single precision they may be 0, which no power changes."""
 
 
 def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeling:
-    """The labelling with beliefs ``b^(1/T) / sum b^(1/T)``; labels, score and status are the same.
+    """The labelling with beliefs ``b^(1/T) / sum b^(1/T)``; labels, score and status stay.
 
-    Methods on graphs are too sure of themselves: neighbours that see the same count as so many
-    witnesses. Above 1 a temperature makes beliefs less sure, below 1 surer; which of two beliefs is
-    the greater never changes (temperature scaling, Guo et al. 2017, equation 9).
+    Methods on graphs are overconfident: neighbours with the same evidence count as independent
+    observations. Temperatures above 1 lower the confidence, below 1 raise it; the order of beliefs
+    never changes (temperature scaling, Guo et al. 2017, equation 9).
 
     Parameters
     ----------
     labeling : Labeling
-        N nodes, K labels. Without beliefs it comes back as it is.
+        N nodes, K labels. Without beliefs it is returned unchanged.
     temperature : float or "auto"
-        T, above 0; ``"auto"``, which no training has replaced, is 1.
+        T, above 0; ``"auto"`` without training is 1.
 
     Examples
     --------
@@ -60,18 +60,18 @@ def tempered(labeling: Labeling, temperature: float | Literal["auto"]) -> Labeli
 
 
 def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLike]) -> float:
-    """The temperature that makes the true labels of nodes likeliest, from 1 to 100.
+    """The maximum-likelihood temperature for the true labels of nodes, from 1 to 100.
 
     With l = log b it solves ``sum_i w_i (sum_k b_ik(T) l_ik - l_i,true) = 0``, the derivative of
-    the cross entropy by 1/T, which rises with 1/T: the root is enclosed and bisected. Never below
-    1: what is always right on a few nodes would else be made certain of everything.
+    the cross entropy by 1/T, which rises with 1/T: the root is found by bisection. Values below 1
+    are excluded: a few nodes, all labelled correctly, would make every belief certain.
 
     Parameters
     ----------
     beliefs : sequence of (N, K) float
-        Of methods, in each of some graphs, that learned nothing from its labels.
+        Beliefs in each graph, by methods that were not trained on its labels.
     truths : sequence of (N,) int
-        True labels, -1 where unknown. Every graph weighs the same.
+        True labels, -1 where unknown. All graphs have equal weight.
 
     Raises
     ------
@@ -109,19 +109,19 @@ def _log_beliefs(beliefs: ArrayLike, truth: ArrayLike) -> tuple[NDArray[Any], ND
 
 
 def _expected(log_beliefs: NDArray[Any], power: float) -> float:
-    """The mean over nodes of what beliefs of that power expect of their logarithms."""
+    """The mean over nodes of the expected log-belief under beliefs to a power."""
     return float((_flattened(np.exp(log_beliefs), power) * log_beliefs).sum(axis=1).mean())
 
 
 def calibrated(
     backend: Any, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
 ) -> Any:
-    """The method with the temperature that fits its beliefs on labelled problems.
+    """The method with a temperature fitted to its beliefs on labelled problems.
 
-    One whose temperature is not ``"auto"``, or that has no beliefs, comes back as it is, as does
-    any where no labelled node is left. Nodes whose label the problem itself knows do not count:
-    their beliefs are given. The unaries should be of a classifier that has not seen the labelled
-    nodes: on nodes that it was fitted on it is right whenever it is sure.
+    A method whose temperature is not ``"auto"``, or without beliefs, is returned unchanged, also if
+    no labelled node remains. Nodes with known labels in the problem do not count, as their beliefs
+    are fixed. The unaries should be held-out scores: a classifier is overconfident on its training
+    nodes.
     """
     if getattr(backend, "temperature", None) != "auto" or not backend.gives_beliefs:
         return backend
@@ -137,12 +137,12 @@ def calibrated(
 
 
 def _unknown(problem: LabelingProblem, truth: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The labels of the nodes that the problem itself does not know, -1 elsewhere."""
+    """The labels of the nodes without a known label in the problem, -1 elsewhere."""
     return truth if problem.known is None else np.where(problem.known >= 0, -1, truth)
 
 
 def _flattened(beliefs: NDArray[Any], power: float) -> NDArray[Any]:
-    """Rows to a power, summing to one; the greatest is 1 before, so that none is all zeros."""
+    """Rows to a power, normalised; scaled to a maximum of 1 before, to avoid underflow."""
     flattened = (beliefs / beliefs.max(axis=1, keepdims=True)) ** beliefs.dtype.type(power)
     flattened /= flattened.sum(axis=1, keepdims=True)
     return flattened

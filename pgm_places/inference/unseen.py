@@ -1,4 +1,4 @@
-"""Nodes of which nothing was observed: rows of NaN among log-probabilities."""
+"""Nodes without observation: rows of NaN among log-probabilities."""
 
 from typing import Any
 
@@ -12,14 +12,14 @@ from pgm_places.errors import InputError
 def with_unseen_rows(
     name: str, values: ArrayLike, n_rows: int, n_columns: int, *, probable: bool = False
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """A float array with equal labels in rows of NaN, and which rows (N,) these are or None.
+    """An array with rows of NaN replaced by equal values, and a mask (N,) of these rows or None.
 
-    Log-probabilities, or ``probable`` ones.
+    The values are log-probabilities, or probabilities with ``probable``.
 
     Raises
     ------
     InputError
-        A row that is NaN in part, another shape, infinity.
+        A row is partly NaN, the shape is wrong, or a value is infinite.
     """
     dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
     array = number_array(name, values, dtype)
@@ -43,12 +43,12 @@ def with_unseen_rows(
 def with_unseen_nodes(
     unary: ArrayLike, given: ArrayLike | None, n_nodes: int, n_labels: int
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-    """The same for a unary whose unseen nodes (N,) may also be given; None where all are seen.
+    """:func:`with_unseen_rows` for a unary with an optional mask (N,) of further unseen nodes.
 
     Raises
     ------
     InputError
-        Also where the given nodes are no mask.
+        As there; also if the nodes are not a mask.
     """
     array, unseen = with_unseen_rows("unary", unary, n_nodes, n_labels)
     if given is None:

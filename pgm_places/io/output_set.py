@@ -13,7 +13,7 @@ from pgm_places.io.input_file import is_address, sha256_of
 from pgm_places.io.staging import NEW, UNFINISHED, stage
 
 RECORD_FILE = ".pgm-places.json"
-"""Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
+"""The record of the files of this package in a folder: SHA-256 and command of each."""
 
 _FORMAT, _SCHEMA = "pgm-places output", 1
 _MAX_BYTES = 16 << 20
@@ -21,16 +21,16 @@ _MAX_BYTES = 16 << 20
 
 @dataclass
 class OutputSet:
-    """A set of files on its way into a folder.
+    """Files of a run that are staged for a folder.
 
     Parameters
     ----------
     folder : Path
-        Where the files will stand.
+        The destination.
     stage : Path
-        Where to write them meanwhile, by the same names.
+        The staging folder: write the files here, with the same names.
     written : list of Path
-        The files where they stand in the end, once they do.
+        The files in the destination, after the block.
     """
 
     folder: Path
@@ -44,7 +44,7 @@ def _refuse_address(folder: Path) -> None:
     Raises
     ------
     OutputError
-        It is an address.
+        The path is an address.
     """
     if is_address(folder):
         raise OutputError(
@@ -63,37 +63,37 @@ def output_set(
     replaces: Iterable[str] = (),
     keeps_owners: bool = False,
 ) -> Iterator[OutputSet]:
-    """A set to write files to; all of them stand in the folder when the block ends well.
+    """Stage files and move all of them into a folder at the end of the block.
 
-    Until then, and after an error, Ctrl-C or a kill, the folder is as before. The new set takes the
-    place of the one that the same command wrote before: files that only that one had are removed.
-    Files of the user stay. A set without files changes nothing.
+    Until then, and after an error, Ctrl-C or a kill, the folder is unchanged. The new set replaces
+    the earlier set of the same command: files that are only in the earlier set are removed. The
+    user's files stay. A set without files changes nothing.
 
     Parameters
     ----------
     folder : Path
         Created if needed.
     by : str
-        The command, so that it finds its earlier set.
+        The command, by which its earlier set is identified.
     names : iterable of str
-        Files that will be written; anything in their way is refused before the work, not after.
+        Files that will be written; conflicts are refused before the work, not after.
     force : bool
         Overwrite files that this package did not write or that were changed since, and write into a
         folder that holds none of its files.
     shared : bool
-        The folder may well be the user's own: only files in the way are refused.
+        The folder may be the user's own: only files in the way are refused.
     replaces : iterable of str
-        Files of ours, by whichever command, that the new ones make superfluous: they are removed,
-        unless they were changed.
+        Files of any command of this package that the new ones replace: they are removed unless
+        they were changed.
     keeps_owners : bool
-        A file that another command wrote goes on counting as its file, and files of an earlier set
-        by the same command stay.
+        Files of other commands stay recorded as theirs, and files of an earlier set of the same
+        command stay.
 
     Raises
     ------
     OutputError
-        Where the folder cannot be written, holds files but none of ours, or where a file in the way
-        is the user's own or was changed since we wrote it.
+        The folder cannot be written, or holds files but none of this package, or a file in the way
+        is the user's own or was changed.
     """
     shown = Path(folder)
     _refuse_address(shown)
@@ -134,14 +134,14 @@ def output_set(
 
 
 def claim(folder: Path | str, *, force: bool = False) -> Path:
-    """The folder, with an empty record at least, so that it counts as ours whatever happens.
+    """Mark a folder as one of this package with a record, empty if new; returns the folder.
 
-    For results that arrive one by one over hours, and for what a run keeps to resume from.
+    For results that arrive over hours, and for the state from which a run resumes.
 
     Raises
     ------
     OutputError
-        Where the folder cannot be written, or holds files but none of ours.
+        The folder cannot be written, or holds files but none of this package.
     """
     shown = Path(folder)
     _refuse_address(shown)
@@ -155,13 +155,13 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
 
 
 def _tidy(folder: Path) -> None:
-    """Put right what a killed run left, also one that was killed while it claimed the folder."""
+    """Complete or remove leftovers of killed runs, also of a run killed during ``claim``."""
     tidy(folder)
     staging.remove_leftovers(folder.resolve(), RECORD_FILE)
 
 
 def has_all_files(folder: Path) -> bool:
-    """Whether a folder holds every file of its record, and nothing is left to be moved into it."""
+    """Whether a folder holds every file of its record, and no interrupted move is pending."""
     record = _record(folder)
     return (
         record is not None
@@ -171,14 +171,14 @@ def has_all_files(folder: Path) -> bool:
 
 
 def is_as_written(path: Path, folder: Path | None = None) -> bool:
-    """Whether we wrote a file of a folder, its own by default, and it is unchanged since."""
+    """Whether a file is recorded in a folder (by default its own) and unchanged."""
     home = folder or path.parent
     entry = (_record(home) or {}).get(path.relative_to(home).as_posix())
     return entry is not None and path.is_file() and sha256_of(path) == entry["sha256"]
 
 
 def written_names(folder: Path) -> set[str]:
-    """The files of a folder that we wrote, whether they are still there or not."""
+    """The recorded files of a folder, including deleted ones."""
     return set(_record(folder) or ())
 
 
@@ -188,7 +188,7 @@ def _record_text(files: Mapping[str, Mapping[str, str]]) -> str:
 
 @contextlib.contextmanager
 def _named(staged: Path, shown: Path) -> Iterator[None]:
-    """Errors about a file on the stage, as errors about the file that it was to become."""
+    """Replace the path of a staged file in errors by its destination."""
     try:
         yield
     except OutputError as error:
@@ -196,11 +196,11 @@ def _named(staged: Path, shown: Path) -> Iterator[None]:
 
 
 def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool) -> None:
-    """Refuse what would be overwritten or removed without being ours."""
+    """Refuse to overwrite or remove files that are not recorded or were changed."""
     if not folder.is_dir():
         return
-    # Listed before the record is read: of other processes that claim the folder now, whatever they
-    # write comes after their record, whose own stages do not count.
+    # Listed before the record is read: other processes that claim the folder now write files only
+    # after their record. Staging folders do not count.
     others = sorted(
         path.name for path in folder.iterdir() if not staging.is_stage_of(path.name, RECORD_FILE)
     )
@@ -225,7 +225,7 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
         if not path.exists() and not path.is_symlink():
             continue
         if name not in record:
-            what = "it is there already, and pgm-places did not write it"
+            what = "it exists already, and pgm-places did not write it"
         elif path.is_symlink() or sha256_of(path) != record[name]["sha256"]:
             what = "it was changed since pgm-places wrote it"
         else:
@@ -237,7 +237,7 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
 
 
 def _record(folder: Path) -> dict[str, dict[str, str]] | None:
-    """What the record of a folder says about each file; None where it is missing or damaged."""
+    """The record of a folder by file; None if it is missing or damaged."""
     path = folder / RECORD_FILE
     try:
         if path.stat().st_size > _MAX_BYTES:

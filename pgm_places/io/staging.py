@@ -1,4 +1,4 @@
-"""Stages: hidden folders for output that is not complete, and how they replace an older one."""
+"""Staging folders for incomplete output, locks, and the exchange of a folder's content."""
 
 import contextlib
 import ctypes
@@ -15,28 +15,28 @@ from pgm_places.errors import OutputError
 
 try:
     import fcntl
-except ImportError:  # Windows: leftovers stay, and writers do not wait for each other
+except ImportError:  # Windows: no locks, and leftovers are not removed
     fcntl = None  # type: ignore[assignment]
 
 _NO_LINKS = getattr(os, "O_NOFOLLOW", 0)
 _IN_USE: set[Path] = set()
-"""The stages of this process that are being filled."""
+"""The staging folders in use by this process."""
 
 
 @contextlib.contextmanager
 def stage(parent: Path, name: str) -> Iterator[Path]:
-    """A new folder ``.NAME.<12 digits>.tmp`` in ``parent``, gone when the block ends.
+    """A new folder ``.NAME.<12 digits>.tmp`` in ``parent``, removed at the end of the block.
 
-    It stays locked for as long as the process lives, so that a later call can tell the leftovers of
-    a killed run, which it removes, from the folder of a run that is still busy.
+    It stays locked as long as the process lives, so that a later call can distinguish leftovers of
+    a killed run, which it removes, from the folder of an active run.
     """
     remove_leftovers(parent, name)
     while True:
         folder = parent / f".{name}.{os.urandom(6).hex()}.tmp"
-        folder.mkdir(parents=True)  # a neighbour that failed may just have removed its own
+        folder.mkdir(parents=True)  # a failed neighbour may just have removed the parent
         lock = _lock(folder)
         if lock is not None:
-            break  # otherwise somebody took the new folder for a leftover before it was locked
+            break  # otherwise another process removed it as a leftover before it was locked
     _IN_USE.add(folder.absolute())
     try:
         yield folder
@@ -47,12 +47,12 @@ def stage(parent: Path, name: str) -> Iterator[Path]:
 
 
 def is_staged(path: Path) -> bool:
-    """Whether a path is on a stage, all of which is flushed to disk before it is moved."""
+    """Whether a path is in a staging folder, which is flushed to disk before it is moved."""
     return not _IN_USE.isdisjoint(path.absolute().parents)
 
 
 def is_stage_of(entry: str, name: str) -> bool:
-    """Whether a folder is called like a stage for ``name``."""
+    """Whether a folder's name is that of a staging folder for ``name``."""
     return (
         entry.startswith(f".{name}.")
         and re.fullmatch(r"[0-9a-f]{12}\.(tmp|old)", entry.removeprefix(f".{name}.")) is not None
@@ -60,10 +60,10 @@ def is_stage_of(entry: str, name: str) -> bool:
 
 
 def remove_leftovers(parent: Path, name: str) -> None:
-    """Remove what killed runs left in ``parent`` of their stages for ``name``."""
+    """Remove the staging folders for ``name`` that killed runs left in ``parent``."""
     if fcntl is None or not parent.is_dir():
         return
-    with contextlib.suppress(OSError):  # a folder that cannot be listed hides nothing of ours
+    with contextlib.suppress(OSError):  # a folder that cannot be listed has no staging folders
         for path in [entry for entry in parent.iterdir() if is_stage_of(entry.name, name)]:
             lock = _lock(path, wait=False)
             if lock is None:
@@ -97,8 +97,8 @@ def locked(folder: Path) -> Iterator[None]:
 def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
     """Try to hold the lock file for the duration of the block; yields whether we got it.
 
-    The claim ends with the process, whatever ends that, and the file with the block; until then it
-    holds the note. Where a file system knows no locks, nothing is held, and everybody gets it.
+    The lock ends with the process, and the file with the block; until then the file contains the
+    note. On a file system without locks, every caller gets True.
     """
     if path is None or fcntl is None:
         yield True
@@ -110,7 +110,7 @@ def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 os.close(open_own(path, os.O_WRONLY | os.O_CREAT))
-            except FileNotFoundError:  # another batch has just removed the empty folder
+            except FileNotFoundError:  # another process has just removed the empty folder
                 continue
         try:
             lock = _lock(path, wait=False)
@@ -134,19 +134,19 @@ def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
 
 
 def open_own(path: Path, flags: int) -> int:
-    """A file of ours, opened only if no symbolic link stands in its place; its number."""
+    """Open a lock or record file, refusing symbolic links; returns the file descriptor."""
     _refuse_link(path)
     return os.open(path, flags | _NO_LINKS, 0o666)
 
 
 def _refuse_link(path: Path) -> None:
-    """What others left there may lead to files that are none of ours."""
+    """Refuse a symbolic link, which may lead to another user's file."""
     if path.is_symlink():
         raise OutputError(f"cannot write {path}: a symbolic link stands in its place; remove it")
 
 
 def _lock(path: Path, *, wait: bool = True) -> int | None:
-    """An open file that holds the lock; None if another process holds it or the path has moved."""
+    """A file descriptor that holds the lock; None if it is taken or the path has moved."""
     flags = os.O_RDONLY | _NO_LINKS | getattr(os, "O_NONBLOCK", 0)
     if fcntl is None:
         return os.open(os.devnull, os.O_RDONLY)
@@ -171,10 +171,10 @@ def _lock(path: Path, *, wait: bool = True) -> int | None:
 
 @contextlib.contextmanager
 def as_output_errors(target: Path) -> Iterator[None]:
-    """What the operating system refuses, as one line that names the target."""
+    """Turn an operating system's errors into one line that names the target."""
     try:
         yield
-    except BrokenPipeError:  # of standard output: nobody reads on
+    except BrokenPipeError:  # standard output was closed by its reader
         raise
     except OSError as error:
         reason = error.strerror or str(error)
@@ -189,7 +189,7 @@ def make_folders(folder: Path) -> Iterator[None]:
     """The folder and its parents, created if needed; new ones are removed after an error."""
     missing = []
     for parent in (folder, *folder.parents):
-        if parent.exists():  # asked first: another process may make it now
+        if parent.exists():  # checked first: another process may create it now
             if parent.is_dir():
                 break
             raise OutputError(
@@ -201,14 +201,14 @@ def make_folders(folder: Path) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        with contextlib.suppress(OSError):  # somebody else has begun to use it
+        with contextlib.suppress(OSError):  # another process has begun to use it
             for parent in missing:
                 parent.rmdir()
         raise
 
 
 def flush_tree(folder: Path) -> None:
-    """Flush everything in a folder to disk before it is moved into place: a crash may follow."""
+    """Flush all files of a folder to disk, so that a crash after the move loses nothing."""
     for path in folder.rglob("*"):
         if not path.is_symlink():
             flush(path)
@@ -230,25 +230,25 @@ def flush(path: Path) -> None:
 
 
 NEW = "new"
-"""The folder of a stage that holds the new files."""
+"""The subfolder of a staging folder that holds the new files."""
 
 UNFINISHED = ".pgm-places.swap"
-"""What a stage is called from the moment on when its files are being moved one by one."""
+"""The name of a staging folder while its files are moved one by one."""
 
 _REMOVED = "removed.json"
 _MAX_BYTES = 16 << 20
 
 
 def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place: bool) -> None:
-    """Make the files in ``stage/new`` those of ``target``, less ``removed``; all others stay.
+    """Move the files in ``stage/new`` into ``target`` and remove ``removed``; all others stay.
 
-    A folder that is not there yet is renamed into place. One that stands there is exchanged for
-    one with the new files and links to all others, by a single call of the operating system, so
-    that it is the old or the new one whenever the run ends. Where that is impossible (see
-    ``can_be_exchanged``) or unwanted (``in_place``), the stage is renamed into the folder, from
-    where its files are moved one by one; should that be interrupted, ``finish`` does the rest.
+    A new target is renamed into place. An existing one is exchanged, in a single system call, for a
+    folder with the new files and hard links to all others, so that the target is the old or the new
+    folder at any time. If that is impossible (see ``can_be_exchanged``) or unwanted (``in_place``),
+    the stage is renamed into the folder, and its files are moved one by one; after an interruption,
+    ``finish`` moves the rest.
 
-    The caller holds the lock of a target that exists.
+    The caller holds the lock of an existing target.
     """
     new, names = stage / NEW, file_names(stage / NEW)
     if is_staged(target) and not target.exists():
@@ -275,7 +275,7 @@ def finish(target: Path) -> None:
     if not stage.is_dir() or stage.is_symlink():
         return
     _refuse_link(stage / NEW)
-    # All names are checked before anything is moved or removed: the folder may be somebody else's.
+    # All names are checked before anything is moved or removed: the folder may be another user's.
     removed = [_inside(target, name) for name in _removed(stage)]
     moved = [(stage / NEW / name, _inside(target, name)) for name in file_names(stage / NEW)]
     for new, path in sorted(moved):
@@ -291,19 +291,19 @@ def finish(target: Path) -> None:
 
 
 def can_be_exchanged(target: Path) -> bool:
-    """Whether another folder may take a folder's place.
+    """Whether a folder can be exchanged for another one.
 
-    Not where a file system is mounted or this process stands in it, which would be left standing
-    in the old one, nor where the folder beside it could not be made.
+    Not if it is a mount point, if it contains the current folder of this process, which would stay
+    in the old one, or if its parent is not writable.
     """
-    with contextlib.suppress(FileNotFoundError):  # the current folder may be gone
+    with contextlib.suppress(FileNotFoundError):  # the current folder may be deleted
         if Path.cwd().is_relative_to(target):
             return False
     return not target.is_mount() and os.access(target.parent, os.W_OK | os.X_OK)
 
 
 def file_names(folder: Path) -> set[str]:
-    """The files in a folder and those below it, by their relative names with slashes."""
+    """The files in a folder and its subfolders, as relative names with slashes."""
     return {
         path.relative_to(folder).as_posix()
         for path in folder.rglob("*")
@@ -312,14 +312,14 @@ def file_names(folder: Path) -> set[str]:
 
 
 def _flush_folders(folder: Path, names: Iterable[str]) -> None:
-    """Flush a folder and those in it that hold the files of these names, but not the files."""
+    """Flush a folder and the subfolders of the named files, but not the files."""
     below = {parent for name in names for parent in PurePosixPath(name).parents}
     for path in {folder, *(folder / parent for parent in below)}:
         flush(path)
 
 
 def _removed(stage: Path) -> list[str]:
-    """The names that a swap has left to remove; none once it was removing its own stage."""
+    """The names that an interrupted swap must still remove."""
     path = stage / _REMOVED
     try:
         is_small = path.stat().st_size <= _MAX_BYTES
@@ -336,12 +336,12 @@ def _removed(stage: Path) -> list[str]:
 def _can_be_a_file(name: object) -> bool:
     try:
         return isinstance(name, str) and b"\0" not in os.fsencode(name)
-    except UnicodeEncodeError:  # half a character
+    except UnicodeEncodeError:  # a surrogate
         return False
 
 
 def _inside(target: Path, name: str) -> Path:
-    """A path below the folder, whatever a damaged or foreign list of names holds."""
+    """The path of a name in the folder; refuses names that lead outside."""
     path = target.joinpath(*PurePosixPath(name).parts)
     if ".." in path.parts or not path.parent.resolve().is_relative_to(target.resolve()):
         raise OSError(
@@ -351,7 +351,7 @@ def _inside(target: Path, name: str) -> Path:
 
 
 def _exchanged(new: Path, target: Path, gone: set[str]) -> bool:
-    """Whether ``new`` and ``target`` have changed places, all files but ``gone`` being in both."""
+    """Exchange ``new`` and ``target`` after linking all files but ``gone``; whether it worked."""
 
     def left_out(folder: str, names: list[str]) -> set[str]:
         base = Path(folder).relative_to(target)
@@ -366,12 +366,12 @@ def _exchanged(new: Path, target: Path, gone: set[str]) -> bool:
             os.chown(new, was.st_uid, was.st_gid)
         _flush_folders(new, file_names(new))
         _exchange(new, target)
-    except OSError:  # what cannot be linked, given away or exchanged stays where it is
+    except OSError:  # the file system cannot link, change the owner or exchange
         for name in file_names(new) - gone:
             (new / name).unlink()
         return False
     flush(target.parent)
-    for name in file_names(new) - gone - file_names(target):  # came while we were linking
+    for name in file_names(new) - gone - file_names(target):  # created during the linking
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         (new / name).rename(target / name)
     return True

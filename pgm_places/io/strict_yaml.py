@@ -1,7 +1,7 @@
-"""YAML files as yaml-cpp, the parser of ROS, reads them: scalars remain text until converted.
+"""Strict YAML, as yaml-cpp (the parser of ROS) reads it: scalars are text until converted.
 
 PyYAML follows YAML 1.1 and guesses types: ``5e-2`` becomes a string, ``010`` becomes 8, ``no``
-becomes False. Here nothing is guessed: the code that reads a key states its type.
+becomes False. Here no types are guessed: the code that reads a key states its type.
 """
 
 import math
@@ -26,7 +26,7 @@ _FALSE = {"n", "no", "false", "off"}
 
 
 class YamlFile:
-    """The mapping at the top of a YAML file, with typed access and errors that name the place.
+    """The top-level mapping of a YAML file, with typed access and errors that name the key.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class YamlFile:
     error : type
         The exception that wrong content raises.
     keys : sequence of str
-        Keys that mean something: none of them is a slip for another.
+        The known keys, from which messages suggest similar ones.
     """
 
     def __init__(
@@ -59,14 +59,14 @@ class YamlFile:
         return key in self.values
 
     def value(self, key: str) -> YamlValue:
-        """What stands at a key that must be there."""
+        """The value of a required key."""
         if key not in self.values:
             hint = nearest_name(key, list(self.values), never=self._keys)
             raise self.fail(f"key {quoted(key)} is missing. {hint}")
         return self.values[key]
 
     def text(self, key: str) -> str:
-        """Text that is not empty."""
+        """A text that is not empty."""
         value = self.value(key)
         if not isinstance(value, str) or not value:
             raise self.fail(f"key {quoted(key)} must be non-empty text, got {quoted(value)}")
@@ -77,7 +77,7 @@ class YamlFile:
         return self.as_number(self.value(key), f"key {quoted(key)}")
 
     def flag(self, key: str) -> bool:
-        """True or false, written as an integer or as one of YAML's words for them."""
+        """A boolean, written as an integer or as a YAML word such as ``yes``."""
         value = self.value(key)
         if isinstance(value, str):
             if _INTEGER.fullmatch(value):
@@ -109,7 +109,7 @@ class YamlFile:
 def read_yaml(
     path: Path, error: type[InputError], what: str, *, keys: Sequence[str] = ()
 ) -> YamlFile:
-    """The content of a YAML file whose top is a mapping; no types guessed, no tags resolved.
+    """Read a YAML file whose top level is a mapping; no types are guessed, no tags resolved.
 
     Parameters
     ----------
@@ -120,25 +120,25 @@ def read_yaml(
     what : str
         What the file should be, for messages: "map description", "label names".
     keys : sequence of str
-        Keys that mean something, for messages about one that is missing.
+        The known keys, for messages about a missing one.
 
     Raises
     ------
     error
-        Where the file is missing, unreadable, longer than 256 KiB, not YAML, nested deeper than 16
+        The file is missing, unreadable, longer than 256 KiB, not YAML, nested deeper than 16
         levels, uses anchors or aliases, names a key twice, or is not a mapping at its top level.
     """
     text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml
 
     file = YamlFile(path, {}, error, keys)
-    # The parser in C takes a tenth of the time; not every installation of PyYAML has it.
+    # The C parser is ten times faster; some installations of PyYAML lack it.
     events = yaml.parse(text, getattr(yaml, "CBaseLoader", yaml.BaseLoader))
     try:
         value = _document(events, file)
     except yaml.YAMLError as problem:
         detail = " ".join(str(problem).split())[:300]
-        if "nesting depth" in detail:  # of the parser in C, far beyond ours
+        if "nesting depth" in detail:  # the limit of the C parser, far beyond ours
             raise file.fail(_TOO_DEEP) from None
         raise error(f"{path}: not a YAML file: {detail}") from None
     if not isinstance(value, dict):
@@ -148,7 +148,7 @@ def read_yaml(
 
 
 def _document(events: Iterator[Any], file: YamlFile) -> YamlValue:
-    """The only document of a stream; an empty text where there is none."""
+    """The only document of a stream; an empty text for an empty stream."""
     import yaml
 
     next(events)  # the stream begins
@@ -165,8 +165,7 @@ def _document(events: Iterator[Any], file: YamlFile) -> YamlValue:
 def _value(event: Any, events: Iterator[Any], file: YamlFile, *, depth: int) -> YamlValue:
     """The text, list or dictionary that begins with an event.
 
-    What is refused is refused before anything behind it is parsed, so that deep nesting costs
-    nothing.
+    Errors are raised before the rest is parsed, so that deep nesting costs nothing.
     """
     import yaml
 

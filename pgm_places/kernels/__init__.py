@@ -1,1 +1,1 @@
-"""Threads, memory in pages, and the headers that all kernels in C++ share."""
+"""Threads, lazy memory, and the common headers of the C++ kernels."""

@@ -11,9 +11,9 @@ from numpy.typing import DTypeLike, NDArray
 
 
 def drop_pages(array: NDArray[Any]) -> None:
-    """Free the memory that a file's array (``numpy.memmap``, read-only) takes so far.
+    """Free the memory of the pages of a read-only ``numpy.memmap`` that were read so far.
 
-    What is read of it again comes from the file again. Nothing happens to other arrays.
+    Later reads load them from the file again. Other arrays are not changed.
     """
     base: Any = array
     while isinstance(base, np.ndarray):
@@ -26,10 +26,10 @@ def drop_pages(array: NDArray[Any]) -> None:
 
 
 class MappedPlanes:
-    """Planes of zeros that are given up from their beginnings on.
+    """Planes of zeros whose memory can be released in parts, from the beginning.
 
-    What is read from one large array into another takes no more memory than the larger of the two
-    if the first is given up on the way. Where the system cannot take pages back, nothing happens.
+    Converting one large array into another then takes no more memory than the larger of the two. On
+    systems that cannot take pages back, ``release`` does nothing.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ class MappedPlanes:
 
     Attributes
     ----------
-    array : array of that shape
+    array : array of ``shape``
 
     Examples
     --------
     >>> planes = MappedPlanes((2, 3), np.float32)
     >>> planes.array[:] = 1
-    >>> planes.release(0, 2)  # what was there is lost
+    >>> planes.release(0, 2)  # the values are lost
     >>> planes.array[:, 2].tolist()
     [1.0, 1.0]
     """
@@ -58,20 +58,20 @@ class MappedPlanes:
         self.array: NDArray[Any] = entries.reshape(shape)
 
     def release(self, first: int, stop: int) -> None:
-        """Give up the entries from ``first`` to before ``stop`` of every plane."""
+        """Free the memory of the entries ``first`` to ``stop - 1`` of every plane."""
         if not hasattr(mmap, "MADV_DONTNEED"):
             return
         for plane in range(len(self.array)):
             begin = plane * self._length + first * self._itemsize
             end = plane * self._length + stop * self._itemsize
-            begin = -(-begin // mmap.PAGESIZE) * mmap.PAGESIZE  # pages that hold nothing else
+            begin = -(-begin // mmap.PAGESIZE) * mmap.PAGESIZE  # only pages within the range
             end = end // mmap.PAGESIZE * mmap.PAGESIZE
             if begin < end:
                 self._memory.madvise(mmap.MADV_DONTNEED, begin, end - begin)
 
 
 def trim_heap() -> None:
-    """Have the C library return what was freed: GNU's keeps up to a hundred megabytes."""
+    """Return freed memory from the C library's heap to the system; glibc keeps up to 100 MB."""
     if sys.platform != "linux":
         return
     import ctypes
@@ -82,20 +82,20 @@ def trim_heap() -> None:
 
 
 def _anonymous(size: int) -> mmap.mmap:
-    """Memory of this process alone, all of it 0."""
+    """Private anonymous memory, filled with zeros."""
     if not hasattr(mmap, "MAP_PRIVATE"):
         return mmap.mmap(-1, size)
     memory = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    if hasattr(mmap, "MADV_HUGEPAGE"):  # as NumPy asks for its own large arrays
+    if hasattr(mmap, "MADV_HUGEPAGE"):  # as NumPy does for large arrays
         memory.madvise(mmap.MADV_HUGEPAGE)
     return memory
 
 
 def set_aside(array: NDArray[Any], folder: Path, *, at_least: int = 2**27) -> NDArray[Any]:
-    """The same values, read-only, from a file without a name, which goes when they do.
+    """A read-only memmap of ``array`` in an anonymous temporary file.
 
-    Arrays of fewer bytes than ``at_least``, and those for which the folder has no room, stay in
-    memory. The caller must drop its own reference for the memory to be free.
+    Arrays of fewer bytes than ``at_least``, or too large for the folder's free space, stay in
+    memory. The caller must drop its reference to free the memory.
     """
     if array.nbytes < max(at_least, 1):
         return array

@@ -1,8 +1,8 @@
-"""Work spread over threads so that results never depend on the number of threads.
+"""Parallel tasks on threads, with results that do not depend on the number of threads.
 
 Kernels release the interpreter lock; each task writes its own part of the output, so any number of
-threads gives the same bits. Threads of this process are used, not a pool in C++, because they
-work in forked processes and are bounded by the caller.
+threads gives the same bits. Python threads are used instead of a C++ pool because they work in
+forked processes and obey the caller's limit.
 """
 
 import os
@@ -16,7 +16,7 @@ from threading import Lock, Thread
 from pgm_places.errors import InputError
 
 _MOST = 1024
-"""More is a slip: the system would refuse them, after some of the work is done."""
+"""The largest allowed number; the system would refuse more, in the middle of the work."""
 
 
 _wanted: ContextVar[int | None] = ContextVar("wanted", default=None)
@@ -40,9 +40,10 @@ def thread_limit(n_threads: int | None) -> Iterator[None]:
 
 
 def resolve_threads(n_threads: int | None = None) -> int:
-    """How many threads to use.
+    """The number of threads to use.
 
-    The argument, else the :func:`thread_limit`, else ``PGM_PLACES_NUM_THREADS``, else the cores.
+    The argument, else the :func:`thread_limit`, else ``PGM_PLACES_NUM_THREADS``, else the number of
+    cores.
     """
     if n_threads is None:
         n_threads = _wanted.get()
@@ -65,9 +66,9 @@ def resolve_threads(n_threads: int | None = None) -> int:
 
 
 class _Worker:
-    """A thread that does its part of one round after another.
+    """A thread that works on one round of tasks after another.
 
-    Two plain locks hand over: a pool of futures takes twice as long, and a round may be short.
+    Two locks synchronise the rounds: a pool of futures takes twice as long for short rounds.
     """
 
     def __init__(self) -> None:
@@ -80,22 +81,22 @@ class _Worker:
         self._thread.start()
 
     def begin(self, work: Callable[[], None]) -> None:
-        """Let it call ``work`` in the caller's context, with one thread for work inside."""
+        """Start ``work`` in the caller's context, limited to one thread inside."""
         context = copy_context()
         context.run(_wanted.set, 1)
         self._work = partial(context.run, work)
         self._begun.release()
 
     def end(self) -> BaseException | None:
-        """Wait until it has done what it was given; the exception that this raised."""
+        """Wait for the end of the work; returns its exception, if any."""
         self._ended.acquire()
         error, self._error = self._error, None
         return error
 
     def leave(self) -> None:
-        """End the thread, whatever it was given before an interrupt."""
+        """End the thread, also after an interrupted round."""
         self._work = None
-        with suppress(RuntimeError):  # it was let go, and has not looked yet
+        with suppress(RuntimeError):  # released already, but not yet awake
             self._begun.release()
         self._thread.join()
 
@@ -113,9 +114,9 @@ class _Worker:
 
 
 class ThreadTeam:
-    """Threads that stay for many rounds of tasks, as starting them costs more than a short round.
+    """Threads for many rounds of tasks, since starting them costs more than a short round.
 
-    The caller's own thread is one of them.
+    The caller's thread is one of them.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ class ThreadTeam:
             helper.leave()
 
     def run(self, work: Callable[[int], None], n_tasks: int) -> None:
-        """Call ``work(task)`` for every task in ``range(n_tasks)``, as :func:`run_tasks` does."""
+        """Call ``work(task)`` for every task in ``range(n_tasks)``, as in :func:`run_tasks`."""
         tickets = count()  # its next() is atomic
         stopped = False
 
@@ -160,7 +161,7 @@ class ThreadTeam:
             with thread_limit(1 if busy else None):
                 worker()
         finally:
-            stopped = True  # tasks have run out, or one has failed
+            stopped = True  # no tasks are left, or one has failed
             errors = [helper.end() for helper in busy]
         for error in errors:
             if error is not None:
@@ -170,9 +171,9 @@ class ThreadTeam:
 def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:
     """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads.
 
-    Tasks are handed out in order to whichever thread is free. They run in the caller's context, and
-    where several threads share them, work inside a task uses one thread by default. The
-    first exception stops the handing out and is raised here once the running tasks have ended.
+    Tasks are assigned in order to free threads. They run in the caller's context; with several
+    threads, work inside a task uses one thread by default. After the first exception no more tasks
+    start, and it is raised once the running tasks have ended.
     """
     with ThreadTeam(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
         crew.run(work, n_tasks)
@@ -181,7 +182,7 @@ def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | Non
 def run_parts(
     work: Callable[[slice], None], n_items: int, size: int, *, n_threads: int | None = None
 ) -> None:
-    """Call ``work(part)`` for slices of at most ``size`` items, as :func:`run_tasks` does."""
+    """Call ``work(part)`` for slices of at most ``size`` items, as in :func:`run_tasks`."""
 
     def one(task: int) -> None:
         work(slice(task * size, min((task + 1) * size, n_items)))

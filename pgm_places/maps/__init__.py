@@ -1,1 +1,1 @@
-"""Maps: the occupancy grid, its coarsening, and a grid with labels."""
+"""Occupancy grids, their coarsening, and labelled maps."""

@@ -1,4 +1,4 @@
-"""Blocks of f x f cells: where they lie and how much of them a mask covers; f is a fraction."""
+"""Blocks of f x f cells, f a fraction: their positions, and areas of masks in them."""
 
 from collections.abc import Iterator
 from fractions import Fraction
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.bands import bands_of_rows
 
 SAME = 1e-3
-"""0.2 / 0.05 is 4 to the last bits, and map files round resolutions to three or four digits."""
+"""Tolerance of ratios: map files round resolutions to three or four digits."""
 
 
 def simplest_factor(ratio: float) -> Fraction:
@@ -21,16 +21,16 @@ def simplest_factor(ratio: float) -> Fraction:
     return next(f for f in fractions if abs(ratio - f) <= SAME * ratio)
 
 
-# Fractions of this denominator are no further than 2 SAME apart, so no simplest one needs more.
+# Fractions of this denominator are at most 2 SAME apart, so the simplest one never has a larger.
 _MAX_PARTS = ceil(1 / (2 * SAME))
 
 
 def factor_between(fine_m: float, coarse_m: float) -> Fraction:
-    """The factor by which one of two rasters was made of the other, from their resolutions.
+    """The factor between the resolutions of a map and its coarsened version.
 
-    :func:`simplest_factor` decides on it once, for a resolution that is wanted, and the map that is
-    made has that multiple of the other's resolution, apart from rounding errors: what is nearest to
-    the ratio is the very fraction. Deciding again could give a simpler one.
+    :func:`simplest_factor` chooses it once, for the requested resolution, and the coarsened map has
+    exactly that multiple of the resolution, apart from rounding errors: the fraction nearest to the
+    ratio is that factor. ``simplest_factor`` of the ratio could be a simpler one.
     """
     if coarse_m < fine_m:
         return 1 / factor_between(coarse_m, fine_m)
@@ -52,7 +52,7 @@ def block_rows(
     cells: NDArray[np.integer], factor: Fraction
 ) -> Iterator[tuple[slice, NDArray[np.integer]]]:
     """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
-    blocks, tall = factor.denominator, factor.numerator  # so many blocks span whole cells
+    blocks, tall = factor.denominator, factor.numerator  # ``blocks`` blocks span ``tall`` cells
     for rows in bands_of_rows((cells.shape[0], cells.shape[1]), multiple=tall):
         first = rows.start // tall * blocks
         yield slice(first, first + ceil((rows.stop - rows.start) / factor)), cells[rows]
@@ -67,7 +67,7 @@ def block_areas(
 
 
 def _run_sums(values: NDArray[Any], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
-    """(n, n_runs) sum of each row over runs of ``factor`` entries, a cut entry by its parts."""
+    """(n, n_runs) sum of each row over runs of ``factor`` entries; cut entries count in part."""
     length = values.shape[1]
     total = np.zeros((len(values), length + 1), np.int64)
     np.cumsum(values, axis=1, out=total[:, 1:])

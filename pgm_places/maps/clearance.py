@@ -12,8 +12,8 @@ def squared_clearance(
 ) -> NDArray[np.int32]:
     """(H, W) squared distance, in cells, from each cell's centre to the nearest blocked one's.
 
-    Everything outside the raster is blocked; blocked cells have distance 0. ``out`` (H, W) is
-    where to write, where a huge map has no room for another raster.
+    Everything outside the raster is blocked; blocked cells have distance 0. ``out`` (H, W) receives
+    the result, to save memory on huge maps.
 
     Examples
     --------

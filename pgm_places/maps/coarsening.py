@@ -33,9 +33,9 @@ from pgm_places.maps.occupancy_grid import (
 
 
 def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
-    """The map with cells split: each new cell is as the cell of ``grid`` that holds its centre.
+    """The map at a finer resolution: each new cell copies the cell that holds its centre.
 
-    Walls and doorways get no sharper. Origin and yaw are kept; the new map ends at the last centre
+    Walls and doorways get no sharper. Origin and yaw stay; the new map ends at the last centre
     inside the old one.
 
     Parameters
@@ -48,7 +48,7 @@ def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
     Raises
     ------
     MapError
-        Where the cells would be larger, or too many to be numbered by 32 bits.
+        The cells would be larger, or too many for 32-bit numbers.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
 
 
 def refined_shape(grid: OccupancyGrid, resolution_m: float) -> tuple[int, int]:
-    """Rows and columns that :func:`refine` would make; parameters and errors are its own.
+    """Rows and columns of the result of :func:`refine`, with its parameters and errors.
 
     Examples
     --------
@@ -93,14 +93,14 @@ def _factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
-    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``, which is wanted.
+    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``.
 
     The simplest fraction within a thousandth, so that 0.02 m to 0.05 m is 5/2.
 
     Raises
     ------
     MapError
-        Where that is less than 1, or no number.
+        The factor is less than 1, or no number.
     """
     if np.isfinite(resolution_m) and resolution_m > grid.resolution_m:
         check_resolution(resolution_m)
@@ -120,12 +120,12 @@ def coarsen(
     occupied_share: float | None = None,
     free_share: float = 0.5,
 ) -> OccupancyGrid:
-    """The map with blocks of f x f cells joined into one; origin and yaw are kept.
+    """The map with each block of f x f cells merged into one; origin and yaw stay.
 
     A block is *occupied* where at least ``occupied_share`` of its area is occupied; else *free*
-    where at least ``free_share`` of it is free; else *unknown*. Blocks start at cell (0, 0); where
-    f is not a whole number, a cell on a border counts in each block by the part that lies in it.
-    Blocks that stick out at the top or the right are filled up with unknown cells.
+    where at least ``free_share`` of it is free; else *unknown*. Blocks start at cell (0, 0); for a
+    fractional f, a cell on a border counts in each block by its part inside. Blocks that extend
+    beyond the top or the right are padded with unknown cells.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def coarsen(
     Raises
     ------
     MapError
-        Where f is less than 1 or a share is out of range.
+        f is less than 1, or a share is out of range.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def coarsen(
             raise MapError(f"{name} must be above 0 and at most 1, got {value:g}")
     if factor == 1:
         return grid
-    size = factor.numerator**2  # of a block, in pieces of 1/denominator of a cell's side
+    size = factor.numerator**2  # area of a block, in squares of 1/denominator of a cell's side
     least_occupied, least_free = _least(share, size), _least(free_share, size)
     shape = coarse_shape(grid.shape, factor)
     cells = np.full(shape, UNKNOWN, np.int8)
@@ -179,11 +179,11 @@ def coarsen_labels(
 ) -> NDArray[np.int16]:
     """(h, w) label of each cell of a coarsened map; -1 for none and for cells that are not free.
 
-    The entry with the largest area among the free fine cells of the block, "no label" being one of
-    them. A label wins a tie against "no label". Of tied labels, that of more of the fine cells at
-    the block's centre wins: the one that holds it, or the two or four that meet there; then the
-    label with fewer cells on the fine map; then the one whose first cell there comes first, row by
-    row. The result does not depend on how labels are numbered.
+    The label with the largest area among the free fine cells of the block; "no label" counts as a
+    label, and loses ties. Other ties go to the label of more of the fine cells at the block's
+    centre (the cell that holds it, or the two or four that meet there); then to the label with
+    fewer cells on the fine map; then to the label whose first cell is earlier, row by row. The
+    result does not depend on the numbers of labels.
 
     Parameters
     ----------
@@ -192,12 +192,12 @@ def coarsen_labels(
     grid : OccupancyGrid
         The fine map.
     coarse : OccupancyGrid
-        What ``coarsen`` made of it.
+        The result of ``coarsen``.
 
     Raises
     ------
     LabelError
-        Where the shapes do not fit.
+        The shapes do not fit.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def coarsen_labels(
 
 
 def _rarest_last(labels: NDArray[np.int16], n_labels: int) -> NDArray[np.int64]:
-    """(K,) place of each label from the most cells to the fewest; of equals, the last met first."""
+    """(K,) rank of each label from the most cells to the fewest; later first cells rank first."""
     inside = (labels >= 0) & (labels < n_labels)
     n_cells = np.bincount(labels[inside], minlength=n_labels)
     first = np.full(n_labels, labels.size)
@@ -275,21 +275,21 @@ def _central(
 
 @dataclass(frozen=True, eq=False)
 class Coarsening:
-    """A map and the same map with larger cells: how values of one go to the other's raster.
+    """A map and its coarsened version, for the transfer of values between their rasters.
 
-    A free cell of the fine map takes its value from the coarse cell that holds its centre. Where
-    that one is not free, it is the free coarse cell with the nearest centre; of several, the first.
+    A free cell of the fine map gets the value of the coarse cell that holds its centre, or, if that
+    is not free, of the free coarse cell with the nearest centre; of several, the first.
 
     Parameters
     ----------
     fine, coarse : OccupancyGrid
-        A map and what :func:`coarsen` made of it; or what
-        :func:`~pgm_places.maps.coarsening.refine` made of a map, and that map.
+        A map and the result of :func:`coarsen`; or the result of
+        :func:`~pgm_places.maps.coarsening.refine` and its map.
 
     Raises
     ------
     MapError
-        The coarse map has the smaller cells, or another shape.
+        The coarse map has smaller cells, or the shapes do not fit.
 
     Examples
     --------
@@ -318,19 +318,19 @@ class Coarsening:
 
     @classmethod
     def behind(cls, layout: GridLayout, grid: OccupancyGrid) -> Self:
-        """The coarsening by which the nodes of a layout stand for the cells of a map.
+        """The coarsening between a map and the layout of its labelled nodes.
 
         Parameters
         ----------
         layout : GridLayout
-            The cells that were labelled: of ``grid``, or of the map that it was coarsened to.
+            The labelled cells, of ``grid`` or of its coarsened version.
         grid : OccupancyGrid
             The map.
 
         Raises
         ------
         MapError
-            The layout is of another map, or has other cells and no map of its own.
+            The layout is of another map, or has another shape and no source map.
         """
         if isinstance(layout.source, OccupancyGrid):
             return cls(grid, layout.source)
@@ -347,7 +347,7 @@ class Coarsening:
         return factor_between(self.fine.resolution_m, self.coarse.resolution_m)
 
     def holders(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:
-        """(N, 2) the coarse cells that hold the centres of fine cells, all row and column."""
+        """(N, 2) row and column of the coarse cells that hold the centres of fine cells (N, 2)."""
         return holders(cells_rc, self.factor)
 
     def holding(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -361,7 +361,7 @@ class Coarsening:
     def paint(self, values: ArrayLike, fill: Any, *, rows: slice | None = None) -> NDArray[Any]:
         """Values of the coarse raster (h, w, ...) on the fine one, ``fill`` on cells not free.
 
-        With ``rows`` only that band of the fine raster, for maps that are too large at once: see
+        With ``rows`` only a band of the fine raster, for huge maps: see
         :func:`~pgm_places.graph.bands.bands_of_rows`.
         """
         array = np.asarray(values)
@@ -404,5 +404,5 @@ class Coarsening:
 
 
 def _least(share: float, size: int) -> int:
-    """The smallest whole part of ``size`` that is at least this share, rounding errors aside."""
+    """The smallest integer of at least ``share * size``, up to rounding errors."""
     return max(1, int(np.ceil(share * size - 1e-9 * size)))

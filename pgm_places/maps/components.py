@@ -29,8 +29,8 @@ class Components:
     Parameters
     ----------
     piece : (H, W) int32
-        Number of the piece that each cell is in, -1 for cells without a label. Pieces are numbered
-        in the order of their first cells, row by row from the bottom.
+        Number of each cell's piece, -1 for cells without a label. Pieces are numbered in the order
+        of their first cells, row by row from the bottom.
     label : (R,) int32
         Label of each piece.
     size : (R,) int64
@@ -48,7 +48,7 @@ class Components:
 
     @property
     def largest(self) -> NDArray[np.bool_]:
-        """(H, W) the cells of the largest piece, of the first one if there are several."""
+        """(H, W) the cells of the largest piece; of equals, the first."""
         number = self.size.argmax() if self.count else 0
         return np.asarray(self.piece == number)
 
@@ -63,7 +63,7 @@ class Components:
             One per piece; the result has their type.
         fill : number
         out : (H, W) array, optional
-            Where to write; ``piece`` itself, where it is not needed any more.
+            Receives the result; may be ``piece`` itself.
         """
         array = np.asarray(values)
         table = np.append(array, array.dtype.type(fill))  # index -1 is the last entry
@@ -73,7 +73,7 @@ class Components:
         return found
 
     def windows(self) -> list[tuple[slice, slice]]:
-        """The rows and columns that each piece extends over."""
+        """The bounding box of each piece, as slices of rows and columns."""
         from scipy.ndimage import find_objects
 
         return [(rows, columns) for rows, columns in find_objects(self.piece + 1)]
@@ -89,7 +89,7 @@ def connected_components(
     labels : (H, W) int16, int32 or bool
         Label per cell, -1 for none; the cells of a mask have label 0.
     connectivity : {8, 4}
-        Whether cells that share only a corner belong together.
+        8 connects cells that share a side or a corner, 4 only a side.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def connected_components(
     dtype = raster.dtype if raster.dtype in (np.int8, np.int32) else np.int16
     values: NDArray[Any] = np.ascontiguousarray(raster, dtype)
     piece = np.empty(raster.shape, np.int32)
-    scratch = np.empty(raster.size, np.int32)  # pages are only touched as far as it is used
+    scratch = np.empty(raster.size, np.int32)  # the system allocates only the pages in use
     count = label_components(values, connectivity == 8, scratch, piece)
     label, size = np.zeros(count, np.int32), np.zeros(count, np.int64)
     for rows in bands_of_rows(raster.shape):

@@ -1,4 +1,4 @@
-"""KnownWindow: the part of a map that holds what is known, and a margin around it."""
+"""KnownWindow: the bounding box of a map's known cells, with a margin."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -11,10 +11,10 @@ from pgm_places.maps._blocks import coarse_shape, simplest_factor
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 MARGIN_M = 1.0
-"""Of unknown space around what is known."""
+"""The margin of unknown space, in metres."""
 
 WORTH = 0.75
-"""A window with a larger share of the map's cells is not worth the crop."""
+"""A window with a larger share of the map's cells is not cropped."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class KnownWindow:
     Parameters
     ----------
     rows, columns : slice
-        Of the map's raster.
+        Rows and columns of the map's raster.
     shape : (int, int)
-        Rows and columns of the whole map.
+        Shape of the map.
     """
 
     rows: slice
@@ -35,10 +35,10 @@ class KnownWindow:
 
     @classmethod
     def of(cls, grid: OccupancyGrid, *, multiple: int = 1) -> Self | None:
-        """The window of the known cells and a margin; None where it is most of the map.
+        """The window of the known cells and a margin; None if it covers most of the map.
 
-        Its first row and column are multiples of a number, so that blocks of so many cells stay
-        the same.
+        Its first row and column are multiples of ``multiple``, so that blocks of that many cells
+        stay aligned.
 
         Examples
         --------
@@ -66,7 +66,7 @@ class KnownWindow:
         return self.rows.stop - self.rows.start, self.columns.stop - self.columns.start
 
     def coarser(self, ratio: float) -> Self:
-        """The window of the map with cells so many times larger; it begins where a cell begins."""
+        """The window on the map with cells ``ratio`` times larger; it begins at a cell's edge."""
         factor = simplest_factor(ratio)
         rows, columns = (
             slice(int(part.start / factor), ceil(part.stop / factor))
@@ -79,7 +79,7 @@ class KnownWindow:
         return np.ascontiguousarray(raster[self.rows, self.columns])
 
     def crop(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """The map within the window; its cells lie where they lay."""
+        """The map within the window, at the same position in the map frame."""
         x, y = grid.cell_centres_m([[self.rows.start - 0.5, self.columns.start - 0.5]])[0]
         cells = self.cut(grid.cells)
         return OccupancyGrid(cells, grid.resolution_m, (float(x), float(y)), grid.yaw_rad)

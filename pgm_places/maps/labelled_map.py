@@ -30,20 +30,20 @@ class LabelledMap(Plotted):
     Parameters
     ----------
     grid : OccupancyGrid
-        The whole map: scans are taken in it, whatever the window.
+        The map; scans are simulated in all of it, also beyond the window.
     labels : (H, W) int16
         Label index per cell in the grid's order (row 0 at the bottom), -1 where unknown.
     window : (H, W) bool, optional
-        The part to train or test on; the whole map by default.
+        The part to train or test on; all of the map by default.
     name : str
-        What to call it in messages and tables.
+        The name in messages and tables.
     building : str, optional
-        Maps of one building share it: they are never on both sides of a cross-validation. By
-        default each map is a building of its own.
+        The building of the map. Maps of one building are never on both sides of a cross-validation.
+        By default each map is a separate building.
     domain : str, optional
-        Where maps of this kind come from, such as "drawn" or "simulated". Where training maps are
-        of several domains, the list with spaces is the mean of lists each of which has learned
-        without one of them; maps without a domain are learned from by all.
+        The origin of the map, such as "drawn" or "simulated". If training maps have several
+        domains, the list with space features is the mean of lists that are each trained without one
+        domain; maps without a domain are used for all of them.
     """
 
     grid: OccupancyGrid
@@ -89,7 +89,7 @@ class LabelledMap(Plotted):
         ax : matplotlib.axes.Axes, optional
             New axes if not given.
         label_names : sequence of str
-            Names of the labels, which choose their colours; their numbers where there are none.
+            Names of the labels, which determine their colours; by default their numbers.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class LabelledMap(Plotted):
         return ax
 
     def graph(self, *, connectivity: int = 8, labelled_only: bool = False) -> LabelGraph:
-        """The graph of the window's free cells, or of those with a known label."""
+        """The graph of the window's free cells, or only of cells with a known label."""
         mask = self.labelled_cells if labelled_only else self.cells
         return LabelGraph.from_grid(self.grid, connectivity=connectivity, mask=mask)
 

@@ -24,12 +24,12 @@ UNKNOWN = -1
 
 
 def check_resolution(resolution_m: float) -> None:
-    """Refuse sides of cells that are no metres of a robot's map.
+    """Refuse an implausible cell size.
 
     Raises
     ------
     MapError
-        It is not a number of metres from a micrometre to a kilometre.
+        It is not between a micrometre and a kilometre.
     """
     low, high = _RESOLUTIONS_M
     if not low <= resolution_m <= high:
@@ -48,7 +48,7 @@ class OccupancyGrid(Plotted):
     ----------
     cells : (H, W) int8
         ``FREE`` (0), ``OCCUPIED`` (100) or ``UNKNOWN`` (-1). Row 0 is the bottom of the map (the
-        smallest y), column 0 its left: the order of ROS, upside down against an image.
+        smallest y), column 0 its left: the order of ROS, which is upside down as an image.
     resolution_m : float
         Side of a cell in metres.
     origin_xy_m : (float, float)
@@ -111,7 +111,7 @@ class OccupancyGrid(Plotted):
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(H, W) mask of the occupied cells, a new one each time: it is not needed for long."""
+        """(H, W) mask of the occupied cells, not cached, to save memory."""
         return freeze(self.cells == OCCUPIED)
 
     @cached_property
@@ -148,7 +148,7 @@ class OccupancyGrid(Plotted):
 
     @property
     def frame(self) -> rasters.Frame:
-        """Where the raster lies in the map frame."""
+        """The position of the raster in the map frame."""
         return rasters.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
@@ -168,12 +168,12 @@ class OccupancyGrid(Plotted):
         return ax
 
     def with_cells(self, cells: ArrayLike) -> Self:
-        """The same frame with other cells (H, W)."""
+        """A grid with other cells (H, W) in the same frame."""
         return type(self)(np.asarray(cells), self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
 
 def _pairs(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """(N, 2) numbers, of which a single pair may be (2,)."""
+    """(N, 2) numbers; a single pair may have shape (2,)."""
     array = number_array(name, values)
     if not array.size:
         return np.zeros((0, 2))
@@ -183,7 +183,7 @@ def _pairs(name: str, values: ArrayLike) -> NDArray[np.float64]:
 
 
 def at_cells(raster: NDArray[Any], cells_rc: NDArray[np.int64], outside: Any) -> NDArray[Any]:
-    """(N,) the values of a raster (H, W) at cells (N, 2); ``outside`` for those not on it.
+    """(N,) the values of a raster (H, W) at cells (N, 2); ``outside`` beyond the raster.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Laser scans: ray casting in a map, and the noise of a real sensor."""
+"""Simulated laser scans: ray casting in maps, sensor noise, robots, and scan completion."""

@@ -1,4 +1,4 @@
-"""Directions of beams, cut into octants so that mirrored beams have exactly mirrored slopes.
+"""Directions of beams by octant, so that mirrored beams have exactly mirrored slopes.
 
 A direction has a *major* component, the longer one, and a *minor* one. Within an octant the axis of
 the longer one and both signs are the same, so that after swapping and mirroring axes every octant
@@ -20,11 +20,11 @@ class Octant(NamedTuple):
     """An octant; they are counted counter-clockwise from the x axis, 45 degrees each."""
 
     x_is_major: bool
-    """Whether its directions are longer along x than along y."""
+    """Whether x is the major axis of its directions."""
     step_x: int
-    """Sign of x,"""
+    """Sign of x."""
     step_y: int
-    """and of y."""
+    """Sign of y."""
 
 
 OCTANTS = [
@@ -33,18 +33,18 @@ OCTANTS = [
 
 
 class Ways(NamedTuple):
-    """How M beams go from cell to cell."""
+    """Steps of M beams from cell to cell."""
 
     step_x: NDArray[np.int64]
-    """(M,) -1, 0 or 1: the neighbouring column that a beam leads to,"""
+    """(M,) step along columns: -1, 0 or 1."""
     step_y: NDArray[np.int64]
-    """and the neighbouring row."""
+    """(M,) step along rows: -1, 0 or 1."""
     per_x: NDArray[np.float64]
-    """Length of ray for each column, in cells; infinite where no column is left,"""
+    """(M,) length of ray per column, in cells; infinite for beams along a column."""
     per_y: NDArray[np.float64]
-    """and for each row."""
+    """(M,) length of ray per row, in cells."""
     metres_x: NDArray[np.floating[Any]]
-    """The same in metres."""
+    """Length of ray per column and per row, in metres."""
     metres_y: NDArray[np.floating[Any]]
 
 
@@ -89,7 +89,7 @@ class Beams:
         return along_x, along_y
 
     def ways(self, resolution_m: float) -> Ways:
-        """The beams in a map with cells of that side."""
+        """The steps of the beams in a map with a cell size."""
         along = self.components
         signs = np.array([octant[1:] for octant in OCTANTS])[self.octant].T
         steps = [np.where(part == 0, 0, sign) for part, sign in zip(along, signs, strict=True)]

@@ -33,7 +33,7 @@ class Box:
         return slice(self.bottom, self.top), slice(self.left, self.right)
 
     def grown(self, margin: int, shape: tuple[int, int]) -> "Box":
-        """The box with ``margin`` more cells on all sides, as far as the map goes."""
+        """The box with a ``margin`` of cells on all sides, clipped to the map."""
         return Box(
             max(self.bottom - margin, 0),
             min(self.top + margin, shape[0]),
@@ -43,7 +43,7 @@ class Box:
 
 
 def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator[Box]:
-    """Boxes that together hold every wanted cell once.
+    """Boxes that partition the wanted cells.
 
     A box is cut in two, across its longer side, until it holds at most ``capacity(box)`` wanted
     cells or is a single cell.
@@ -58,7 +58,7 @@ def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator
         if n_cells <= fit or cells.size == 1:
             yield box
         else:
-            # Near the end, three thirds that are just full take less time than four quarters.
+            # Near the end, three nearly full thirds are faster than four quarters.
             parts = ceil(n_cells / fit) if 4 * fit >= n_cells else 2
             waiting += reversed(_cut(box, cells, (parts // 2) / parts))
 
@@ -78,7 +78,7 @@ def _trimmed(box: Box, wanted: NDArray[np.bool_]) -> Box | None:
 
 
 def _cut(box: Box, cells: NDArray[np.bool_], share: float) -> tuple[Box, Box]:
-    """Two boxes, the first with about ``share`` of the cells."""
+    """The box cut in two, the first part with about ``share`` of the cells."""
     across = 0 if box.height >= box.width else 1
     below = np.cumsum(cells.sum(axis=1 - across))
     cut = int(np.searchsorted(below, below[-1] * share))

@@ -1,4 +1,4 @@
-"""Scans from the wanted cells of one box of a map at a time."""
+"""Ray casting from the wanted cells of a map, one box at a time."""
 
 from collections.abc import Callable
 from math import ceil, pi
@@ -20,16 +20,16 @@ from pgm_places.sensing.sensor import Sensor
 
 _CELLS_PER_TASK = 256
 
-# Nanoseconds that the two methods were measured to take; only their ratio matters.
+# Measured times of the two methods in nanoseconds; only their ratio matters.
 _FOLLOW_RAY, _FOLLOW_CELL = 2.5, 1.6
 _SWEEP_RAY, _SWEEP_FACE, _SWEEP_COLUMN = 1.2, 18.0, 60.0
 
 _CELL_BYTES = 2
-"""For each cell of a box's surroundings: whether it is blocked, and one comparison of them all."""
+"""Bytes per cell of a box's surroundings: the blocked mask, and one temporary mask."""
 _LISTING_BYTES = 2
-"""For each cell and each thread that lists faces."""
+"""Bytes per cell and thread that lists faces."""
 _FACE_BYTES = 18
-"""For each face in the lists, with a mirrored copy of some."""
+"""Bytes per face in the lists, including mirrored copies."""
 
 
 def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> NDArray[np.uint8]:
@@ -45,8 +45,8 @@ def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> N
 
 
 def _bytes_of_lists(grid: OccupancyGrid, stop_at_unknown: bool) -> float:
-    """What lists of faces may take for each cell: enough for parts thrice as full as the map."""
-    blocked = grid.free if stop_at_unknown else grid.occupied  # or its complement: faces are alike
+    """Bytes per cell for lists of faces: enough for parts with three times the mean density."""
+    blocked = grid.free if stop_at_unknown else grid.occupied  # or its complement: same faces
     faces = 0
     for rows in bands_of_rows(grid.shape):
         band = blocked[rows.start : rows.stop + 1]
@@ -57,7 +57,7 @@ def _bytes_of_lists(grid: OccupancyGrid, stop_at_unknown: bool) -> float:
 
 
 class CellCaster:
-    """Casts a sensor's beams from cells of one map; working memory is kept from box to box."""
+    """Casts a sensor's beams from cells of a map; working memory is reused between boxes."""
 
     def __init__(self, grid: OccupancyGrid, sensor: Sensor) -> None:
         self._grid = grid
@@ -69,13 +69,13 @@ class CellCaster:
         self._reach = sensor.max_range_m / grid.resolution_m
         self._list_bytes = _bytes_of_lists(grid, sensor.stop_at_unknown)
         self._spare: list[Work] = []
-        # What was seen last is kept: in a map smaller than the reach all boxes see the same.
+        # The last surroundings are cached: in a map smaller than the reach, all boxes share them.
         self._region_seen: Box | None = None
         self._blocked = np.empty((0, 0), np.uint8)
         self._surroundings: dict[bool, Surroundings] = {}
 
     def bytes_beside_scans(self, box: Box) -> int:
-        """At most so much memory :meth:`cast` takes for a box, besides its arguments."""
+        """Upper bound of the memory of :meth:`cast` for a box, besides its arguments."""
         region = self._region(box)
         each = _CELL_BYTES + _LISTING_BYTES * min(self._n_threads, 2) + self._list_bytes
         return (
@@ -113,7 +113,7 @@ class CellCaster:
         self._add_noise(Cells(rows, columns, nodes), out)
 
     def _region(self, box: Box) -> Box:
-        """All that the beams from a box can reach."""
+        """The region that beams from a box can reach."""
         shape = self._grid.shape
         return box.grown(ceil(min(self._reach, max(shape))) + 1, shape)
 
@@ -121,8 +121,8 @@ class CellCaster:
         """Whether sweeping is expected to be faster than following each ray.
 
         Following takes time for each cell that a ray crosses; by Cauchy's formula the mean free
-        way in a plane of area A with obstacles of total perimeter P is pi A / P. Sweeping takes
-        time for each face that is painted, whoever looks at it.
+        path in a plane of area A with obstacles of total perimeter P is pi A / P. Sweeping takes
+        time for each painted face, regardless of the number of cells.
         """
         height, width = blocked.shape
         if max(height, width) + self._reach > _sweep.LARGEST_REGION:
@@ -133,7 +133,7 @@ class CellCaster:
             return False
         area = blocked.size - np.count_nonzero(blocked)
         free_way = min(pi * area / faces, self._reach)
-        # A direction's beams from the box cross a strip of the region, and meet half the faces.
+        # The beams of a direction cross a strip of the region, and meet half of its faces.
         strip = box.height * box.width + 0.64 * self._reach * (box.height + box.width)
         painted = 0.5 * faces * min(strip / blocked.size, 1.0)
         n_columns = 0.5 * (height + width + box.height + box.width) / 2

@@ -1,4 +1,4 @@
-"""Cells that scans are taken from, and the noise of their sensor, as kernels take them."""
+"""Arguments of kernels: the cells of scans, and the sensor's noise."""
 
 from typing import NamedTuple
 
@@ -9,23 +9,23 @@ from pgm_places.sensing.sensor import SensorNoise
 
 
 class Cells(NamedTuple):
-    """Cells that scans are taken from."""
+    """The cells from which scans are cast."""
 
     rows: NDArray[np.int64]
     """(n,)."""
     columns: NDArray[np.int64]
     """(n,)."""
     nodes: NDArray[np.int32]
-    """(n,) row of the output of each."""
+    """(n,) output row of each cell."""
 
 
 class Noise(NamedTuple):
     """A :class:`~pgm_places.sensing.sensor.SensorNoise` for ``add_noise``."""
 
     seed_low: int
-    """The lower 32 bits of the seed,"""
+    """The lower 32 bits of the seed."""
     seed_high: int
-    """and the upper ones."""
+    """The upper 32 bits of the seed."""
     sigma_m: float
     p_random: float
     p_max: float
@@ -33,7 +33,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, noise: SensorNoise, max_range_m: float) -> "Noise":
-        """The noise of a sensor of that maximum range."""
+        """The noise of a sensor with a maximum range."""
         return cls(
             noise.seed & 0xFFFFFFFF,
             noise.seed >> 32,

@@ -1,4 +1,4 @@
-"""The tables of a sweep: a tile's surroundings as seen in each octant, and the beams' pictures."""
+"""Sweep-line ray casting: the surroundings of a tile by octant, and the beams' pictures."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +14,7 @@ from pgm_places.sensing._box import Box
 from pgm_places.sensing._sweep_tables import BLOCK, Frame, Listed, TileCells
 
 LARGEST_REGION = 32_000
-"""Rows, columns and reach together, in cells, that 16-bit face numbers can tell apart."""
+"""Largest sum of rows, columns and reach, in cells, for 16-bit face numbers."""
 
 _LOG_BINS = (
     4  # bins for each cell of u: 2 to this power; half as many leave 5 times more rays MIXED
@@ -27,16 +27,16 @@ _GROUPS_PER_THREAD = 4  # ... fewer keep many threads equally busy
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What beams meet in a region, by columns along one major axis.
+    """The faces that beams meet in a region, by columns along a major axis.
 
     Parameters
     ----------
     blocked : (rows, columns) uint8
-        The region with its rim, as it lies in the map.
+        The region with its rim, in the map's orientation.
     n_rows : int
         Length of a column.
     met_forward, met_backward : Listed
-        Begin and end of the runs of faces that beams meet at columns' borders.
+        Begin and end of the runs of faces at the borders of columns.
     solid : Listed
         Begin and end of the runs of blocked cells.
     """
@@ -53,7 +53,7 @@ class Surroundings:
         solid = np.ascontiguousarray(blocked.T if x_is_major else blocked)
         mask = _row_mask(solid.shape)
         cells = mask[:, : solid.shape[1]]
-        # Nothing is met on the region's rim.
+        # The region's rim has no faces.
         np.greater(solid[1:], solid[:-1], out=cells[1:].view(np.bool_))
         met_forward = _runs(mask)
         cells[-1] = 0
@@ -73,13 +73,13 @@ class Surroundings:
         if downward:
             near, solid = _mirrored(near, self.n_rows), _mirrored(solid, self.n_rows)
         starts, runs = solid
-        inside = runs[:, 0] > 0  # what lies on the region's rim faces nobody
+        inside = runs[:, 0] > 0  # faces on the region's rim are not visible
         before = np.concatenate(([0], np.cumsum(inside)))
         return near, Listed(before[starts], runs[inside, 0])
 
 
 def _mirrored(listed: Listed, n_rows: int) -> Listed:
-    """Runs in columns of opposite order, their rows counted from the other end."""
+    """Runs mirrored: columns in opposite order, rows counted from the other end."""
     starts, runs = listed
     mirrored = np.ascontiguousarray(n_rows - runs[::-1, ::-1], np.int32)
     return Listed(len(runs) - starts[::-1], mirrored)
@@ -94,7 +94,7 @@ def tile_cells(nodes: NDArray[np.int32], x_is_major: bool) -> TileCells:
 
 
 def _row_mask(shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Zeros for rows of that length and at least one more, in whole words of eight."""
+    """A zero buffer for rows of a length plus at least one entry, in multiples of eight."""
     return np.zeros((shape[0], (shape[1] + 8) // 8 * 8), np.uint8)
 
 
@@ -110,7 +110,7 @@ def _runs(mask: NDArray[np.uint8]) -> Listed:
 
 @dataclass(frozen=True)
 class BeamGroup:
-    """Beams ``first`` to ``last``, the end excluded, all of one octant: they are swept together."""
+    """Beams ``first`` to ``last - 1`` of one octant, which are swept together."""
 
     octant: Octant
     first: int
@@ -118,13 +118,13 @@ class BeamGroup:
 
 
 def work_bytes(tile: Box) -> int:
-    """At most so much working memory the sweep of one group of beams over a tile takes."""
+    """Upper bound of the working memory for a sweep of one group of beams over a tile."""
     places = tile.height + tile.width + 6 + BLOCK
     return _LONGEST_GROUP * (8 * (places << _LOG_BINS_SHALLOW) + 4 * (places + 2 * BLOCK))
 
 
 def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
-    """All beams in groups, as few as fill the threads."""
+    """All beams in groups, few but enough for the threads."""
     groups = []
     parts = max(1, ceil(n_threads * _GROUPS_PER_THREAD / 8))
     for number, octant in enumerate(OCTANTS):
@@ -138,7 +138,7 @@ def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
 
 
 class Work:
-    """Working memory of one sweep at a time; it grows as needed."""
+    """Reusable working memory of a sweep, which grows as needed."""
 
     def __init__(self) -> None:
         self._memory = np.empty(0, np.int32)
@@ -190,7 +190,7 @@ class Extent:
         return self.end - self.tile_end if mirrored else self.tile_begin - self.begin
 
     def on_map(self, mirrored: bool) -> int:
-        """Where the region begins, counted in the map, from its other end if mirrored."""
+        """Start of the region in the map, from the map's other end if mirrored."""
         return self.of_map - self.end if mirrored else self.begin
 
 
@@ -212,7 +212,7 @@ class TileSweep:
 
     def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
         """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
-        assert out.flags.c_contiguous  # else what is written would go to a copy
+        assert out.flags.c_contiguous  # otherwise the kernel would write to a copy
         octant = group.octant
         around, tile = self.surroundings[octant.x_is_major], self.tiles[octant.x_is_major]
         columns, rows = (self.x, self.y) if octant.x_is_major else (self.y, self.x)
@@ -238,12 +238,12 @@ class TileSweep:
     def _table(
         self, group: BeamGroup, frame: Frame, n_columns: int, n_rows: int
     ) -> tuple[NDArray[np.float64], int]:
-        """(n, 14) what kernels know of beams, and the most bins that one of them needs."""
+        """(n, 14) numbers of each beam for kernels, and the largest number of bins of a beam."""
         part = slice(group.first, group.last)
         major, minor = self.beams.major[part], self.beams.minor[part]
         slope = minor / major
         log_bins = np.where(slope < _SHALLOW, _LOG_BINS_SHALLOW, _LOG_BINS)
-        log_bins[(slope == 0) | (slope == 1)] = 0  # all edges lie at whole u
+        log_bins[(slope == 0) | (slope == 1)] = 0  # all edges lie at integer u
         n_places = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
         shift = np.floor(slope * (self.x.of_map + self.y.of_map)) + 2
         end = frame.tile_column + n_columns
@@ -254,7 +254,7 @@ class TileSweep:
         numbers = (  # in the octant's frame, then in the map's, for following single rays
             slope,  # rows a column
             log_bins,  # 2 to this power bins for each cell of u
-            shift,  # whole number that u is counted from: positive in the whole map
+            shift,  # integer origin of u, so that u is positive on the map
             lowest + frame.tile_row - 2,  # place of u = 0 below the first place of a plane
             n_places,  # length of a plane
             end + np.ceil(reach * major) + 1,  # furthest column that is reached from the tile

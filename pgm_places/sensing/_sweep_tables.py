@@ -1,4 +1,4 @@
-"""What a sweep reads and writes: arrays that its kernels know by ``_sweep_tables.hpp``.
+"""Input and output arrays of the sweep kernels, as declared in ``_sweep_tables.hpp``.
 
 Columns and rows are those of the octant: mirrored and swapped so that its beams go right and up.
 """
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK = 32
-"""Cells looked up at a time; buffers are padded by as many."""
+"""Cells per look-up; buffers are padded by this number."""
 
 
 class Listed(NamedTuple):
@@ -22,7 +22,7 @@ class Listed(NamedTuple):
 
 
 class Region(NamedTuple):
-    """What the beams from a tile can reach, with a blocked rim.
+    """The region that beams from a tile can reach, with a blocked rim.
 
     Lists of faces are by columns counted from the map's own end even if the frame is ``backward``;
     if it is ``downward`` they are mirrored, columns and rows, so that rows go up in any case.
@@ -37,28 +37,28 @@ class Region(NamedTuple):
 
 
 class TileCells(NamedTuple):
-    """The cells of a tile that want ranges, by columns along a major axis, not mirrored."""
+    """The wanted cells of a tile, by columns along a major axis, not mirrored."""
 
     nodes: NDArray[np.int32]
-    """(columns, rows) row of the output for each cell, -1 where none is wanted."""
+    """(columns, rows) output row of each cell, -1 for unwanted cells."""
     runs: Listed
     """Begin and end (n, 2) of the runs of wanted cells."""
 
 
 class Frame(NamedTuple):
-    """How an octant and a tile lie in the map."""
+    """Orientation of an octant, and position of a tile, in the map."""
 
     x_is_major: bool
     """Whether the octant's columns are the map's columns."""
     backward: bool
-    """Whether its columns count down along the map's axis,"""
+    """Whether its columns count down along the map's axis."""
     downward: bool
-    """and whether its rows do."""
+    """Whether its rows count down along the map's axis."""
     tile_column: int
-    """Where the tile begins in the region, mirrored."""
+    """Start of the tile in the mirrored region."""
     tile_row: int
     map_column: int
-    """Column of the map, mirrored, where the region begins."""
+    """Start column of the region in the mirrored map."""
 
 
 class Rays(NamedTuple):
@@ -82,33 +82,33 @@ class Pictures(NamedTuple):
 
 
 class Column(NamedTuple):
-    """Working memory for the column in hand."""
+    """Working memory for the current column."""
 
     rows: NDArray[np.float32]
     """(rows,) -1.5 - y of the tile's rows: less a lower side's number -1 - Y that is the distance
     Y - y - 0.5."""
     nodes: NDArray[np.int32]
-    """(rows,) row of the output of each cell, -1 where none is wanted."""
+    """(rows,) output row of each cell, -1 for unwanted cells."""
     cells: NDArray[np.int32]
-    """(rows,) rows of the wanted cells, as many as there are."""
+    """(rows,) rows of the wanted cells; the rest is unused."""
     spans: NDArray[np.int32]
     """(m, 2) begin and end of the stretches of cells that are looked up together."""
     readings: NDArray[np.float32]
     """(beams * stride,) ranges."""
     starts: NDArray[np.int64]
-    """(beams,) first bin that the column looks into,"""
+    """(beams,) first bin of the column."""
     fractions: NDArray[np.float32]
-    """(beams,) and where in it,"""
+    """(beams,) position in the first bin."""
     mixed: NDArray[np.bool_]
-    """(beams,) and whether some reading could not be told."""
+    """(beams,) whether some range is ambiguous in the picture."""
 
 
 class Output(NamedTuple):
-    """Where ranges are written to."""
+    """The output array of ranges."""
 
     ranges: NDArray[np.float32]
     """(cells * n_all,)."""
     first_beam: int
-    """Place of the first of the beams in a row ..."""
+    """Index of the group's first beam in a row."""
     n_all: int
-    """... of so many."""
+    """Number of beams in a row."""

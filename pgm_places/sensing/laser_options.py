@@ -1,4 +1,4 @@
-"""A simulated laser that looks ahead, in numbers."""
+"""Options of a simulated laser with a forward field of view."""
 
 from dataclasses import dataclass
 from math import radians
@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # the flags that these options become do without NumPy
 
 @dataclass(frozen=True, kw_only=True)
 class LaserOptions(Options):
-    """A simulated laser that looks ahead.
+    """Options of a simulated laser with a forward field of view.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class LaserOptions(Options):
     Raises
     ------
     ConfigError
-        A number out of range.
+        A number is out of range.
 
     Examples
     --------
@@ -47,14 +47,14 @@ class LaserOptions(Options):
     seed: Seed = 0
 
     def geometry(self) -> "ScanGeometry":
-        """Its beams."""
+        """The geometry of its beams."""
         from pgm_places.trajectories.scan import ScanGeometry
 
         view_rad = radians(self.view_degrees)
         return ScanGeometry.ahead(self.n_beams, view_rad, range_max_m=self.range_m)
 
     def noise(self) -> "SensorNoise | None":
-        """Its errors; None without any."""
+        """Its range noise; None for exact ranges."""
         from pgm_places.sensing.sensor import SensorNoise
 
         return SensorNoise(self.noise_m, seed=self.seed) if self.noise_m else None

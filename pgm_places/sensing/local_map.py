@@ -1,4 +1,4 @@
-"""A rolling map around the robot: what its laser saw recently, including the space behind it."""
+"""LocalMap: a rolling occupancy map around the robot, from its recent scans."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -21,24 +21,24 @@ from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, che
 __all__ = ["LocalMap"]
 
 HIT, MISS = 2, -1
-"""What a beam's end and a beam's crossing add: log-odds in steps of 0.4, that is, the odds of being
-occupied change by e^0.8 and e^-0.4 (probabilities 0.69 and 0.40 of an inverse sensor model)."""
+"""Evidence of a beam's end and of a crossing, in log-odds steps of 0.4: the odds of being occupied
+change by e^0.8 and e^-0.4 (probabilities 0.69 and 0.40 of an inverse sensor model)."""
 
 LOWEST, HIGHEST = -5, 9
 """Bounds of a cell's evidence (log-odds -2 and 3.6): a door that opens is free after ten scans."""
 
 SCAN_NUMBERS = 255
-"""Scans between two clean-ups of which cells this scan has changed: the numbers fit a byte."""
+"""Scans between two resets of the numbers of scans that changed cells, which fit a byte."""
 
 MOST_CELLS = 20_000
-"""Longest side of the window in cells; a larger one is a slip, such as a size in millimetres."""
+"""Longest side of the window in cells; larger ones are mistakes, such as a size in mm."""
 
 
 _FARTHEST = 2.0**40
-"""Cells, beyond every window: longer beams and radii end there, and fit an integer."""
+"""Distance in cells beyond every window, at which longer beams and radii are cut."""
 
 _MOST_WHOLE = 2**31
-"""Cells of a square, or along the side of one of its cells."""
+"""Largest half side of a square, and largest factor, in cells."""
 
 
 class Window(NamedTuple):
@@ -49,13 +49,13 @@ class Window(NamedTuple):
     seen: NDArray[np.uint8]
     """(n, n) number of the scan that changed a cell last."""
     wrap_row: int
-    """Where the window's first row is kept,"""
+    """Storage index of the window's first row."""
     wrap_column: int
-    """and its first column."""
+    """Storage index of the window's first column."""
 
 
 class Pose(NamedTuple):
-    """Where a scan is taken, in cells from the window's corner."""
+    """The pose of a scan, in cells from the window's corner."""
 
     x: float
     y: float
@@ -66,11 +66,10 @@ class Pose(NamedTuple):
 class LocalMap:
     """Occupancy evidence in a square window that moves along with the robot.
 
-    Every scan adds to the log-odds of the cells that its beams end in and takes from those that
-    they cross, once per cell and scan. The window moves without copying, and what it leaves is
-    forgotten, so that memory stays ``2 (size / resolution)^2`` bytes whatever the way's length.
-    A robot whose laser looks only forwards gets the beams behind it from here (paper, section 4,
-    Fig. 4).
+    Every scan increases the log-odds of the cells in which its beams end and decreases those of
+    the cells that they cross, once per cell and scan. The window moves without copying and drops
+    the cells outside it, so that memory stays ``2 (size / resolution)^2`` bytes. For a robot with a
+    forward laser, the map supplies the beams behind it (paper, section 4, Fig. 4).
 
     Parameters
     ----------
@@ -79,11 +78,11 @@ class LocalMap:
     resolution_m : float
         Side of a cell in metres.
     robot_radius_m : float
-        Cells so near to the laser are free: the robot stands there. 0 for none.
+        Cells within this distance of the laser are free, as the robot is there. 0 for none.
     through_unknown_m : float
-        How far a simulated ray goes on through unknown space before it is taken to end where that
-        space began. Far away, beams are wider apart than cells, which leaves holes; ``inf`` makes
-        unknown space free.
+        Distance that a simulated ray may continue through unknown space; beyond it, the ray ends at
+        the start of that space. Distant beams are farther apart than cells, which leaves holes;
+        ``inf`` makes unknown space free.
 
     Examples
     --------
@@ -125,11 +124,11 @@ class LocalMap:
 
     @property
     def n_bytes(self) -> int:
-        """Memory taken, which never changes."""
+        """Memory of the window, which is constant."""
         return self._evidence.nbytes + self._seen.nbytes
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Reset all cells to unknown."""
         self._evidence.fill(0)
         self._seen.fill(0)
         self._corner, self._scan = None, 0
@@ -137,15 +136,15 @@ class LocalMap:
     def update(
         self, pose: ArrayLike, ranges_m: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
     ) -> None:
-        """Add a scan taken at a pose, after moving the window there.
+        """Add a scan at a pose, after moving the window there.
 
         Parameters
         ----------
         pose : (3,) float
-            x, y in metres and heading in radians of the laser, in any frame that stays the same.
+            x, y in metres and heading in radians of the laser, in any fixed frame.
         ranges_m : (M,) float
             Beam lengths. NaN, infinite, not positive, or at least ``max_range_m``: no return, which
-            says nothing about the map.
+            does not change the map.
         angles_rad : (M,) float
             Beam angles against the heading, counter-clockwise.
         max_range_m : float
@@ -164,10 +163,10 @@ class LocalMap:
     def write(
         self, pose: ArrayLike, ranges_m: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
     ) -> None:
-        """Add a scan without moving the window: for a map of a place, not around the robot.
+        """Add a scan without moving the window: for a fixed map, not around the robot.
 
-        Arguments are those of :meth:`update`, whose first call says where the window lies. What
-        lies outside is left out, and so is a whole scan from outside.
+        Arguments as in :meth:`update`, whose first call sets the window's position. Cells outside
+        are ignored, and so are scans from outside.
         """
         where = pose_array("pose", pose, (3,))
         _check_reach(max_range_m, or_infinite=True)
@@ -190,7 +189,7 @@ class LocalMap:
     def cast(
         self, pose: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """(M,) ranges in metres that a laser at the pose would read, and whether obstacles are met.
+        """(M,) simulated ranges in metres at a pose, and whether beams end at obstacles.
 
         Parameters
         ----------
@@ -219,24 +218,24 @@ class LocalMap:
         return self._cut(np.zeros(2, np.int64), np.full(2, self.n_cells), 1)
 
     def square(self, centre_m: ArrayLike, n_cells: int, factor: int) -> OccupancyGrid | None:
-        """A square of the window as a map whose cells each stand for several; None outside it.
+        """A coarsened square of the window as a map; None outside the window.
 
-        A cell is occupied where any of its cells is, else free where any is, else unknown. It is
-        the result of :meth:`to_grid` cut out and coarsened, without a copy of the window.
+        A coarse cell is occupied if any of its cells is, else free if any is, else unknown. The
+        result is that of :meth:`to_grid`, cropped and coarsened, without a copy of the window.
 
         Parameters
         ----------
         centre_m : (2,) float
             x and y of the middle, in the frame of the poses.
         n_cells : int
-            Half the side of the square, in cells of the window; beyond it the square ends.
+            Half the side of the square, in cells of the window; clipped to the window.
         factor : int
-            Cells of the window along the side of a cell of the map.
+            Cells of the window along the side of a coarse cell.
 
         Raises
         ------
         InputError
-            The position is not finite or more than 10^7 m away, or a number is not a whole one.
+            The position is not finite or more than 10^7 m away, or a number is not an integer.
         """
         _check_whole("n_cells", n_cells, 0)
         _check_whole("factor", factor, 1)
@@ -247,7 +246,7 @@ class LocalMap:
         return self._cut(low, high, factor) if (low < high).all() else None
 
     def _cut(self, low: NDArray[np.int64], high: NDArray[np.int64], factor: int) -> OccupancyGrid:
-        """The cells (column, row) of the window from one to before another, several as one."""
+        """The window's cells from one corner to before another, coarsened by a factor."""
         cells = np.empty(-(-(high - low)[::-1] // factor), np.int8)
         window = self._place(self._origin_m)[2]
         begin, end = (low[1], low[0]), (high[1], high[0])
@@ -257,7 +256,7 @@ class LocalMap:
 
     @property
     def _origin_m(self) -> NDArray[np.float64]:
-        """(2,) the window's corner, where it has been put somewhere."""
+        """(2,) the window's corner; set by the first scan."""
         corner = np.zeros(2) if self._corner is None else self._corner
         return np.asarray(corner * self.resolution_m, np.float64)
 
@@ -269,7 +268,7 @@ class LocalMap:
         return self._scan
 
     def _place(self, where: NDArray[np.float64]) -> tuple[float, float, Window]:
-        """Position in cells from the window's corner, and the window as kernels take it."""
+        """Arguments of kernels: the pose in cells from the window's corner, and the window."""
         n = self.n_cells
         corner = self._corner
         if corner is None:
@@ -279,7 +278,7 @@ class LocalMap:
         return float(x), float(y), Window(self._evidence, self._seen, wrap_row, wrap_column)
 
     def _move_to(self, where: NDArray[np.float64]) -> None:
-        """Put the robot's cell into the middle of the window; what enters is unknown."""
+        """Centre the window on the robot's cell; new cells are unknown."""
         n = self.n_cells
         wanted = np.floor(where[:2] / self.resolution_m).astype(np.int64) - n // 2
         if self._corner is not None:
@@ -298,13 +297,13 @@ def _check_reach(max_range_m: float, *, or_infinite: bool = False) -> None:
 
 
 def _check_whole(name: str, value: int, low: int) -> None:
-    """Kernels add and multiply such numbers: larger ones would overflow."""
+    """Limit positions, because larger numbers would overflow in kernels."""
     if not isinstance(value, (int, np.integer)) or not low <= value <= _MOST_WHOLE:
         raise InputError(f"{name} must be a whole number from {low} to {_MOST_WHOLE}, got {value}")
 
 
 def _entered(corner: int, step: int, n: int) -> NDArray[np.int64]:
-    """Where the rows (or columns) are kept that enter when the corner moves by ``step`` cells."""
+    """Storage slices of the rows (or columns) that enter when the corner moves by ``step``."""
     if step >= 0:
         return np.arange(corner + n, corner + n + step) % n
     return np.arange(corner + step, corner) % n

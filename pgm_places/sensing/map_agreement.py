@@ -1,7 +1,7 @@
 """How well a drive agrees with a map: poses on free cells, scan end points on occupied cells.
 
 A drive and a map in different frames, or of different buildings, give confident but meaningless
-labels: beams are cast from the wrong positions. Two shares tell the cases apart. On the logs of
+labels: beams are cast from the wrong positions. Two shares distinguish the cases. On the logs of
 building 79 and of the Intel lab, both are above 0.97 on the map of the log. On maps of other
 buildings, and for poses moved by 1 m or turned by 10 degrees, at least one is below 0.55.
 """
@@ -21,7 +21,7 @@ WARN_BELOW = 0.9
 """Agreement below which a user should check the frames."""
 
 REFUSE_BELOW = 0.5
-"""Agreement below which the labels mean nothing."""
+"""Agreement below which labels are meaningless."""
 
 TOLERANCE_M = 0.3
 """Distance from an occupied cell within which the end point of a beam agrees with the map."""
@@ -52,7 +52,7 @@ class MapAgreement:
         return self.poses if self.scans is None else min(self.poses, self.scans)
 
     def message(self, drive: str, map_name: str) -> str | None:
-        """One line on a poor agreement, None where it is good."""
+        """A one-line warning for a poor agreement; None for a good one."""
         if self.share >= WARN_BELOW:
             return None
         scans = (
@@ -98,7 +98,7 @@ def map_agreement(grid: OccupancyGrid, drive: Trajectory) -> MapAgreement:
     x, y, heading = (column[:, None] for column in drive.poses[steps].T)
     angles = heading + geometry.angles_rad
     ends = np.stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)], axis=-1)[used]
-    tolerance = TOLERANCE_M / grid.resolution_m + 1e-6  # whole cells in spite of rounding
+    tolerance = TOLERANCE_M / grid.resolution_m + 1e-6  # tolerance for rounding
     near = ndimage.distance_transform_edt(~occupied) <= tolerance
     return MapAgreement(float(on_free), float(on_mask(grid, near, ends).mean()))
 

@@ -1,4 +1,4 @@
-"""The errors of a robot's odometry."""
+"""Odometry noise of a simulated robot."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from pgm_places.options import AtLeastZero, Options, Seed
 
 @dataclass(frozen=True)
 class OdometryNoise(Options):
-    """Errors of each step, seen as a turn, a way straight ahead, and another turn.
+    """The odometry motion model: each step is a turn, a straight distance, and a turn.
 
-    With a true step of a turn ``r1``, a way ``d`` and a turn ``r2``, the odometry tells values that
-    are off by gaussian errors with variances ``a1 r² + a2 d²`` for each turn and
-    ``a3 d² + a4 (r1² + r2²)`` for the way (Thrun, Burgard and Fox, "Probabilistic Robotics", 2005,
-    section 5.4, table 5.6). The error of the pose grows without bound, as with real wheels.
+    For a true step of a turn ``r1``, a distance ``d`` and a turn ``r2``, the measured values have
+    gaussian errors with variances ``a1 r² + a2 d²`` for each turn and ``a3 d² + a4 (r1² + r2²)``
+    for the distance (Thrun, Burgard and Fox, "Probabilistic Robotics", 2005, section 5.4, table
+    5.6). The error of the pose grows without bound, as with real wheels.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class OdometryNoise(Options):
     seed: Seed = 0
 
     def scaled(self, times: float) -> "OdometryNoise":
-        """The same noise with all its standard deviations multiplied by ``times``."""
+        """The noise with all standard deviations multiplied by ``times``."""
         return OdometryNoise(
             times * self.turn_by_turn,
             times * self.turn_by_way,
@@ -55,7 +55,7 @@ class OdometryNoise(Options):
         )
 
     def odometry(self, poses: ArrayLike) -> NDArray[np.float64]:
-        """(T, 3) what the wheels tell along true poses (T, 3); it begins at the first of them."""
+        """(T, 3) odometry along true poses (T, 3), starting at the first pose."""
         true = finite_array("poses", poses, ("T", 3))
         if len(true) < 2:
             return true.copy()
@@ -64,7 +64,7 @@ class OdometryNoise(Options):
         turned = _half_turn(np.diff(true[:, 2]))
         ahead = np.arctan2(step[:, 1], step[:, 0])
         first = np.where(way > 0, _half_turn(ahead - true[:-1, 2]), 0.0)
-        # A step backwards is not a half turn, and no robot turns right round for a few millimetres.
+        # A step backwards is no half turn, and robots do not turn round for a few millimetres.
         backwards = np.abs(first) > np.pi / 2
         first = np.where(backwards, _half_turn(first + np.pi), first)
         way = np.where(backwards, -way, way)

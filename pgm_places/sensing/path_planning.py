@@ -1,4 +1,4 @@
-"""Paths for a robot over the free cells of a map: between places, and past all places."""
+"""Path planning on the free cells of a map: between stops, and coverage tours."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,16 +11,16 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-# Finer maps are planned on every other cell, or every third, so that cells are about so large.
+# On finer maps, only every n-th cell is used, so that planning cells have about this size.
 PLANNING_CELL_M = 0.1
 
-# Metres beside a wall count up to so many times more, so that paths keep to the middle.
+# Largest cost factor of metres next to a wall, so that paths stay in the middle.
 WALL_COST = 1.0
 
-# A position where the robot does not fit moves to one that is at most so far away.
+# Largest distance of a replacement for a position where the robot does not fit.
 SNAP_M = 1.0
 
-# Length of the stretch of way that each of its points is averaged over.
+# Length of the moving average of paths.
 SMOOTHING_M = 0.6
 
 POINT_SPACING_M = 0.05
@@ -37,18 +37,18 @@ class _Drivable:
 
 
 class PathPlanner:
-    """Plans ways that keep a robot off the walls.
+    """Plans paths that keep a robot away from walls.
 
-    Only the largest connected part of the map that the robot fits into counts; unknown cells are
-    as bad as walls.
+    Only the largest connected part of the map that the robot fits into is used; unknown cells count
+    as walls.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map.
     radius_m : float
-        The robot's centre keeps at least so far from the centres of cells that are not free, or,
-        between two cells that it passes, one cell less.
+        Least distance of the robot's centre from the centres of cells that are not free; between
+        two cells of a path, one cell less.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class PathPlanner:
         self._clearance_m *= grid.resolution_m
         self._nodes = _drivable(grid, self._clearance_m, self.radius_m)
         self.positions_m = self._nodes.positions_m
-        """(N, 2) centres of the cells that ways lead over."""
+        """(N, 2) centres of the drivable cells."""
 
     def nearest(self, position_m: ArrayLike) -> int:
         """Number of the drivable cell nearest to a position (2,).
@@ -81,7 +81,7 @@ class PathPlanner:
         Raises
         ------
         InputError
-            There is none within a metre.
+            No drivable cell is within a metre.
         """
         position = finite_array("position_m", position_m, (2,))
         away = np.hypot(*(self.positions_m - position).T)
@@ -94,10 +94,10 @@ class PathPlanner:
         return node
 
     def way(self, *stops_m: ArrayLike) -> NDArray[np.float64]:
-        """(P, 2) points of a smooth way from stop to stop (2,), a few centimetres apart.
+        """(P, 2) points of a smooth path from stop to stop (2,), a few centimetres apart.
 
-        Each leg is the cheapest one (Dijkstra) where metres near walls cost more, then averaged
-        over a stretch of 0.6 m wherever that keeps the distance from the walls.
+        Each leg is a shortest path (Dijkstra) with higher costs near walls, then smoothed by a
+        moving average of 0.6 m, except where that would violate the distance from walls.
 
         Raises
         ------
@@ -115,17 +115,17 @@ class PathPlanner:
         spacing_m: float = 3.0,
         rng: np.random.Generator | None = None,
     ) -> NDArray[np.float64]:
-        """(P, 2) points of a way past all places: hardly any is farther than ``spacing_m`` from it.
+        """(P, 2) points of a tour: hardly any free cell is farther than ``spacing_m`` from it.
 
-        Stops are put where the way so far is farthest, until all is near; each moves to the
-        roomiest place around. They are visited in the order of the nearest next.
+        Stops are added at the cell farthest from all stops until all cells are near; each moves to
+        the cell with the most clearance nearby. The tour goes to the nearest remaining stop.
 
         Parameters
         ----------
         start_m : (2,), optional
-            Where to begin; a random place by default.
+            The start; a random position by default.
         spacing_m : float
-            How far places may be from the nearest stop, along the shortest way.
+            Largest distance of cells from the nearest stop, along the shortest path.
         rng : numpy.random.Generator, optional
             Draws the start; ``default_rng(0)`` by default.
 
@@ -144,14 +144,14 @@ class PathPlanner:
         return self._smooth(self._legs(self._in_order(self._stops(start, spacing_m))))
 
     def _stops(self, start: int, spacing_m: float) -> list[int]:
-        """The start, then again and again the cell farthest from the stops so far."""
+        """The start, then repeatedly the cell farthest from all stops."""
         stops, nearest_stop_m = [start], self._lengths_from(start)
         if 0 < nearest_stop_m.max() <= spacing_m:
             stops.append(int(nearest_stop_m.argmax()))  # a tour of a small room still moves
         while nearest_stop_m.max() > spacing_m:
             corner = int(nearest_stop_m.argmax())
-            # The farthest cell lies in a corner; the robot rather stops amid the place, but where
-            # it can reach the corner from: the roomiest cell around may be behind a wall.
+            # The farthest cell lies in a corner; the stop moves to a cell with more clearance, but
+            # one connected with the corner: the nearest such cell may be behind a wall.
             around = self._lengths_from(corner, limit_m=spacing_m / 2)
             near = np.flatnonzero(np.isfinite(around) & (nearest_stop_m > spacing_m / 2))
             stop = int(near[self._nodes.clearance_m[near].argmax()])
@@ -161,7 +161,7 @@ class PathPlanner:
         return stops
 
     def _in_order(self, stops: list[int]) -> list[int]:
-        """The stops, from each to the nearest of those that are left."""
+        """The stops in nearest-neighbour order."""
         order, left = [stops[0]], stops[1:]
         limit_m = 1.0
         while left:
@@ -174,7 +174,7 @@ class PathPlanner:
         return order
 
     def _lengths_from(self, node: int, *, limit_m: float = np.inf) -> NDArray[np.float64]:
-        """(N,) shortest ways from a cell, infinite beyond the limit."""
+        """(N,) lengths of shortest paths from a cell, infinite beyond the limit."""
         from scipy.sparse.csgraph import dijkstra
 
         lengths: NDArray[np.float64] = dijkstra(
@@ -183,18 +183,18 @@ class PathPlanner:
         return lengths[0]
 
     def _legs(self, stops: list[int]) -> NDArray[np.float64]:
-        """(P, 2) cells' centres on the cheapest ways from stop to stop."""
+        """(P, 2) cells' centres on the cheapest paths from stop to stop."""
         passed = [stops[0]]
         for here, there in pairwise(stops):
             passed += self._leg(here, there)
         return self.positions_m[passed]
 
     def _leg(self, here: int, there: int) -> list[int]:
-        """The cells after the first one on the cheapest way between two."""
+        """The cells on the cheapest path between two cells, without the first."""
         from scipy.sparse.csgraph import dijkstra
 
         limit = 1.0
-        while True:  # a search twice as far costs little against one over the whole map
+        while True:  # doubling the limit is cheaper than a search over all of the map
             costs, came_from = dijkstra(
                 self._nodes.costs,
                 directed=False,
@@ -212,7 +212,7 @@ class PathPlanner:
         return passed
 
     def _smooth(self, corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points along a way, evenly spaced, averaged where that keeps clear of the walls."""
+        """Evenly spaced points along a path, smoothed where walls permit."""
         steps = np.hypot(*np.diff(corners_m, axis=0).T)
         moving = np.concatenate([[True], steps > 0])
         corners, along = corners_m[moving], np.concatenate([[0.0], np.cumsum(steps[steps > 0])])
@@ -227,7 +227,7 @@ class PathPlanner:
         return points
 
     def _room_at(self, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance from the nearest cell that is not free, of positions on the map."""
+        """Distance of positions from the nearest cell that is not free."""
         cells = self.grid.cells_at_m(positions_m)
         cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
         clearance_m: NDArray[np.float64] = self._clearance_m[cells[:, 0], cells[:, 1]]
@@ -240,7 +240,7 @@ def _drivable(grid: OccupancyGrid, clearance_m: NDArray[np.float64], radius_m: f
 
     stride = max(1, int(PLANNING_CELL_M / grid.resolution_m + 0.5))
     if stride * grid.resolution_m > radius_m:
-        stride = 1  # between two cells a small robot must not meet a wall
+        stride = 1  # between two cells a small robot must not hit a wall
     clearance = clearance_m[::stride, ::stride]
     fits = clearance >= radius_m
     node = np.full(fits.shape, -1, np.int64)

@@ -1,7 +1,7 @@
-"""Ray casting: ranges that a laser would read, from every free cell of a map or from given poses.
+"""Ray casting: simulated ranges from every free cell of a map, or from poses.
 
 Ranges are exact: the distance to the point where the ray enters the first blocked cell. Blocked are
-occupied cells, unknown cells where the sensor stops at them, and everything outside the map.
+occupied cells, unknown cells if the sensor stops at them, and everything outside the map.
 """
 
 from collections.abc import Iterator
@@ -87,27 +87,26 @@ def iter_cast(
     mask: ArrayLike | None = None,
     memory_bytes: int = _WORKING_BYTES,
 ) -> Iterator[ScanBlock]:
-    """Scans of all cells, the same bits as :func:`cast_cells` has, in blocks.
+    """Scans of all cells in blocks, with the same bits as :func:`cast_cells`.
 
     Parameters
     ----------
     grid, sensor, mask
         As in :func:`cast_cells`.
     memory_bytes : int
-        Maximum memory used at a time, besides the map and the mask themselves: for the
-        block and for the work on it. Larger blocks take less time: the surroundings that beams can
-        reach are looked at again for each block.
+        Maximum memory, besides the map and the mask, for a block and its computation. Larger blocks
+        are faster: the surroundings within reach are processed again for each block.
 
     Yields
     ------
     ScanBlock
-        Blocks of rectangles of the map, each node in one of them, in no particular order. A block's
-        ranges are overwritten by the next block: use or copy them before going on.
+        Blocks of rectangles of the map, in no particular order; each node is in one block. The
+        next block overwrites a block's ranges: use or copy them before.
 
     Raises
     ------
     InputError
-        The memory does not even suffice for a single cell and what its beams can reach.
+        The memory does not suffice for a single cell and the region within its reach.
 
     Examples
     --------
@@ -149,7 +148,7 @@ def _blocks(
 
 
 class _Poses(NamedTuple):
-    """Where scans are taken from, in cells."""
+    """Poses of scans, in cells."""
 
     x: NDArray[np.float64]
     """(P,); the cell that holds (x, y) is [floor y, floor x]."""
@@ -172,7 +171,7 @@ def cast_poses(
     Parameters
     ----------
     grid : OccupancyGrid
-        Its origin and yaw place it in the map frame.
+        The map, positioned in the map frame by its origin and yaw.
     poses : (P, 3) float
         x, y in metres and heading in radians, in the map frame.
     angles_rad : (M,) float
@@ -200,7 +199,7 @@ def cast_poses(
 
 
 class PoseCaster:
-    """Casts from poses in one and the same map, again and again: the map is prepared once.
+    """Casts from poses in a map that is prepared once, for repeated calls.
 
     Parameters
     ----------
@@ -223,13 +222,13 @@ class PoseCaster:
         reach = Sensor(max_range_m=max_range_m).max_range_m
         height, width = grid.shape
         cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-        # A position that far away along x or y is off the map, however the map is turned.
+        # A position so far away along x or y is off the map for any yaw.
         far = 2.0 * (height + width)
         with np.errstate(over="ignore"):
             offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
         offset = np.clip(offset, -far, far)
         cells = offset @ np.array([[cos, -sin], [sin, cos]])  # turned back by the grid's yaw
-        # Positions off the map are put on the blocked rim, where they read 0.
+        # Positions off the map are moved to the blocked rim, where ranges are 0.
         x = np.clip(cells[:, 0], -1.0, width) + 1.0
         y = np.clip(cells[:, 1], -1.0, height) + 1.0
         headings = poses[:, 2] - grid.yaw_rad

@@ -1,4 +1,4 @@
-"""How a simulated robot moves."""
+"""Options of a simulated robot's motion."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from pgm_places.options import Options, Positive
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion(Options):
-    """How a round robot moves.
+    """Motion of a round robot.
 
     Parameters
     ----------

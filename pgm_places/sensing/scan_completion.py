@@ -1,4 +1,4 @@
-"""Scan completion: scans of any laser as the full circle of beams that the features expect."""
+"""Scan completion: extending scans of any laser to the full circle for the features."""
 
 from dataclasses import dataclass, field
 from math import pi
@@ -19,36 +19,36 @@ __all__ = ["MissingBeams", "ScanCompletion"]
 MissingBeams = Literal["local-map", "known-map", "mirror", "max-range"]
 
 SPACINGS_AWAY = 0.75
-"""A beam stands for a direction if it is within so many beam spacings of it."""
+"""A beam covers a direction if it is within this number of beam spacings."""
 
 
 @dataclass(eq=False)
 class ScanCompletion:
-    """Turns the scans of one laser, one after the other, into beams all around.
+    """Completes the scans of a laser, in order of time, to full-circle scans.
 
     The 321 features are defined on beams at ``2 pi i / n_beams`` against the heading. A direction
-    that the laser looks into takes its nearest beam; the others, and beams without a return, are
-    filled in.
+    in the laser's field of view gets the nearest beam; other directions, and beams without a
+    return, are filled in.
 
     Parameters
     ----------
     geometry : ScanGeometry
         The laser's beams.
     max_range_m : float
-        Longest range that comes out: that of the sensor which the classifier learned with.
+        Longest output range: that of the sensor of the classifier's training.
     missing : {"local-map", "known-map", "mirror", "max-range"}
-        Where missing beams come from: a rolling map of what the robot saw lately (paper, section
-        4, Fig. 4); ray casting in a known map from the robot's pose; the front's mirror image; or
-        the maximum range.
+        The source of missing beams: a rolling map of recent scans (paper, section 4, Fig. 4); ray
+        casting in a known map from the robot's pose; the front's mirror image; or the maximum
+        range.
     all_from_map : bool
-        Take every beam from the map, also those that the laser has: what the scans say about a
-        place together, without people who pass and glass that one scan looks through.
+        Take every beam from the map, also beams that the laser has: the combined evidence of many
+        scans, without passing people and glass that a single scan sees through.
     known_map : OccupancyGrid, optional
         For ``"known-map"``; in the frame of the poses.
     local_map : LocalMap, optional
-        For ``"local-map"``; the default one if not given.
+        For ``"local-map"``; a default one if None.
     n_beams : int
-        Beams that come out.
+        Number of output beams.
 
     Raises
     ------
@@ -98,11 +98,11 @@ class ScanCompletion:
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """(n_beams,) directions of the beams that come out."""
+        """(n_beams,) directions of the output beams."""
         return np.arange(self.n_beams, dtype=np.float64) * (2 * pi / self.n_beams)
 
     def add(self, pose: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:
-        """(n_beams,) ranges all around, after one more scan (M,) taken at a pose (3,)."""
+        """(n_beams,) full-circle ranges after the next scan (M,) at a pose (3,)."""
         where = finite_array("pose", pose, (3,))
         ranges = self.geometry.cleaned(ranges_m)
         if self.local_map is not None:
@@ -112,12 +112,12 @@ class ScanCompletion:
         return self._completed(where[None], ranges[None])[0]
 
     def complete(self, poses: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:
-        """(T, n_beams) ranges all around for scans (T, M) taken one after the other at poses."""
+        """(T, n_beams) full-circle ranges of consecutive scans (T, M) at poses (T, 3)."""
         where = finite_array("poses", poses, ("T", 3))
         ranges = self.geometry.cleaned(ranges_m)
         if len(ranges) != len(where):
             raise InputError(f"there are {len(where)} poses but {len(ranges)} scans")
-        if self.missing != "local-map":  # no scan depends on the ones before
+        if self.missing != "local-map":  # scans are independent
             return self._completed(where, ranges)
         rows = [self.add(pose, row) for pose, row in zip(where, ranges, strict=True)]
         return np.array(rows, np.float32).reshape(len(where), self.n_beams)
@@ -147,8 +147,8 @@ class ScanCompletion:
         for row, pose in enumerate(poses):
             beams = np.flatnonzero(wanted[row])
             simulated, met = self._cast(pose, self._angles[beams])
-            # No return of a beam that the laser has means that there is no obstacle, unless the
-            # map knows one: glass and black surfaces give no return either.
+            # A laser beam without a return means no obstacle, unless the map has one: glass and
+            # black surfaces give no return either.
             open_space = observed[beams] & ~met & (not self.all_from_map)
             filled[row, beams] = np.where(open_space, reach, simulated)
         return np.minimum(filled, reach)
@@ -156,16 +156,16 @@ class ScanCompletion:
     def _cast(
         self, pose: NDArray[np.float64], angles: NDArray[np.float64]
     ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Ranges in the map along the angles, and whether they end at something."""
+        """Ranges in the map along the angles, and whether they end at obstacles."""
         if self.local_map is not None:
             return self.local_map.cast(pose, angles, max_range_m=self.max_range_m)
-        assert self._caster is not None  # the constructor has checked
+        assert self._caster is not None  # checked by the constructor
         ranges = self._caster.cast(pose[None], angles, max_range_m=self.max_range_m)[0]
         return ranges, ranges < np.float32(self.max_range_m)
 
 
 def check_missing(missing: str, *, all_from_map: bool) -> None:
-    """Refuse an unknown source of missing beams, or all beams from a map that is not there."""
+    """Refuse an unknown source of missing beams, or ``all_from_map`` without a map."""
     if missing not in get_args(MissingBeams):
         known = list(get_args(MissingBeams))
         raise ConfigError(f"missing must not be {missing!r}. {nearest_name(missing, known)}")
@@ -179,14 +179,14 @@ def _turn_between(first: NDArray[np.float64], second: NDArray[np.float64]) -> ND
 
 
 def _mirrored(angles: NDArray[np.float64], observed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The seen beam that lies nearest to each beam's mirror image in the y axis."""
+    """The observed beam nearest to each beam's left-right mirror image."""
     beams = np.flatnonzero(observed)
     apart = _turn_between(np.pi - angles[:, None], angles[None, beams])
     return beams[apart.argmin(axis=1)]
 
 
 def _nearest_beams(angles: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number of the beam nearest to each wanted direction, -1 where none is near enough."""
+    """Index of the beam nearest to each direction, -1 if none is near enough."""
     around = np.sort(np.mod(angles, 2 * pi))
     gaps = np.diff(around, append=around[0] + 2 * pi)
     spacing = max(float(np.median(gaps)), 2 * pi / len(wanted))
@@ -197,7 +197,7 @@ def _nearest_beams(angles: NDArray[np.float64], wanted: NDArray[np.float64]) -> 
 
 
 def _bridged(ranges: NDArray[np.float32], reach: np.float32) -> NDArray[np.float32]:
-    """Readings that are NaN drawn between their neighbours; a scan without any is ``reach``."""
+    """Interpolate NaN readings between their neighbours; scans without readings get ``reach``."""
     beams = np.arange(ranges.shape[1])
     bridged = ranges.copy()
     for scan in np.flatnonzero(np.isnan(ranges).any(axis=1)):

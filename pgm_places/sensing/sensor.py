@@ -16,12 +16,11 @@ from pgm_places.options import AtLeastZero, Options, Positive, Probability, Seed
 @public_options
 @dataclass(frozen=True)
 class SensorNoise:
-    """How readings of a real range sensor differ from the true distance (paper section 7).
+    """The noise of a range sensor (paper section 7).
 
-    Each reading is, on its own, a maximum reading with probability ``p_max``, else a random one
+    Each reading is independently a maximum reading with probability ``p_max``, else a random one
     with probability ``p_random``, else the true range plus gaussian noise; the result is clipped
-    to [0, maximum range]. A beam that meets nothing within reach has no distance to disturb and
-    gets no gaussian noise.
+    to [0, maximum range]. Beams without an obstacle within reach get no gaussian noise.
 
     Parameters
     ----------
@@ -32,8 +31,8 @@ class SensorNoise:
     p_max : float
         Probability of a reading at the maximum range. ``p_random + p_max`` is at most 1.
     seed : int
-        From 0 to 2**64 - 1. A reading's noise depends on the seed, its cell and its beam only, not
-        on which other cells are cast.
+        From 0 to 2**64 - 1. A reading's noise depends only on the seed, its cell and its beam, not
+        on other cells.
 
     Examples
     --------
@@ -56,21 +55,21 @@ class SensorNoise:
 
     @property
     def is_silent(self) -> bool:
-        """Whether readings stay as they are."""
+        """Whether all readings are exact."""
         return self.sigma_m == 0 and self.p_random == 0 and self.p_max == 0
 
 
 @public_options
 @dataclass(frozen=True)
 class Sensor(Options):
-    """A laser range finder that sees all around.
+    """A laser range finder with a full-circle field of view.
 
     Parameters
     ----------
     n_beams : int
         Beams, evenly spaced over the full circle.
     max_range_m : float
-        Longest distance reported; a beam that meets nothing before it reports it.
+        Longest range; beams without an obstacle within it read this value.
     stop_at_unknown : bool
         Whether a beam ends where it enters unknown space, as at an obstacle. Space outside the map
         always ends it.

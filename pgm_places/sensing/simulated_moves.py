@@ -1,4 +1,4 @@
-"""Transitions between places, counted on short simulated runs in labelled maps."""
+"""Counts of label transitions from short simulated runs in labelled maps."""
 
 from collections.abc import Sequence
 from math import isfinite, pi
@@ -12,15 +12,15 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import at_cells
 
 MOVE_M = (0.2, 0.5)
-"""How far a robot drives between two updates (paper, section 5)."""
+"""Distance between two updates of a moving robot (paper, section 5)."""
 
 STAY_M = (0.0, 0.05)
-"""How far a robot that stays seems to move: its localisation trembles."""
+"""Apparent motion of a standing robot, by jitter of its localisation."""
 
 N_RUNS = 100_000
-"""Runs that are counted by default. The paper has 1,000, of which 31 begin in a doorway."""
+"""Default number of runs. The paper has 1,000, of which 31 begin in a doorway."""
 
-# Draws of all runs still wanted before a map counts as one in which nothing can move.
+# Rounds of draws without enough successful runs before an error.
 MOST_ROUNDS = 200
 
 
@@ -32,31 +32,31 @@ def simulate_moves(
     step_m: tuple[float, float] = MOVE_M,
     seed: int = 0,
 ) -> NDArray[np.int64]:
-    """(K, K) how often simulated runs led from the row's label to the column's.
+    """(K, K) counts of simulated runs from the row's label to the column's.
 
-    A run starts at a random position, heading anywhere, in a random labelled free cell of all maps
-    together, and goes a random distance straight on (paper, section 5). Runs that would leave the
-    free space, or end where the label is unknown, are drawn again.
+    A run starts in a random labelled free cell of all maps, with a random heading, and goes a
+    random distance straight ahead (paper, section 5). Runs that leave the free space, or end at an
+    unknown label, are drawn again.
 
     Parameters
     ----------
     maps : sequence of LabelledMap
-        Where to drive; starts lie inside their windows.
+        Maps of the runs; starts lie inside their windows.
     n_labels : int
         K.
     n_runs : int
-        Runs that are counted.
+        Number of counted runs.
     step_m : (float, float)
         Shortest and longest distance in metres, drawn uniformly. :data:`MOVE_M` is the action
         MOVE, :data:`STAY_M` the action STAY.
     seed : int
-        Of the draws.
+        Seed of the draws.
 
     Raises
     ------
     InputError
-        There is no labelled free cell, a label is not below K, the distances are not a range, or
-        hardly any run succeeds.
+        No free cell is labelled, a label is not below K, the distances are not a range, or hardly
+        any run succeeds.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def simulate_moves(
 def _runs(
     item: LabelledMap, n_runs: int, step_m: tuple[float, float], rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Labels at the start and at the end of runs that succeed."""
+    """Labels at the start and the end of successful runs."""
     cells = np.argwhere(item.labelled_cells)
     starts: list[NDArray[np.int64]] = []
     ends: list[NDArray[np.int64]] = []
@@ -126,7 +126,7 @@ def _runs(
 def _all_free(
     free: NDArray[np.bool_], position: NDArray[np.float64], motion: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Whether straight runs stay on free cells, looked at every half cell."""
+    """Whether straight runs stay on free cells, checked every half cell."""
     longest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
     going = np.arange(len(position))
     for fraction in np.linspace(0.0, 1.0, int(2 * longest) + 2):

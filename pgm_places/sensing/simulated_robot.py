@@ -1,4 +1,4 @@
-"""A simulated robot that drives through a map and records what a real one would."""
+"""SimulatedRobot: simulated drives through a map, with scans and odometry."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -26,7 +26,7 @@ _PIECE_M = 0.05
 _MOST_SCANS = 10_000_000
 
 _LONGEST_M = 500e3
-"""A longer way is a slip, and its pieces would not fit into memory."""
+"""Longest path; a longer one would not fit into memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +66,14 @@ class SimulatedRobot(RobotMotion):
     def of(
         cls, motion: RobotMotion, laser: LaserOptions, odometry_noise: OdometryNoise | None = None
     ) -> Self:
-        """A robot that moves so, with that laser."""
+        """A robot with options of motion and laser."""
         moves = {name: getattr(motion, name) for name in option_hints(RobotMotion)}
         return cls(laser.geometry(), laser.noise(), odometry_noise, **moves)
 
     def drive(
         self, grid: OccupancyGrid, stops_m: ArrayLike, *, name: str = "simulated"
     ) -> Trajectory:
-        """The trajectory of a drive from stop to stop (S, 2) on planned ways.
+        """The trajectory of a drive from stop to stop (S, 2) on planned paths.
 
         Raises
         ------
@@ -95,24 +95,24 @@ class SimulatedRobot(RobotMotion):
         seed: int = 0,
         name: str = "simulated",
     ) -> Trajectory:
-        """The trajectory of a tour past all places that the robot fits into.
+        """The trajectory of a coverage tour through all reachable free space.
 
         Parameters
         ----------
         grid : OccupancyGrid
             The map.
         start_m : (2,), optional
-            Where it begins; a place drawn with the seed by default.
+            The start; a random position, drawn with the seed, by default.
         spacing_m : float
-            How far places may be from the tour's nearest stop.
+            Largest distance of cells from the tour's nearest stop.
         max_length_m : float, optional
-            The tour ends after so much way.
+            The tour ends after this distance.
         window : (H, W) bool, optional
-            The cells that the robot stays in; its laser sees the whole map all the same.
+            The cells that the robot stays in; its laser sees all of the map.
         seed : int
-            Draws the start.
+            Seed of the start.
         name : str
-            Of the trajectory.
+            Name of the trajectory.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class SimulatedRobot(RobotMotion):
     def follow(
         self, grid: OccupancyGrid, way_m: ArrayLike, *, name: str = "simulated"
     ) -> Trajectory:
-        """The trajectory along a way of points (P, 2) that need not be planned here."""
+        """The trajectory along a path of points (P, 2)."""
         times, poses = self._motion(finite_array("way_m", way_m, ("P", 2)))
         trajectory = Trajectory(times, poses, name=name)
         noise = self.odometry_noise
@@ -141,7 +141,7 @@ class SimulatedRobot(RobotMotion):
     def _motion(
         self, way_m: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Times and poses: driving and turning go on together, the slower one sets the pace."""
+        """Times and poses: the robot drives and turns at once, the slower motion sets the pace."""
         legs = np.diff(way_m, axis=0)
         lengths = np.hypot(legs[:, 0], legs[:, 1])
         moving = lengths > 0
@@ -169,7 +169,7 @@ class SimulatedRobot(RobotMotion):
 
 
 def _inside(grid: OccupancyGrid, window: ArrayLike | None) -> OccupancyGrid:
-    """The map with nothing known outside the window."""
+    """The map with unknown cells outside the window."""
     if window is None:
         return grid
     inside = np.asarray(window, np.bool_)
@@ -178,7 +178,7 @@ def _inside(grid: OccupancyGrid, window: ArrayLike | None) -> OccupancyGrid:
 
 
 def _finely(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same way with more points, so that turns take place at its corners and nowhere else."""
+    """The path with more points, so that turns take place only at its corners."""
     legs = np.diff(points, axis=0)
     pieces = np.ceil(np.hypot(legs[:, 0], legs[:, 1]) / _PIECE_M).astype(np.int64)
     leg = np.repeat(np.arange(len(legs)), pieces)
@@ -194,19 +194,19 @@ def scans_along(
     *,
     noise: SensorNoise | None = None,
 ) -> Trajectory:
-    """The same trajectory with scans cast in a map of its frame, for poses that come without.
+    """A trajectory with scans simulated in a map of its frame.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map; beams end at obstacles and at unknown space. A pose inside a wall or off the map
-        reads 0, or "nothing seen" where the sensor has a shortest range.
+        reads 0, or "no return" if the sensor has a shortest range.
     trajectory : Trajectory
         Poses in the map's frame.
     geometry : ScanGeometry
         The sensor.
     noise : SensorNoise, optional
-        Its errors; each step's depend on the seed and the step's number only.
+        Its noise; a step's noise depends only on the seed and the step's number.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def scans_along(
     reach = geometry.range_max_m
     ranges = cast_poses(grid, trajectory.poses, geometry.angles_rad, max_range_m=reach)
     if noise is not None and not noise.is_silent:
-        steps = np.arange(len(ranges))  # each scan counts as a cell of its own
+        steps = np.arange(len(ranges))  # each scan has its own cell number
         cells = Cells(steps, np.zeros_like(steps), steps.astype(np.int32))
         add_noise(ranges, cells, Noise.of(noise, reach))
     return trajectory.with_scans(geometry.cleaned(ranges), geometry)

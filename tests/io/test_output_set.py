@@ -75,7 +75,7 @@ def test_a_folder_that_is_not_ours_is_refused_before_the_work(tmp_path: Path) ->
     ("content", "what"),
     [
         ("by hand", "it was changed since pgm-places wrote it"),
-        (None, "it is there already, and pgm-places did not write it"),
+        (None, "it exists already, and pgm-places did not write it"),
     ],
 )
 def test_a_file_of_the_user_is_overwritten_with_force_only(
@@ -104,7 +104,7 @@ def test_a_changed_file_that_would_be_removed_is_refused_too(out: Path) -> None:
 
 def test_a_file_that_came_during_the_work_is_not_overwritten(out: Path) -> None:
     with (
-        pytest.raises(OutputError, match=r"cannot overwrite .*d: it is there already"),
+        pytest.raises(OutputError, match=r"cannot overwrite .*d: it exists already"),
         output_set(out, "label") as files,
     ):
         (files.stage / "d").write_text("new")

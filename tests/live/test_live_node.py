@@ -313,7 +313,7 @@ def test_maps_that_cannot_be_labelled_leave_the_one_before() -> None:
     size = grid.cells.size
     assert [line.partition(";")[0] for line in robot.said][:2] == [
         f"the map is not labelled: the map states {grid.shape[1]} x {grid.shape[0]} cells, but has "
-        f"{size - 1} came",
+        f"{size - 1}",
         "the map is not labelled: the map has no free cell to label",
     ]
     assert "a message of map cannot be read" in robot.said[2]

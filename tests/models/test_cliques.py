@@ -102,7 +102,9 @@ def test_methods_that_know_no_sets_say_so() -> None:
     problem = LabelingProblem(
         graph, ("a", "b"), np.zeros((3, 2)), cliques=Cliques.of([[0, 1, 2]], 3)
     )
-    with pytest.raises(InputError, match="cliques are known to methods 'potts', 'amn' and 'crf'"):
+    with pytest.raises(
+        InputError, match="only the methods 'potts', 'amn' and 'crf' support cliques"
+    ):
         build("independent").infer(problem)
 
 

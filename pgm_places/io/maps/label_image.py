@@ -63,7 +63,7 @@ class Orientation:
 
     @classmethod
     def of(cls, labelled: NDArray[np.bool_], free: NDArray[np.bool_]) -> "Orientation":
-        """From masks (H, W) of labelled cells, at least one, and free cells; row 0 at the bottom."""
+        """From masks (H, W) of the labelled cells (at least one) and the free cells."""
         n_labelled = int(np.count_nonzero(labelled))
         n_on_free = int(np.count_nonzero(labelled & free))
         on_free, off = n_on_free / n_labelled, 1 - n_on_free / n_labelled

@@ -18,7 +18,7 @@ def window_mask(
     x_m: Sequence[float | None] | None = None,
     y_m: Sequence[float | None] | None = None,
 ) -> NDArray[np.bool_]:
-    """(H, W) mask of the cells inside every given range; all cells where none is given.
+    """(H, W) mask of the cells inside all ranges; all cells without a range.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def window_mask(
     Raises
     ------
     MapError
-        Where a range is empty, reaches outside the image's columns or rows, or no cell is left.
+        A range is empty or reaches outside the image's columns or rows, or no cell remains.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""Files of graphical models that other programs read and write: UAI."""
+"""Exchange formats of graphical models: UAI."""

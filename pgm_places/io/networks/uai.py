@@ -20,23 +20,23 @@ MAX_BYTES = 1 << 30
 _NETWORK = "a network (UAI)"
 _MOST_DIGITS = 12
 _LARGEST = 700.0
-"""exp of more is beyond float64, exp of less is 0 or loses digits."""
+"""Largest absolute log-potential: exp of larger ones overflows or loses digits in float64."""
 
 Task = Literal["MAP", "MAR", "PR"]
 
 
 @dataclass(frozen=True, eq=False)
 class UaiResult:
-    """What a result file says; None for what it does not.
+    """The content of a result file; None for results that it does not contain.
 
     Parameters
     ----------
     labels : (N,) int or None
-        Of MAP (or MPE), the label of each node.
+        The label of each node, from MAP (or MPE).
     beliefs : tuple of N arrays or None
-        Of MAR, the probability of each label.
+        The probability of each label, from MAR.
     log_partition : float or None
-        Of PR, the natural logarithm of the partition function; files hold that to base 10.
+        The natural logarithm of the partition function, from PR; files use base 10.
     """
 
     labels: NDArray[np.int64] | None = None
@@ -76,14 +76,14 @@ def read_uai(path: Path | str) -> FactorGraph:
             raise words.wrong(f"table {number} must have {math.prod(shape)} entries, got {count}")
         tables.append(words.numbers(count, f"table {number}").reshape(shape))
     words.end()
-    with np.errstate(divide="ignore"):  # the logarithm of 0 is meant
+    with np.errstate(divide="ignore"):  # log 0 = -inf is intended
         return FactorGraph.of(
             np.array(sizes, np.int64), scopes, [np.log(table) for table in tables]
         )
 
 
 def write_uai(path: Path | str, graph: FactorGraph) -> Path:
-    """The path, once the file holds the factors as a Markov network.
+    """Write the factors as a Markov network; returns the path.
 
     Raises
     ------
@@ -99,22 +99,22 @@ def write_uai(path: Path | str, graph: FactorGraph) -> Path:
         if len(finite) and np.abs(finite).max() > _LARGEST:
             raise InputError(
                 f"table {number} holds a log-potential of {finite[np.abs(finite).argmax()]:.6g}, "
-                "whose exponential no UAI file can hold; divide or shift the log-potentials, or "
-                "write OpenGM's format, which holds them as they are"
+                "whose exponential UAI files cannot hold; divide or shift the log-potentials, or "
+                "write OpenGM's format, which holds logarithms"
             )
         lines += ["", str(table.size), _joined(np.exp(table).ravel())]
     return write_text(path, "\n".join(lines) + "\n")
 
 
 def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
-    """(N,) the label of each node that an evidence file knows, -1 elsewhere.
+    """(N,) the label of each node in an evidence file, -1 elsewhere.
 
-    A leading count of evidence sets, which must be 1, may be there or not.
+    A leading count of evidence sets is optional and must be 1.
 
     Raises
     ------
     InputError
-        The file is missing or damaged, or names a node that the network does not have.
+        The file is missing or damaged, or names a node outside the network.
     """
     words = _Words(Path(path), "evidence (UAI)")
     numbers = words.rest_whole()
@@ -135,7 +135,7 @@ def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
 
 
 def write_evidence(path: Path | str, known: NDArray[np.int64]) -> Path:
-    """The path, once the file holds the labels that are known: (N,) int, -1 elsewhere."""
+    """Write observed labels, (N,) int with -1 elsewhere; returns the path."""
     labels = integer_array("known", known, ("N",), low=-1, high=2**31)
     nodes = np.flatnonzero(labels >= 0)
     pairs = np.stack([nodes, labels[nodes]], axis=1).ravel()
@@ -145,22 +145,22 @@ def write_evidence(path: Path | str, known: NDArray[np.int64]) -> Path:
 def write_uai_result(
     path: Path | str, labeling: Labeling, task: Task, *, graph: FactorGraph
 ) -> Path:
-    """The path, once the file holds the answer to a task.
+    """Write the result of a task; returns the path.
 
     Parameters
     ----------
     path : Path
     labeling : Labeling
-        What :func:`~pgm_places.models.factor_decoding.decode_factors` found.
+        The result of :func:`~pgm_places.models.factor_decoding.decode_factors`.
     task : {"MAP", "MAR", "PR"}
         The best labelling, the probability of each label, or the partition function.
     graph : FactorGraph
-        The network, which knows how many labels each node has.
+        The network, for the number of labels of each node.
 
     Raises
     ------
     InputError
-        The labelling has no beliefs or no partition function, which ``exact`` gives.
+        The labelling has no beliefs or no partition function; ``exact`` computes both.
     OutputError
         The file cannot be written.
     """
@@ -180,7 +180,7 @@ def write_uai_result(
 
 
 def read_uai_result(path: Path | str) -> UaiResult:
-    """What a result file of MAP, MPE, MAR or PR says; a leading count of 1 may be there or not.
+    """The content of a result file of MAP, MPE, MAR or PR; a leading count of 1 is optional.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def read_uai_result(path: Path | str) -> UaiResult:
     if task not in ("MAP", "MPE", "MAR"):
         raise words.wrong(f"must begin with MAP, MPE, MAR or PR, got {task[:20]!r}")
     numbers = words.rest()
-    for values in (numbers, numbers[1:]):  # without and with a leading count of evidence sets
+    for values in (numbers, numbers[1:]):  # without or with a leading count of evidence sets
         if task == "MAR":
             beliefs = _beliefs(values)
             if beliefs is not None:
@@ -212,7 +212,7 @@ def read_uai_result(path: Path | str) -> UaiResult:
 
 
 def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | None:
-    """The rows behind their number and each behind its length; None where they do not end so."""
+    """Beliefs from a count of rows and their lengths; None if the counts do not fit."""
     if not len(values):
         return None
     rows, at, left = [], 1, values[0]
@@ -229,12 +229,12 @@ def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | N
 
 
 def _joined(values: "NDArray[np.float64] | NDArray[np.int64] | list[int]") -> str:
-    """Numbers with as many digits as it takes to read them back unchanged."""
+    """Numbers with all digits, to be read back unchanged."""
     return " ".join(repr(value) for value in np.asarray(values).tolist())
 
 
 class _Words:
-    """The words of a file, one after the other, with where they are in messages."""
+    """A reader of a file's words, with positions in its error messages."""
 
     def __init__(self, path: Path, what: str) -> None:
         self.path, self.what = path, what
@@ -259,7 +259,7 @@ class _Words:
         return int(digits)
 
     def each(self, wanted: str, *, at_most: int = 2**31) -> Iterator[int]:
-        """As often as the next number says."""
+        """Indices up to the count that is the next word."""
         count = self.whole(f"the number of {wanted}", below=at_most + 1)
         if count > len(self._words):
             raise self.wrong(f"says that there are {count} {wanted}, but ends before")

@@ -1,1 +1,1 @@
-"""Labelled places as files: the topological map and its exports."""
+"""Files of topological maps, and exports to other formats."""

@@ -1,4 +1,4 @@
-"""Polygons of places for opennav_coverage: where the centre of a robot may be while it cleans."""
+"""Export for opennav_coverage: polygons of places in which a cleaning robot's centre may be."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 GOALS, SCRIPT = "coverage.yaml", "cover_place.py"
 
 _CELLS_OF_MARGIN = np.sqrt(2)
-"""From the centre of a cell to its corner, and from the centre of an obstacle's to its."""
+"""Half the diagonals of a free cell and of an obstacle's cell together, in cells."""
 
 _SCRIPT = '''\
 #!/usr/bin/env python3
@@ -110,7 +110,7 @@ def coverage_goals(topology: TopologicalMap, robot_radius_m: float) -> dict[str,
 
 
 def write_coverage(folder: Path, topology: TopologicalMap, robot_radius_m: float) -> list[Path]:
-    """Write the goals of all places and a script that sends one of them; the paths."""
+    """Write the goals of all places and a script that sends one of them; returns the paths."""
     goals = coverage_goals(topology, robot_radius_m)
     text = yaml.safe_dump(goals, sort_keys=False, allow_unicode=True, default_flow_style=None)
     return [write_text(folder / GOALS, text), write_text(folder / SCRIPT, _SCRIPT)]

@@ -1,4 +1,4 @@
-"""Record of exports: what was exported of places, so that it can be exported again."""
+"""Record of exports of a folder's places, by which ``rename`` and others repeat them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ MAX_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """An export of places, as ``pgm-places export`` is asked for it.
+    """The parameters of an export of places, as in ``pgm-places export``.
 
     Parameters
     ----------
@@ -27,11 +27,11 @@ class ExportRequest:
         ``NAME=NUMBER``.
     robot_radius_m : float or None
     keep_out : tuple of str
-        Classes and places.
+        Classes and places that the robot must not enter.
     map_yaml : str or None
-        The map; None for the one that was labelled.
+        The map; None for the labelled one.
     out : str or None
-        The folder of the files; None for that of the places.
+        The output folder; None for the folder of the places.
     """
 
     to: str
@@ -60,8 +60,8 @@ class ExportRequest:
 def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest]) -> None:
     """Write the record of exports, by which ``rename`` repeats them.
 
-    Requests take the place of earlier ones in the ``folder`` of the places: those of one format
-    that lie in one folder.
+    A request replaces an earlier one of the same format and output folder in the ``folder`` of the
+    places.
     """
     new = {(item.to, item.out) for item in requests}
     others = (item for item in recorded_exports(folder) if (item.to, item.out) not in new)
@@ -73,7 +73,7 @@ def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest])
 
 
 def recorded_exports(folder: Path) -> list[ExportRequest]:
-    """The exports of the places in a folder, the newest of each format and folder of its files.
+    """The recorded exports of a folder's places, the newest per format and output folder.
 
     Raises
     ------

@@ -48,17 +48,17 @@ def pixel_to_map(grid: OccupancyGrid) -> NDArray[np.float64]:
 def write_geotiff(
     path: Path | str, topology: TopologicalMap, *, what: Literal["regions", "labels"] = "regions"
 ) -> Path:
-    """Write the id of the region, or the label from 1, of each pixel; 0 is "no data". The path.
+    """Write a GeoTIFF of region ids, or labels from 1; 0 is "no data". Returns the path.
 
-    The metres of the map frame are written as those of EPSG 3857, as in the GeoJSON files: a plane
-    in metres near (0, 0), not a place on Earth.
+    Metres of the map frame become metres of EPSG 3857, as in the GeoJSON files: a plane near
+    (0, 0), not a location on Earth.
 
     Raises
     ------
     InputError
         More ids than 16 bits hold, or another ``what``.
     OutputError
-        Where the file cannot be written.
+        The file cannot be written.
     """
     from PIL import Image
     from PIL.TiffImagePlugin import ImageFileDirectory_v2
@@ -81,17 +81,17 @@ def write_geotiff(
 
 
 def write_cleaned_map(folder: Path, topology: TopologicalMap, grid: OccupancyGrid) -> list[Path]:
-    """Write the map with free space that belongs to no place made unknown; the paths.
+    """Write the map with free space outside places made unknown; returns the paths.
 
-    That is rays through windows, the outside, and whatever a robot cannot reach: a planner sends
-    nothing there.
+    Rays through windows, the outside and unreachable space become unknown, so that planners do not
+    send robots there.
 
     Raises
     ------
     InputError
         The map has another frame than the places.
     OutputError
-        Where a file cannot be written.
+        A file cannot be written.
     """
     check_frame(grid, topology)
     stray = grid.free & (topology.region == 0)
@@ -100,11 +100,11 @@ def write_cleaned_map(folder: Path, topology: TopologicalMap, grid: OccupancyGri
 
 
 def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write ``topology.graph`` as GraphML, for yEd, Gephi and networkx; the path."""
+    """Write ``topology.graph`` as GraphML, for yEd, Gephi and networkx; returns the path."""
     import networkx as nx
 
     graph = topology.graph.copy()
-    for values in graph.nodes.values():  # XML cannot hold control characters, not even escaped
+    for values in graph.nodes.values():  # XML has no control characters, not even escaped
         values.update({key: escape_control(values[key]) for key in ("name", "label")})
     buffer = io.BytesIO()
     nx.write_graphml_xml(graph, buffer, named_key_ids=True)
@@ -112,7 +112,7 @@ def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
 
 
 def write_node_link(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write ``topology.graph`` as node-link JSON, for networkx and d3; the path.
+    """Write ``topology.graph`` as node-link JSON, for networkx and d3; returns the path.
 
     The lists are named ``nodes`` and ``edges``.
     """
@@ -149,7 +149,7 @@ def _quoted(text: str) -> str:
 
 
 OF_RADIUS = ("nav2-route", "lif", "coverage")
-"""Formats for robots that fit through some passages and not through others."""
+"""Formats that depend on the robot's radius."""
 
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
@@ -179,7 +179,7 @@ def export(
     name: str = "places",
     lies_in: Path | None = None,
 ) -> list[Path]:
-    """Write a topological map in the format ``to``; the paths.
+    """Write a topological map in the format ``to``; returns the paths.
 
     Parameters
     ----------
@@ -187,19 +187,19 @@ def export(
     to : str
     folder : Path
     values : mapping of str to float, optional
-        Those of a filter mask, by class or name of place.
+        Values of a filter mask, by class or name of place.
     robot_radius_m : float, optional
-        For ``nav2-route`` and ``lif``: ways have room for a disc of this radius. For ``coverage``:
-        polygons keep it from obstacles. For ``keepout``: areas grow by as much.
+        For ``nav2-route`` and ``lif``: routes have room for a disc of this radius. For
+        ``coverage``: distance of the polygons from obstacles. For ``keepout``: areas grow by it.
     name : str
         For ``lif``: the name of the project.
     lies_in : Path, optional
-        The folder where the files will lie, if they are moved.
+        The final folder of the files, if they are moved.
 
     Raises
     ------
     InputError
-        An unknown format, or values that it does not take.
+        The format is unknown, or does not accept the values.
     OutputError
         Where a file cannot be written.
     """
@@ -226,7 +226,7 @@ def export(
     return write_filter_mask(
         folder / to.replace("-", "_"),
         topology,
-        to,  # type: ignore[arg-type]  # which is one of its kinds, as TYPES has it
+        to,  # type: ignore[arg-type]  # TYPES holds exactly its kinds
         values=values,
         robot_radius_m=robot_radius_m or 0.0,
         lies_in=lies_in,

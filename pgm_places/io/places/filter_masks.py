@@ -1,4 +1,4 @@
-"""Masks for Nav2's costmap filters: zones, keep-out areas and speed limits by class or place."""
+"""Nav2 costmap filter masks: zones, keep-out areas and speed limits by class or place."""
 
 import math
 import re
@@ -36,7 +36,7 @@ _FILTERS: dict[str, tuple[str, str, dict[str, Any], tuple[str, ...]]] = {
     ),
     "zones": ("zone_filter", "ZoneParameterFilter", {}, ("local",)),
 }
-"""Name, plugin and output of each filter, and the costmaps that it belongs in."""
+"""Name, plugin and output of each filter, and its costmaps."""
 
 
 def filter_parameters(
@@ -47,26 +47,26 @@ def filter_parameters(
     multiplier: float = 1.0,
     states: Mapping[str, int] | None = None,
 ) -> dict[str, Any]:
-    """The content of a parameter file.
+    """The parameters of a costmap filter and its servers.
 
     It holds the parameters of ``map_server`` (as ``filter_mask_server``) and of
     ``costmap_filter_info_server``, and a block ``filters`` for the costmaps that names their
-    topics. A costmap with filters of its own needs them all in one list.
+    topics. A costmap that already has filters needs all of them in one list.
 
     Parameters
     ----------
     kind : {"keepout", "speed-percent", "speed-m-s", "binary", "zones"}
     name : str
-        Of the mask: its topics are called ``/NAME_mask`` and ``/NAME_mask_info``.
+        The name of the mask; its topics are ``/NAME_mask`` and ``/NAME_mask_info``.
     mask_yaml : Path
-        The mask's YAML file. The server resolves a relative path against the folder that it was
-        started in, so this should be absolute.
+        The mask's YAML file. The server resolves relative paths against its working folder, so this
+        should be absolute.
     multiplier : float
         The filter sees ``multiplier * value``.
     states : mapping of str to int, optional
         For zones, the value of each state in the mask. All must be listed: the filter stops the
-        robot at a value that it does not know. None has ``setpoints``, as ROS cannot read an empty
-        list; the filter says so and goes on.
+        robot at an unlisted value. No state has ``setpoints``, as ROS cannot read an empty list;
+        the filter logs this and continues.
 
     Examples
     --------
@@ -108,19 +108,19 @@ MOST = 100
 def mask_values(
     topology: TopologicalMap, values: Mapping[str, int] | None = None
 ) -> NDArray[np.uint8]:
-    """(H, W) value of the mask at each cell, 0 where none is given.
+    """(H, W) value of the mask at each cell, 0 without a value.
 
     Parameters
     ----------
     topology : TopologicalMap
     values : mapping of str to int, optional
-        A value from 0 to 100 for names of places and for classes; a place's own value wins over
-        that of its class. By default each class has its number, from 1.
+        A value from 0 to 100 by name of place or class; a place's value overrides its class's. By
+        default each class has its number, from 1.
 
     Raises
     ------
     InputError
-        A name that is neither a place nor a class, or a value out of range.
+        A name is neither a place nor a class, or a value is out of range.
     """
     values = _named(topology, values)
     for name, value in values.items():
@@ -144,7 +144,7 @@ def write_filter_mask(
     lies_in: Path | None = None,
     parameters: dict[str, Any] | None = None,
 ) -> list[Path]:
-    """Write ``<stem>.png``, ``<stem>.yaml`` and ``<stem>_params.yaml``; the paths.
+    """Write ``<stem>.png``, ``<stem>.yaml`` and ``<stem>_params.yaml``; returns the paths.
 
     The mask is a map in mode raw, so its pixels are the values that the filter sees: occupancy
     from 0 to 100, which it multiplies by a parameter: 100 keeps out; a percentage of speed; metres
@@ -166,14 +166,14 @@ def write_filter_mask(
     robot_radius_m : float
         For ``keepout``: the areas grow by as much, so that no part of the robot gets into them.
     lies_in : Path, optional
-        The folder where the files will lie, if they are moved: Nav2 wants an absolute path.
+        The final folder of the files, if they are moved: Nav2 needs an absolute path.
     parameters : dict, optional
-        Takes the parameters; no file of them is written then.
+        Receives the parameters instead of a file.
 
     Raises
     ------
     InputError
-        Values that are missing, unknown or out of range.
+        Values are missing, unknown or out of range.
     OutputError
         Where a file cannot be written.
     """
@@ -209,7 +209,7 @@ def write_filter_mask(
 
 
 def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int], float]:
-    """What the mask holds for each value, and the factor that makes the value of it again."""
+    """The mask's code of each value, and the multiplier that converts codes back to values."""
     if kind == "binary":
         return {name: MOST if value > 0 else 0 for name, value in values.items()}, 1.0
     if kind.startswith("speed"):
@@ -221,7 +221,7 @@ def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int
                     "'keepout')"
                 )
     if kind == "speed-m-s":
-        # In centimetres per second where they fit, so that round speeds are exact.
+        # In centimetres per second if they fit, so that round speeds are exact.
         factor = max(0.01, max(values.values(), default=0.0) / MOST)
         return {
             name: max(1, math.floor(value / factor * (1 + 1e-9))) for name, value in values.items()
@@ -248,9 +248,9 @@ def _grown(mask: NDArray[np.uint8], radius: float) -> NDArray[np.uint8]:
 
 
 def _state_name(topology: TopologicalMap, values: Mapping[str, int] | None, number: int) -> str:
-    """The name of a state of a zone filter: of what has this value in the mask."""
+    """The name of a zone filter's state, from the classes or places with its value."""
     named = [name for name, value in _named(topology, values).items() if value == number]
-    # Names may differ only in characters that parameters cannot have: the number tells them apart.
+    # Names may differ only in characters that parameters cannot have: the number makes them unique.
     return "_".join([*(re.sub(r"\W+", "_", name).strip("_") for name in named), str(number)])
 
 

@@ -1,4 +1,4 @@
-"""The Layout Interchange Format (LIF 1.0.0) of VDMA: ways and places for fleet managers."""
+"""Export as Layout Interchange Format (LIF 1.0.0, VDMA): routes and stations for fleets."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -34,7 +34,7 @@ def lif_layout(
     Raises
     ------
     InputError
-        There is no edge.
+        The route graph has no edge.
     """
     if not routes.edges:
         raise InputError(
@@ -96,5 +96,5 @@ def lif_layout(
 
 
 def write_lif(folder: Path, topology: TopologicalMap, routes: RouteGraph, *, name: str) -> Path:
-    """Write the layout; the path."""
+    """Write the layout; returns the path."""
     return write_json(folder / LIF_FILE, lif_layout(topology, routes, name=name), indent=1)

@@ -1,4 +1,4 @@
-"""All that Nav2 takes of a topological map in one folder: map, routes, masks, parameters, poses."""
+"""Export for Nav2: a folder with map, route graph, masks, parameters and poses."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,26 +38,26 @@ def route_features(
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
 
-    The node that stands for a place has the id of the place; other nodes count from 10,001, edges
-    from 30,001; every id is used once. Edges come in both directions, each with an id of its own.
-    Metadata hold the ``class`` that Nav2's ``SemanticScorer`` looks for, the ``name`` of the place,
-    the ``clearance_m``, and for nodes in doorways their ``width_m``; never null, which the loader
-    refuses. Where speeds are given, edges have the lowest of the places that they touch as
-    ``abs_speed_limit``, which Nav2's ``TimeScorer`` looks for. Operations are left to the user.
+    The node of a place has the id of the place; other nodes count from 10,001, edges from 30,001;
+    ids are unique. Edges are directed and come in pairs. Metadata hold the ``class`` for Nav2's
+    ``SemanticScorer``, the ``name`` of the place, the ``clearance_m``, and for nodes in doorways
+    their ``width_m``; never null, which the loader refuses. With speeds, edges have the lowest
+    limit of the places that they touch as ``abs_speed_limit``, for Nav2's ``TimeScorer``.
+    Operations are left to the user.
 
     Parameters
     ----------
     topology : TopologicalMap
     routes : RouteGraph
     speeds_m_s : mapping of str to float, optional
-        The largest speed by class or name of place; a place's own wins over that of its class.
+        The largest speed by class or name of place; a place's limit overrides its class's.
     earlier : EarlierIds, optional
-        Ids of an earlier export: nodes at the same positions, and edges between them, keep theirs.
+        Ids of an earlier export, which nodes at the same positions and their edges keep.
 
     Raises
     ------
     InputError
-        There is no edge, or a name is neither a place nor a class.
+        The graph has no edge, or a name is neither a place nor a class.
     """
     topology.ids_of(speeds_m_s or ())
     if not routes.edges:
@@ -118,7 +118,7 @@ def _edges(
         metadata = {**_place(topology, edge.region), "clearance_m": round(edge.clearance_m, DIGITS)}
         places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
         known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
-        # Floats: Nav2 keeps the type that a number has in the file, and asks for a float only.
+        # Floats: Nav2 keeps the type of a number in the file, and only accepts floats here.
         if limits := [float(value) for value in known if value is not None]:
             metadata["abs_speed_limit"] = min(limits)
         for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
@@ -163,9 +163,9 @@ def write_nav2_route(
     speeds_m_s: Mapping[str, float] | None = None,
     earlier: Path | None = None,
 ) -> Path:
-    """Write the graph for Nav2's Route Server; the path.
+    """Write the graph for Nav2's Route Server; returns the path.
 
-    Nodes and edges keep their ids of an earlier file, where there is one.
+    Nodes and edges keep the ids of an existing file.
     """
     known = EarlierIds.read(earlier)
     return write_json(path, route_features(topology, routes, speeds_m_s=speeds_m_s, earlier=known))
@@ -177,7 +177,7 @@ SERVERS = ("filter_mask_server", "costmap_filter_info_server")
 MANAGER = "lifecycle_manager_places"
 
 PLAIN_SPEED_M_S = 0.5
-"""What Nav2's TimeScorer takes for the speed where there is no limit."""
+"""The speed that Nav2's TimeScorer assumes without a limit."""
 
 
 def write_nav2(
@@ -189,35 +189,33 @@ def write_nav2(
     grid: OccupancyGrid | None = None,
     lies_in: Path | None = None,
 ) -> list[Path]:
-    """Write the folder; the paths.
+    """Write the folder; returns the paths.
 
     ``map.yaml`` and ``map.png`` are the map; ``nav2_route.geojson`` is the graph of the Route
     Server; ``poses.yaml`` holds a pose for every place by its name, and the id of its node; masks
     limit the speed and keep the robot out; ``nav2_params.yaml`` has the parameters of all servers,
-    and what the costmaps and the controller need of them, in one file. ``bringup.launch.py`` starts
-    Nav2 with all of it, from Kilted on; ``places.launch.py`` starts the servers beside an earlier
-    one; ``go_to_place.py`` drives to a place by its name. A graph without edges is left out, and
-    the Route Server with it.
+    the costmaps and the controller. ``bringup.launch.py`` starts Nav2 with these files, from Kilted
+    on; ``places.launch.py`` starts the servers in addition to an earlier Nav2; ``go_to_place.py``
+    drives to a place by its name. A graph without edges is omitted, and the Route Server with it.
 
     Parameters
     ----------
     folder : Path
     topology : TopologicalMap
     routes : RouteGraph
-        Its closed places are those of the mask that keeps the robot out, its radius is what they
-        grow by.
+        Its closed places become the keep-out mask, grown by its radius.
     speeds_m_s : mapping of str to float, optional
-        The largest speed in metres per second by class or name of place.
+        The speed limit in metres per second by class or name of place.
     grid : OccupancyGrid, optional
-        The map; without it, none is written.
+        The map; None writes no map.
     lies_in : Path, optional
-        The folder where the files will lie, if they are moved: Nav2 wants absolute paths.
+        The final folder of the files, if they are moved: Nav2 needs absolute paths.
 
     Raises
     ------
     InputError
-        The robot fits into no place, a name or value does not fit, or the map has another frame
-        than the places.
+        The robot fits into no place, a name or value is invalid, or the map's frame is not that of
+        the places.
     OutputError
         Where a file cannot be written.
     """
@@ -299,10 +297,10 @@ def check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
 
 
 def _route_server(graph: Path, speeds_m_s: Mapping[str, float]) -> dict[str, Any]:
-    """Parameters of the Route Server: ways are compared by time where there are speeds.
+    """Parameters of the Route Server: routes are compared by time if there are speed limits.
 
-    Of its operations, AdjustSpeedLimit is left out: at every edge without a percentage of its own
-    it lifts the limit, on the topic where the speed filter has set one.
+    The operation AdjustSpeedLimit is left out: at every edge without its own percentage it lifts
+    the limit, on the topic of the speed filter.
     """
     scorer = "TimeScorer" if speeds_m_s else "DistanceScorer"
     values: dict[str, Any] = {"plugin": f"nav2_route::{scorer}"}
@@ -321,7 +319,7 @@ def _route_server(graph: Path, speeds_m_s: Mapping[str, float]) -> dict[str, Any
 
 
 def _merge(into: dict[str, Any], parameters: Mapping[str, Any]) -> None:
-    """Add parameters to others: mappings key by key, lists one after the other."""
+    """Merge parameters into others: mappings by key, lists by concatenation."""
     for key, value in parameters.items():
         if isinstance(value, dict):
             _merge(into.setdefault(key, {}), value)
@@ -332,9 +330,9 @@ def _merge(into: dict[str, Any], parameters: Mapping[str, Any]) -> None:
 
 
 def _poses(topology: TopologicalMap, routes: RouteGraph) -> dict[str, Any]:
-    """A pose for each place that the robot can and may reach, by its name.
+    """A pose for each place that the robot can and may reach, by name.
 
-    Without edges for each that it fits into, and without the ids of nodes, which there are none of.
+    For a graph without edges: a pose for each place that it fits into, without node ids.
     """
     points = {
         node.region: node.point_m

@@ -1,4 +1,4 @@
-"""The launch files and the example that the folder for Nav2 holds."""
+"""Templates of the launch files and the example script of the Nav2 export."""
 
 BRINGUP, LAUNCH, EXAMPLE = "bringup.launch.py", "places.launch.py", "go_to_place.py"
 

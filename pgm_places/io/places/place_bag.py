@@ -1,4 +1,4 @@
-"""Places as a ROS 2 bag in MCAP: a grid of classes and markers, for Foxglove and RViz."""
+"""Export as a ROS 2 bag (MCAP): a grid of classes and markers, for Foxglove and RViz."""
 
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ def class_grid(topology: TopologicalMap) -> NDArray[np.int8]:
 
 
 def write_place_bag(folder: Path | str, topology: TopologicalMap) -> list[Path]:
-    """Write a bag, a folder with an MCAP file and its ``metadata.yaml``; the paths.
+    """Write a bag, a folder with an MCAP file and its ``metadata.yaml``; returns the paths.
 
     Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
     map's origin and yaw) and ``/places`` (``visualization_msgs/MarkerArray``: areas, outlines,
@@ -66,7 +66,7 @@ def write_place_bag(folder: Path | str, topology: TopologicalMap) -> list[Path]:
 
 
 def _is_bag(folder: Path) -> bool:
-    """Whether a folder holds nothing but a bag of this package."""
+    """Whether a folder holds only a bag of this package."""
     return {path.name for path in folder.iterdir()} == {"metadata.yaml", f"{folder.name}.mcap"}
 
 

@@ -1,4 +1,4 @@
-"""A session in a file: the places that a robot has seen, so that their ids outlive a restart."""
+"""Place ids in a file, so that they stay the same when live labelling is restarted."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -21,7 +21,7 @@ __all__ = ["read_session", "write_session"]
 FORMAT, SCHEMA = "pgm-places-session", 1
 MAX_BYTES = 256 << 20
 FARTHEST = 1 << 24
-"""Rows and columns beyond this are damage: no map is so large."""
+"""Larger row or column numbers are damage."""
 MOST_CELLS = 100_000_000
 
 _count = partial(check_option, "a count", Annotated[int, Ge(0)])
@@ -29,12 +29,12 @@ _text = partial(check_option, "a name", str)
 
 
 def write_session(path: Path | str, memory: PlaceIds) -> Path:
-    """Write what a memory knows; the path. A file that stood there is replaced at once.
+    """Write a table of place ids, replacing an existing file atomically; returns the path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written.
+        The file cannot be written.
     """
     raster = memory.raster
     record = {
@@ -66,7 +66,7 @@ def write_session(path: Path | str, memory: PlaceIds) -> Path:
 
 
 def read_session(path: Path | str) -> PlaceIds:
-    """The memory that :func:`write_session` wrote; an empty one where there is no file yet.
+    """Read the table of :func:`write_session`; an empty one if the file does not exist.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def read_session(path: Path | str) -> PlaceIds:
         return memory
     what, remedy = (
         "a session of 'pgm-places live'",
-        "name another file, or delete it to number places anew",
+        "name another file, or delete it to restart the numbering of places",
     )
     with read_record(source, what, FORMAT, SCHEMA, max_bytes=MAX_BYTES, remedy=remedy) as record:
         _fill(memory, record)
@@ -121,7 +121,7 @@ def _runs(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _cells(runs: Any, most: int) -> NDArray[np.int64]:
-    """(n, 2) the cells of runs."""
+    """(n, 2) the cells of runs; refuses damaged runs."""
     checked = np.array(runs, np.int64).reshape(-1, 3)
     length = checked[:, 2] - checked[:, 1] + 1
     if (np.abs(checked) > FARTHEST).any() or (length < 1).any() or length.sum() > most:

@@ -1,4 +1,4 @@
-"""Places as visualization markers: coloured areas, outlines, names, and the paths between them."""
+"""ROS visualization markers of places: coloured areas, outlines, names, and paths."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ class ROS:
     types : mapping of str to type
         Message classes, as a type store of ``rosbags`` has them.
     frame : str
-        The frame of everything that is made.
+        The coordinate frame of all messages.
     """
 
     types: Mapping[str, Any]
@@ -38,7 +38,7 @@ class ROS:
         return self.types[name](**fields)
 
     def no_time(self) -> Any:
-        """Time 0: whatever the latest transform is."""
+        """Time 0, which means the latest transform."""
         return self.new("builtin_interfaces/msg/Time", sec=0, nanosec=0)
 
     def header(self) -> Any:

@@ -1,4 +1,4 @@
-"""settings.json: the rules and gates by which a folder's places were found, to find them again."""
+"""settings.json: the rules and gates from which a folder's places were made."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,13 +30,13 @@ _SETTINGS = "the settings of places, as 'pgm-places label' and 'pgm-places topol
 
 @dataclass(frozen=True, eq=False)
 class PlaceSettings:
-    """How the places of a folder were found.
+    """The rules and gates from which places were made.
 
     Parameters
     ----------
     rules : TopologyOptions
     doorways : Doorways or None
-        The gates of the map that counted as doorways; None where labels said what is one.
+        The gates that were accepted as doorways; None if doorways came from labels.
     """
 
     rules: TopologyOptions
@@ -45,7 +45,7 @@ class PlaceSettings:
 
 @dataclass(frozen=True)
 class _GateRecord:
-    """A gate with every digit: rounded, cells on the edge of its rectangle might fall out."""
+    """A gate with all digits: rounding could exclude cells on the edge of its rectangle."""
 
     centre_m: tuple[float, float]
     heading_rad: float
@@ -60,16 +60,15 @@ class _GateRecord:
 
 
 def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
-    """Write the settings into a folder; the paths written.
+    """Write the settings into a folder; returns the paths.
 
-    ``details/settings.json`` holds the rules and the gates, ``details/gate_places.png`` the place
-    between gates at each cell (16 bits, counted from 1, 0 for none, the top row first), if there
-    are gates.
+    ``details/settings.json`` holds the rules and the gates. With gates, ``details/gate_places.png``
+    holds the place between gates at each cell (16 bits, from 1, 0 for none, the top row first).
 
     Raises
     ------
     OutputError
-        Where a file cannot be written, or there are more than 65535 places between gates.
+        A file cannot be written, or there are more than 65535 places between gates.
     """
     record: dict[str, Any] = {
         "format": SETTINGS_FORMAT,
@@ -95,12 +94,12 @@ def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
 
 
 def load_settings(folder: Path) -> PlaceSettings | None:
-    """The settings in a folder; None where there are none.
+    """The settings in a folder; None if it has none.
 
     Raises
     ------
     InputError
-        Where a file is damaged, or they do not fit each other.
+        A file is damaged, or the files do not fit each other.
     """
     path = settings_path(folder)
     if not path.exists():
@@ -114,7 +113,7 @@ def load_settings(folder: Path) -> PlaceSettings | None:
 
 
 def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
-    """The gates, on a raster that may have other cells than the map."""
+    """The gates, on a raster whose resolution may differ from the map's."""
     raster = from_mapping(Raster, record["map"], path="map")
     gates = items_of(_GateRecord, record, "gates")
     numbers = raster.read_numbers(folder / Path(GATES_FILE).name)

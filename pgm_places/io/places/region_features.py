@@ -1,4 +1,4 @@
-"""Regions written as GeoJSON, for QGIS, the web and training, and gates read from plain data."""
+"""Regions as GeoJSON, for QGIS, the web and training, and gates from records."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +11,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 def read_gate(record: Mapping[str, Any]) -> Gate:
-    """The gate of a record; its corners follow from the rest.
+    """The gate of a record; its corners are computed.
 
     Raises
     ------
@@ -23,11 +23,11 @@ def read_gate(record: Mapping[str, Any]) -> Gate:
 
 
 def write_region_features(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write the regions as GeoJSON; the path.
+    """Write the regions as GeoJSON; returns the path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written.
+        The file cannot be written.
     """
     return write_json(path, topology.to_geojson())

@@ -1,4 +1,4 @@
-"""The folder of a labelled map: the names of its files, and where earlier versions left them."""
+"""File names in the folder of a labelled map, and those of earlier versions."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ NAMES_FILE, CHECK_FILE = "place_names.yaml", "check.csv"
 OVERVIEW_FILE = "overview.png"
 
 DETAILS = "details"
-"""The folder below it for files that programs read."""
+"""The subfolder for files that programs read."""
 
 SETTINGS_FILE, GATES_FILE = f"{DETAILS}/settings.json", f"{DETAILS}/gate_places.png"
 SUMMARY_FILE, MANIFEST_FILE = f"{DETAILS}/summary.json", f"{DETAILS}/manifest.json"
@@ -15,10 +15,10 @@ EXPORTS_FILE = f"{DETAILS}/exports.json"
 THUMBNAIL_FILE = f"{DETAILS}/thumbnail.png"
 
 OLD_PLACES_FILE = "topology.json"
-"""What the places were called before; ``places.json`` was then the settings."""
+"""The former file of places; ``places.json`` then held the settings."""
 
 OLD_FILES = (OLD_PLACES_FILE, Path(GATES_FILE).name)
-"""What earlier versions called files that are written with places."""
+"""Former names of files that are written with places."""
 
 SETTINGS_FORMAT = "pgm-places settings of places"
 _HEAD = 200
@@ -36,19 +36,19 @@ def places_path(folder: Path) -> Path:
 
 
 def settings_path(folder: Path) -> Path:
-    """The file of the settings by which a folder's places were found."""
+    """The file of the settings of a folder's places."""
     path, old = folder / SETTINGS_FILE, folder / PLACES_FILE
     return old if not path.exists() and _is_settings(old) else path
 
 
 def detail_path(folder: Path, name: str) -> Path:
-    """A file of ``details``; where there is none, of the folder itself, as earlier versions had."""
+    """A file in ``details``; if missing, in the folder itself, as in earlier versions."""
     path, old = folder / name, folder / Path(name).name
     return old if old.exists() and not path.exists() else path
 
 
 def _is_settings(path: Path) -> bool:
-    """Whether a ``places.json`` is an earlier version's."""
+    """Whether a ``places.json`` holds settings, as in earlier versions."""
     try:
         with path.open("rb") as file:
             return SETTINGS_FORMAT.encode() in file.read(_HEAD)

@@ -1,4 +1,4 @@
-"""Ids of the nodes and edges of a route graph that stay the same from export to export."""
+"""Stable ids of the nodes and edges of a route graph across exports."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,10 +13,10 @@ from pgm_places.progress import warn
 from pgm_places.topology.route_graph import RouteGraph
 
 FIRST_NODE, FIRST_EDGE = 10_001, 30_001
-"""Lower ids are those of places. Nav2 holds ids in 16 bits."""
+"""Lower ids belong to places. Nav2 holds ids in 16 bits."""
 
 SAME_M = 0.5
-"""A node this near to one of the earlier graph is the same node."""
+"""A node within this distance of an earlier one is the same node."""
 
 _MOST_BYTES = 1 << 28
 
@@ -28,7 +28,7 @@ class EarlierIds:
     Parameters
     ----------
     nodes : dict
-        Positions (x, y) in metres of the nodes that stand for no place, by id.
+        Positions (x, y) in metres of the nodes without a place, by id.
     edges : dict
         Id of each directed edge by the ids of its ends.
     """
@@ -38,9 +38,9 @@ class EarlierIds:
 
     @classmethod
     def read(cls, path: Path | None) -> "EarlierIds":
-        """Those of a GeoJSON file that an export wrote; none without one.
+        """The ids in a GeoJSON file of an earlier export; none without a file.
 
-        A file that is damaged, or not ours, is warned of: all ids are new.
+        A damaged or foreign file gives a warning, and all ids are new.
         """
         if path is None or not path.is_file():
             return cls()
@@ -63,7 +63,7 @@ class EarlierIds:
 
 
 def node_ids(routes: RouteGraph, earlier: EarlierIds) -> list[int]:
-    """The id of each node: of its place, of the earlier node at its position, or a new one."""
+    """The id of each node: its place's, an earlier node's at its position, or a new one."""
     places = {node.region for node in routes.nodes if node.is_anchor}
     ids: list[int | None] = [node.region if node.is_anchor else None for node in routes.nodes]
     taken = {*places}
@@ -78,7 +78,7 @@ def node_ids(routes: RouteGraph, earlier: EarlierIds) -> list[int]:
 def edge_ids(
     ways: Sequence[tuple[int, int]], nodes: Sequence[int], earlier: EarlierIds
 ) -> list[int]:
-    """The id of each directed edge between ids of nodes: that of the earlier edge, or a new one."""
+    """The id of each directed edge, by the ids of its nodes: the earlier one, or a new one."""
     new = _unused(FIRST_EDGE, {*nodes, *earlier.edges.values(), *earlier.nodes})
     own = {*nodes}
     known = [earlier.edges.get(way) for way in ways]
@@ -86,7 +86,7 @@ def edge_ids(
 
 
 def _matches(routes: RouteGraph, earlier: EarlierIds) -> Iterator[tuple[int, int]]:
-    """Nodes, by position in the graph, and earlier ids near them, the nearest first."""
+    """Pairs of a node's index and an earlier id near it, the nearest pairs first."""
     if not earlier.nodes or not routes.nodes:
         return
     from scipy.spatial import cKDTree
@@ -102,5 +102,5 @@ def _matches(routes: RouteGraph, earlier: EarlierIds) -> Iterator[tuple[int, int
 
 
 def _unused(first: int, taken: set[int]) -> Iterator[int]:
-    """Numbers from ``first`` on that are not taken."""
+    """Unused numbers from ``first`` on."""
     return (number for number in count(first) if number not in taken)

@@ -1,4 +1,4 @@
-"""Places as files: places.json with its images, the user's names, and places to check."""
+"""Files of a topological map: places.json with its images, names, and the check table."""
 
 import dataclasses
 import json
@@ -42,12 +42,12 @@ from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
 MOST = 65535
-"""The largest number that such an image holds."""
+"""The largest number in an image of numbers."""
 
 
 @dataclass(frozen=True)
 class Raster:
-    """The cells of a map, as a record states them."""
+    """Shape and frame of a map's raster in a record."""
 
     rows: Annotated[int, Ge(1)]
     columns: Annotated[int, Ge(1)]
@@ -57,21 +57,21 @@ class Raster:
 
     @classmethod
     def of(cls, grid: OccupancyGrid) -> Self:
-        """That of a map."""
+        """The raster of a map."""
         return cls(*grid.shape, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
 
     def grid(self, free: NDArray[np.bool_]) -> OccupancyGrid:
-        """A map whose other cells are unknown."""
+        """A map of this raster with free cells; all others are unknown."""
         cells = np.where(free, FREE, UNKNOWN).astype(np.int8)
         return OccupancyGrid(cells, self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
     def read_numbers(self, path: Path, *, max_pixels: int = MAX_PIXELS) -> NDArray[np.int32]:
-        """(H, W) the numbers of an image of this raster, row 0 at the bottom.
+        """(H, W) the numbers in an image of this raster, row 0 at the bottom.
 
         Raises
         ------
         InputError
-            It is damaged, or another image.
+            The image is damaged, or has another size or format.
         """
         shape = (self.rows, self.columns)
         with open_image(path, InputError, max_pixels=max_pixels) as image:
@@ -83,7 +83,7 @@ class Raster:
 
 
 def write_numbers(path: Path, numbers: NDArray[np.integer]) -> Path:
-    """Write numbers (H, W) from 0 to 65535, row 0 at the bottom; the path.
+    """Write numbers (H, W) from 0 to 65535, row 0 at the bottom; returns the path.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def write_numbers(path: Path, numbers: NDArray[np.integer]) -> Path:
 
 
 def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> NDArray[np.integer]:
-    """(H, W) the greys of such an image, row 0 at the bottom.
+    """(H, W) the greys of an image of probabilities, row 0 at the bottom.
 
     Raises
     ------
     error
-        It is damaged, or not of the map's shape.
+        The image is damaged, or its shape is not the map's.
     """
     with open_image(path, error) as image:
         shares = image.stored()
@@ -116,9 +116,9 @@ def read_shares(path: Path, shape: tuple[int, ...], error: type[InputError]) -> 
 def load_probabilities(
     folder: Path, label_names: Sequence[str], layout: GridLayout
 ) -> NDArray[np.float32] | None:
-    """(N, K) probability of each label at the nodes of a map; None where a label has no image.
+    """(N, K) probability of each label at the nodes of a map; None if a label has no image.
 
-    They were rounded to 1/255, and are made to add up to one again.
+    The images hold multiples of 1/255, which are normalised to sum to one.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def load_probabilities(
     Raises
     ------
     InputError
-        An image is damaged, or is not of the map's size.
+        An image is damaged, or its size is not the map's.
     """
     columns = [_share_of(folder, name, layout) for name in label_names]
     if any(column is None for column in columns):
@@ -143,13 +143,13 @@ def load_probabilities(
 def load_hall(
     folder: Path, label_names: Sequence[str], layout: GridLayout
 ) -> NDArray[np.float32] | None:
-    """(N,) the probability of a hall where it is no label but known; see `load_probabilities`."""
+    """(N,) the probability of a hall if it is an extra image; see `load_probabilities`."""
     share = None if HALL in label_names else _share_of(folder, HALL, layout)
     return None if share is None else share / np.float32(255)
 
 
 def _share_of(folder: Path, name: str, layout: GridLayout) -> NDArray[np.float32] | None:
-    """(N,) the greys of a label's image at the nodes; None where it has none."""
+    """(N,) the greys of a label's image at the nodes; None without an image."""
     path = detail_path(folder, probability_file(name))
     if not path.exists():
         return None
@@ -165,7 +165,7 @@ _WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' wr
 
 @public
 def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
-    """Write a topological map into a folder; the paths written.
+    """Write a topological map into a folder; returns the paths.
 
     ``places.json`` holds regions, connections, corrections and the map's frame;
     ``regions.png`` the id of the region at each cell (16 bits, 0 for none, the top row first);
@@ -174,7 +174,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     Raises
     ------
     OutputError
-        Where a file cannot be written, or there are more than 65535 ids.
+        A file cannot be written, or there are more than 65535 ids.
     """
     target = Path(folder)
     if topology.next_id - 1 > MOST:
@@ -213,14 +213,14 @@ def _region_record(region: Region) -> dict[str, Any]:
 def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> TopologicalMap:
     """The topological map that ``save_topology`` wrote into a folder.
 
-    Its grid has the map's frame; cells of regions are free, all others unknown. ``max_pixels`` is
-    the largest map that is read. Folders of earlier versions, whose places are in
-    ``topology.json``, are read as well.
+    Its grid has the map's frame; cells of regions are free, all others unknown. ``max_pixels``
+    limits the map's size. Folders of earlier versions, with places in ``topology.json``, can be
+    read.
 
     Raises
     ------
     InputError
-        Where a file is missing, damaged, or does not fit the others.
+        A file is missing, damaged, or does not fit the others.
     """
     source = user_path(folder, InputError)
     path, again = places_path(source), "write it again"
@@ -229,12 +229,12 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
 
 
 def load_named_topology(folder: Path | str) -> TopologicalMap:
-    """What :func:`load_topology` reads, with the names now in ``place_names.yaml``.
+    """The map of :func:`load_topology`, with the current names in ``place_names.yaml``.
 
     Raises
     ------
     InputError
-        As ``load_topology``, or two places would have the same name.
+        As ``load_topology``; also if two places would have the same name.
     """
     return renamed(load_topology(folder), read_own_names(folder))
 
@@ -288,7 +288,7 @@ def _region(
     unknown = sorted(set(item) - {*hints, "gate"})
     if unknown:
         raise InputError(f"{path} has the unknown key {quoted(unknown[0])}")
-    item = {"hall": None, **item}  # earlier versions did not write it
+    item = {"hall": None, **item}  # absent in files of earlier versions
     values = {key: check_option(f"{path}.{key}", hint, item[key]) for key, hint in hints.items()}
     if values["label"] not in label_names:
         raise InputError(f"{path}.label {quoted(values['label'])} is not among label_names")
@@ -300,7 +300,7 @@ def _region(
 def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | None = None) -> Path:
     """Write a user's name for an id into ``place_names.yaml``; other lines stay as they are.
 
-    The file is that of ``folder``, or where ``into`` is given a changed copy in that folder.
+    The file is in ``folder``; with ``into``, a changed copy is written to that folder instead.
 
     Raises
     ------
@@ -311,7 +311,7 @@ def write_own_name(folder: Path | str, number: int, name: str, *, into: Path | N
     """
     path = Path(folder) / NAMES_FILE
     (name,) = plain_names(f"{path}: names of places", [name])
-    read_own_names(folder)  # a damaged file is not made longer
+    read_own_names(folder)  # refuses a damaged file
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     own = f"{number}: {json.dumps(name, ensure_ascii=False)}"  # a JSON string is a YAML string
     at = [k for k, line in enumerate(lines) if line.split(":")[0].strip() == str(number)]
@@ -347,14 +347,14 @@ _COLUMNS = (*_PLACE, *_DOUBT, "rooms", "to_split", "finer_label", "hall")
 
 
 def check_table(topology: TopologicalMap) -> str:
-    """Comma-separated values: a row per place, those with the most doubtful area first.
+    """Comma-separated values: a row per place, largest uncertain area first.
 
     Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
     ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times
-    area), ``x_m``, ``y_m``: the place's anchor in the map frame, ``rooms``: how many rooms the
-    place looks like, if more than one, ``to_split``: the command that makes them places, to be run
-    in the table's folder, ``finer_label``: ``hall`` where a corridor is likelier to be a hall, else
-    the label, and ``hall``: the probability of a hall, where halls are shown as corridors.
+    area), ``x_m``, ``y_m``: the place's anchor in the map frame, ``rooms``: the number of rooms
+    that the place looks like, if more than one, ``to_split``: the command that splits it, to be run
+    in the table's folder, ``finer_label``: ``hall`` if a corridor is more likely a hall, else the
+    label, and ``hall``: the probability of a hall, if halls are shown as corridors.
     """
     count = {item.place.id: item.count for item in split_candidates(topology)}
     rows: list[Iterable[object]] = [_COLUMNS]
@@ -373,11 +373,11 @@ def check_table(topology: TopologicalMap) -> str:
 
 
 def write_checks(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write the table; the path.
+    """Write the check table; returns the path.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written.
+        The file cannot be written.
     """
     return write_text(path, check_table(topology))

@@ -30,7 +30,8 @@ def test_grey_205_of_a_map_saver_is_unknown_whatever_its_threshold_says(tmp_path
     assert found.unknown_value == 205
     assert found.warnings == (
         "16.7 % of the pixels have grey 205, which map savers write for unknown: read as unknown, "
-        "although by free_thresh 0.25 it is free (50/255 = 0.196). 'pgm-places doctor map.yaml --fix' "
+        "although by free_thresh 0.25 it is free (50/255 = 0.196). 'pgm-places doctor map.yaml "
+        "--fix' "
         'corrects the file; if free is meant, pass unknown_value = "none" (--unknown-value none)',
     )
 
