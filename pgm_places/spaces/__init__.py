@@ -1,1 +1,1 @@
-"""The shape of free space: segments at several scales, gates between them, places between gates."""
+"""Free space as segments at several scales, gates between them, and places between gates."""

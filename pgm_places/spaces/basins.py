@@ -1,4 +1,4 @@
-"""Basins: the finest pieces of open space, one around every summit of the relief (watershed)."""
+"""Watershed basins of open space: one around every summit of the relief."""
 
 from dataclasses import dataclass
 
@@ -43,7 +43,7 @@ class Basins:
     n_lines: int
 
     def segment_of_line(self, segment_of: NDArray[np.int32]) -> NDArray[np.int32]:
-        """(n_lines,) the segment shared by all basins beside a line, -1 if they differ."""
+        """(n_lines,) the common segment of all basins adjacent to a line, -1 if they differ."""
         low = np.full(self.n_lines, np.iinfo(np.int32).max, np.int32)
         high = np.full(self.n_lines, -1, np.int32)
         line, segment = self.beside[:, 0] - self.count, segment_of[self.beside[:, 1]]
@@ -92,7 +92,7 @@ def find_basins(relief: NDArray[np.int32]) -> Basins:
     flat, steps = relief.reshape(-1), neighbour_steps(relief.shape[1])
     ways = np.zeros(flat.size, np.uint8)
     basin = np.full(flat.size, -1, np.int32)
-    scratch = np.empty(flat.size, np.int32)  # pages are only touched as far as it is used
+    scratch = np.empty(flat.size, np.int32)  # the system allocates only the pages in use
     _core.steepest_ways(flat, steps, ways)
     _core.cross_plateaus(flat, steps, ways, basin, scratch)
     ranks = np.empty(flat.size // 4 + 1, np.int64)  # summits do not touch
@@ -129,7 +129,7 @@ def _settled(
     area: NDArray[np.int64],
     volume: NDArray[np.int64],
 ) -> tuple[NDArray[np.int32], int, NDArray[np.int64]]:
-    """New numbers of basins and lines: lines beside a single largest basin become part of it."""
+    """New numbers of basins and lines; a line with a single largest basin joins it."""
     line, basin = beside.T
     order = np.lexsort((volume[basin], area[basin], rank[basin], line))
     line, basin = line[order], basin[order]
@@ -152,7 +152,7 @@ def _settled(
 
 
 def sum_up(grid: OccupancyGrid, basins: Basins, relief: NDArray[np.int32]) -> BasinSums:
-    """The sums of all basins, in one pass over the map."""
+    """The sums of all basins and lines, in one pass over the map."""
     directions = _directions()
     n = len(basins.area)
     total = np.zeros((n, _N_SUMS), np.int64)

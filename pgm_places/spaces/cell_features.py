@@ -1,4 +1,4 @@
-"""Features of cells from the segments they are in, looked up one chunk of cells at a time."""
+"""Space features of cells, assembled from the features of their segments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ _WIDEST_M, _SHORTEST_M, _ASPECT = 3.0, 3.0, 0.5
 
 
 _CELL_COLUMNS = 3
-"""What a cell adds to the columns of its segment: depth, way out, and the way out's width."""
+"""Columns of a cell in addition to its segment's: depth, way out, and its width."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentLookup:
-    """The parts that a cell's features are assembled from, by segment.
+    """Lookup tables by segment, from which the features of cells are assembled.
 
     Cells outside all segments use an extra segment S with features 0 and no openings.
 
@@ -56,7 +56,7 @@ class SegmentLookup:
 
     @classmethod
     def of(cls, division: Segments, table: NDArray[np.float64]) -> Self:
-        """The lookup of a scale, or of places, with the features (S, F) of its segments."""
+        """The lookup of a scale or of places, from the features (S, F) of its segments."""
         openings, resolution_m = division.openings, division.watershed.grid.resolution_m
         ends, count = openings.segments.reshape(-1), division.count
         order = np.argsort(ends, kind="stable")
@@ -75,7 +75,7 @@ class SegmentLookup:
 
     @property
     def n_columns(self) -> int:
-        """F + 3: the columns of the segment, and the three that a cell adds."""
+        """F + 3: the columns of the segment, and three of the cell."""
         return self.table.shape[1] + _CELL_COLUMNS
 
 
@@ -83,7 +83,7 @@ class SegmentLookup:
 class Lookups:
     """The lookups of several divisions: all columns of cells, the clearance first.
 
-    Nothing here holds the rasters of the map.
+    They do not hold rasters of the map.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class CellFeatures:
         )
 
     def lookup(self, cells_rc: ArrayLike, columns: ArrayLike | None = None) -> NDArray[np.float32]:
-        """(n, F) features of cells: those of ``columns``, by default all of ``names``.
+        """(n, F) features of cells for ``columns``, by default all of ``names``.
 
         For cells outside all segments of a scale, the columns of that scale are 0, except for the
         distance to the nearest opening, which is 10 m. Openings are treated as straight lines.
@@ -238,8 +238,8 @@ class NodeSegments:
     segment : (N,) int16 or int32
         The segment of each node, -1 for none.
     is_ribbon : (S,) bool
-        Segments at most 3 m wide, at least 3 m long, and twice as long as wide: most are stretches
-        of corridor, also where nothing is mapped beside them.
+        Segments at most 3 m wide, at least 3 m long, and twice as long as wide: mostly parts of
+        corridors, also in incomplete maps.
     """
 
     segment: NDArray[np.int16] | NDArray[np.int32]
@@ -261,10 +261,10 @@ _COLUMNS = [spec.id for spec in SEGMENT_FEATURES]
 
 @dataclass(frozen=True, eq=False)
 class NodeFeatures:
-    """What :class:`CellFeatures` says of the nodes of a map.
+    """The features of :class:`CellFeatures` at the nodes of a map.
 
-    The basins and heights of the nodes are all that is kept of the map's rasters, half of which
-    are walls and unknown space; on a huge map that is half a gigabyte less.
+    It stores basins and heights of the nodes only, not the map's rasters, half of which are walls
+    and unknown space; on a huge map that saves half a gigabyte.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ class NodeFeatures:
 
     @property
     def segments(self) -> NodeSegments:
-        """The segments of the finest scale that the nodes lie in."""
+        """The segments of the finest scale that contain the nodes."""
         return NodeSegments.of(self.lookups.parts[0], self.basin)
 
     def write(

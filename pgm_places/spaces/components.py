@@ -1,4 +1,4 @@
-"""Neighbours and connected components of small graphs, without importing SciPy for them."""
+"""Neighbours and connected components of small graphs, without an import of SciPy."""
 
 import numpy as np
 from numpy.typing import NDArray

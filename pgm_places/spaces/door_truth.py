@@ -15,7 +15,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import Gates
 
-_LEAST_OVERLAP = 0.3  # the narrowest chord beside an open door leaf is oblique
+_LEAST_OVERLAP = 0.3  # the narrowest chord next to an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
 _MARGIN_M = 0.1
 
@@ -27,9 +27,9 @@ class DoorScores:
     Parameters
     ----------
     doors, found : int
-        Number of true doors, and how many of them are matched by an accepted gate.
+        Number of true doors, and of true doors that an accepted gate matches.
     accepted, right : int
-        Number of accepted gates with known truth, and how many of them match a door.
+        Number of accepted gates with known truth, and of those gates that match a door.
     """
 
     doors: int
@@ -46,7 +46,7 @@ class DoorScores:
 
     @property
     def missed(self) -> int:
-        """Doors that were not found."""
+        """Doors that no accepted gate matches."""
         return self.doors - self.found
 
     @property
@@ -56,12 +56,12 @@ class DoorScores:
 
     @property
     def recall(self) -> float | None:
-        """Recall: share of the doors that were found; None if there are none."""
+        """Recall: share of the doors that are matched; None without doors."""
         return self.found / self.doors if self.doors else None
 
     @property
     def precision(self) -> float | None:
-        """Precision: share of the accepted gates that are doors; None if there are none."""
+        """Precision: share of the accepted gates that are doors; None without accepted gates."""
         return self.right / self.accepted if self.accepted else None
 
 
@@ -91,7 +91,7 @@ class DoorMatch:
     def scores(self, accepted: ArrayLike) -> DoorScores:
         """The scores of the accepted gates (G,) bool.
 
-        Doors under 0.1 m2 need not be found: they are drawing errors.
+        Doors under 0.1 m2 do not count as missed: they are drawing errors.
         """
         taken = np.asarray(accepted)
         if taken.shape != self.door.shape or taken.dtype != np.bool_:
@@ -142,12 +142,12 @@ def match_painted(
     """The door matched by each painted doorway, by the rule for gates: for methods without gates.
 
     A painted doorway is a piece of cells that a method labelled ``doorway``, of at least 0.1 m2:
-    as smaller doors need not be found, smaller pieces are not counted.
+    smaller doors do not count either.
 
     Parameters
     ----------
     painted : (H, W) int
-        What the method found for each cell, -1 for none.
+        The method's label of each cell, -1 for none.
     grid : OccupancyGrid
     labels : (H, W) int
         Label of each cell, -1 where unknown.
@@ -175,7 +175,7 @@ def unmatched_doors(
 ) -> tuple[Gate, ...]:
     """A gate for each door that no candidate matches: the rectangle around its cells.
 
-    One passes across the longer side of the rectangle, which lies along the main axis of the cells.
+    The passage is across the longer side of the rectangle, along the main axis of the cells.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def true_doors(known: LabelledMap, doorway: int) -> tuple[Gate, ...]:
 
 
 def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:
-    """The rectangle around cells (n, 2), across whose longer side one passes."""
+    """The rectangle around cells (n, 2), with the passage across its longer side."""
     points = grid.cell_centres_m(cells)
     centred = points - points.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1]  # by ascending spread: the passage, the width

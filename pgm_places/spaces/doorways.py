@@ -1,4 +1,4 @@
-"""Doorways of a map: its accepted gates, and the raster of the places on either side."""
+"""Doorways: the accepted gates of a map, and the raster of the places between them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from pgm_places.spaces.places import Places
 
 @dataclass(frozen=True, eq=False)
 class RasterRuns:
-    """The values of a raster, row after row, each with the cells in a row that have it.
+    """A run-length encoded raster.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class RasterRuns:
         )
 
     def raster(self) -> NDArray[Any]:
-        """(H, W) the raster, a new one each time."""
+        """(H, W) the decoded raster, not cached."""
         raster_of_runs = np.empty(self.shape, self.dtype)
         for rows, (values, lengths) in zip(bands_of_rows(self.shape), self.bands, strict=True):
             raster_of_runs[rows] = np.repeat(values, lengths).reshape(-1, self.shape[1])
@@ -63,19 +63,19 @@ def _runs(flat: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int32]]:
 
 @dataclass(frozen=True, eq=False)
 class Doorways:
-    """The gates of a map that count as doorways, and the places between them.
+    """The gates of a map that are accepted as doorways, and the places between them.
 
     Parameters
     ----------
     grid : OccupancyGrid
-        The map they were found in.
+        The map.
     gates : tuple of Gate
         The doorways, as rectangles in the map frame.
     probability : (G,) float64
         Probability that each is a doorway.
     place : (H, W) int16 or int32
-        Number of the place that each cell is in, -1 for none; the smaller type if it holds them.
-        It is kept as runs of equal numbers: the raster is a new one each time it is asked for.
+        Number of each cell's place, -1 for none, in the smaller type if possible. It is stored
+        run-length encoded: each access decodes a new raster.
     """
 
     grid: OccupancyGrid
@@ -97,7 +97,7 @@ class Doorways:
         object.__delattr__(self, "place")
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """``place``, which is written out from its runs."""
+        """``place``, decoded from its runs."""
         if name != "place" or "_runs" not in self.__dict__:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         raster: NDArray[Any] = self.__dict__["_runs"].raster()
@@ -139,7 +139,7 @@ class Doorways:
         )
 
     def with_known(self, gates: Sequence[Gate]) -> Self:
-        """These doorways and others that are certain."""
+        """The doorways with further ones of probability 1."""
         probability = np.append(self.probability, np.ones(len(gates)))
         return replace(self, gates=(*self.gates, *gates), probability=freeze(probability))
 
@@ -168,7 +168,7 @@ class Doorways:
                 f"map has {sizes_m[1, 0]:g} x {sizes_m[1, 1]:g} m"
             )
         factor = factor_between(grid.resolution_m, self.grid.resolution_m)
-        # Only cells of the last blocks stick out: they take the nearest row and column.
+        # Only cells of the last blocks lie outside: they use the nearest row and column.
         rows, columns = (
             np.minimum(holders(np.arange(n), factor), last - 1)
             for n, last in zip(grid.shape, self.grid.shape, strict=True)

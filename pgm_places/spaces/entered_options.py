@@ -1,4 +1,4 @@
-"""Options of what counts as entered; read by commands before anything else is imported."""
+"""Options of unreachable free space, in a module that commands import quickly."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from pgm_places.options import AtLeastZero, Options
 
 @dataclass(frozen=True)
 class EnteredOptions(Options):
-    """What counts as entered, and whether the rest is labelled.
+    """Detection and labelling of unreachable free space.
 
     Parameters
     ----------

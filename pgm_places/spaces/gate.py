@@ -1,4 +1,4 @@
-"""A gate: an oriented rectangle through which one passes from one segment to another."""
+"""Gate: an oriented rectangle, the opening between two segments."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
 _FARTHEST = 2.0**40
-"""Cells, beyond every map."""
+"""A distance in cells beyond every map."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A rectangle through which one passes from one segment to another.
+    """An oriented rectangle, the opening between two segments.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Gate:
     def contains(
         self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
     ) -> NDArray[np.bool_]:
-        """(n,) which points (n, 2) of the map frame are inside.
+        """(n,) whether points (n, 2) of the map frame are inside.
 
         ``wider_m`` and ``deeper_m`` extend the width and the depth at either end.
         """

@@ -1,4 +1,4 @@
-"""Gates: narrow openings between segments; some are doorways."""
+"""Gate candidates: narrow openings between segments, some of which are doorways."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ MOST_HALF_WIDTH_M = 1.6
 """Openings with more clearance than this are not gates."""
 
 LEAST_WIDTH_M = 0.2
-"""Narrower gaps are not gates: nobody passes between a wall and a table leg."""
+"""Narrower gaps are not gates, such as between a wall and a table leg."""
 
 # Chords are tried every 7.5 degrees.
 N_DIRECTIONS = 24
 
 OFFSETS_M = np.arange(-15, 16) / 10
-"""Where widths are measured: up to 1.5 m before and behind a gate."""
+"""Positions of the width profile: up to 1.5 m before and behind a gate."""
 
 _LONGEST_M = 3.0
 """Length limit of a chord on each side."""
 
 _WIDER, _WIDER_M = 1.25, 0.1
-"""A gate extends as far as the passage is at most this much wider than at its narrowest."""
+"""A gate's depth ends where the passage is wider than its narrowest width by this much."""
 
 _MOST_DEPTH_AT_CUTS_M = 0.4
-"""Where nothing narrows, how far a passage is narrow says nothing; walls are rarely thicker."""
+"""Largest depth of gates at cuts, where nothing narrows; walls are rarely thicker."""
 
 _FARTHEST_M, _NEAR_M = 10.0, 3.0
-"""How far other gates are told apart as features, and up to where they are counted."""
+"""Largest distance to other gates as a feature, and radius within which they are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +82,14 @@ class Gates:
 
     @property
     def at_cuts(self) -> NDArray[np.bool_]:
-        """(G,) which lie at a cut of the segmentation: nothing need narrow there."""
+        """(G,) which gates lie at a cut of the segmentation, where nothing need narrow."""
         return _at_cuts(self.segmentation, self.openings)
 
 
 def gate_candidates(segmentation: Segmentation) -> Gates:
     """The openings of the finest scale that are narrow enough to be doorways.
 
-    These have a half width under 1.6 m at the saddle. The width of a gate is the shortest of 24
+    Their half width at the saddle is under 1.6 m. The width of a gate is the shortest of 24
     chords of free cells through its middle, up to 3 m to either side, and at least 0.2 m; its depth
     is the extent over which the passage is at most 1.25 times as wide plus 0.1 m, at cuts of the
     segmentation at most 0.4 m.
@@ -141,7 +141,7 @@ def _narrow_openings(segmentation: Segmentation) -> Openings:
 
 
 def _at_cuts(segmentation: Segmentation, openings: Openings) -> NDArray[np.bool_]:
-    """(O,) which openings have their centre beside a cut."""
+    """(O,) which openings have their centre next to a cut."""
     cuts, width = segmentation.cuts, segmentation.watershed.grid.shape[1] + 2
     if cuts is None:
         return np.zeros(len(openings), np.bool_)
@@ -255,7 +255,7 @@ def _others(gates: Gates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(G,) distance to the nearest other candidate, and the number of others nearby."""
     nearest, near = np.full(len(gates), _FARTHEST_M), np.zeros(len(gates))
     if len(gates):
-        # No gate beyond the next field is nearer than the farthest that counts.
+        # Gates beyond the adjacent fields are farther away than the largest distance.
         field = np.floor((gates.centre_m - gates.centre_m.min(axis=0)) / _FARTHEST_M)
         rows, columns = field.astype(np.int64).T
         n_columns = columns.max() + 1
@@ -273,7 +273,7 @@ def _same_pair(gates: Gates) -> NDArray[np.float64]:
 
 
 def _parted(gates: Gates, scale: int) -> NDArray[np.float64]:
-    """(G,) 1 if a scale separates the basins beside the gate, or if there is no such scale."""
+    """(G,) 1 if a scale separates the basins next to the gate, or does not exist."""
     scales = gates.segmentation.scales
     if scale >= len(scales):
         return np.ones(len(gates))

@@ -1,4 +1,4 @@
-"""Joining: which segments are one place, by weights for and against that add up."""
+"""Joining segments to places by greedy additive edge contraction (correlation clustering)."""
 
 import heapq
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pgm_places.spaces.components import components, neighbour_lists
 
 _UNIT = 1e-9
-"""Weights are added as multiples of this, so that their sums depend on no order."""
+"""Unit of weights, so that their sums do not depend on the order."""
 
 
 def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -16,7 +16,7 @@ def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -
 
     The two groups with the largest weight between them are joined first, and their weights to every
     other group added up, until all weights are negative: greedy additive edge contraction (Keuper
-    et al., 2015), which keeps the sum of the weights between groups low. Groups of equal weight are
+    et al., 2015), a heuristic for a small sum of weights between groups. Groups of equal weight are
     joined at once, so that the result does not depend on the numbers of the nodes.
 
     Parameters
@@ -24,10 +24,10 @@ def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -
     count : int
         N, the number of nodes.
     pairs : (E, 2) int
-        Pairs of nodes; of nodes that are no pair nothing is known, as of a weight of -0.
+        Pairs of nodes; other pairs have no weight, which equals a weight of -0.
     weights : (E,) float64
-        Positive if a pair belongs together, negative if it does not. It is joined in any case if
-        the weight is inf, and -inf outweighs all but that.
+        Positive if a pair belongs together, negative if not. A weight of inf always joins; -inf
+        outweighs all other weights.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -
 
 
 class _Groups:
-    """The groups that are left, their weights to each other, and the pairs that may be joined."""
+    """The current groups, the weights between them, and the queue of candidate pairs."""
 
     def __init__(self, count: int, pairs: NDArray[np.int32], weights: NDArray[np.float64]) -> None:
         self.into = list(range(count))
@@ -67,19 +67,19 @@ class _Groups:
         largest = 0
         while self.queue and (not pairs or -self.queue[0][0] == largest):
             negative, a, b = heapq.heappop(self.queue)
-            if self.weight[a].get(b) == -negative:  # else it has changed since, or is gone
+            if self.weight[a].get(b) == -negative:  # otherwise the entry is outdated
                 pairs.append((a, b))
                 largest = -negative
         return pairs
 
     def now(self, group: int) -> int:
-        """The group that one has become part of."""
+        """The current group that contains an original one."""
         while self.into[group] != group:
             group = self.into[group]
         return group
 
     def merge(self, a: int, b: int) -> None:
-        """Make one group of two."""
+        """Join two groups."""
         if len(self.weight[a]) < len(self.weight[b]):
             a, b = b, a
         self.into[b] = a
@@ -95,7 +95,7 @@ class _Groups:
 
 
 def _contracted(groups: _Groups) -> NDArray[np.int64]:
-    """(M, 2) the pairs that were joined."""
+    """(M, 2) the joined pairs."""
     joined: list[tuple[int, int]] = []
     while chosen := groups.best():
         for pair in chosen:

@@ -11,12 +11,12 @@ from pgm_places._core import number_openings
 from pgm_places.spaces.relief import half_width_m
 
 _REACH = 2
-"""Sites of one border are at most a cell apart: two halves."""
+"""Largest distance of neighbouring sites of a border, in half cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """Every site where basins of different segments touch.
+    """The sites where basins of different segments touch.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def find_openings(
     Parameters
     ----------
     borders : Borders
-        Those of a division at least as fine as all of them.
+        The borders of a division at least as fine as all of them.
     divisions : (D, B) int32
         Segment of each basin in each division.
     resolution_m : float
@@ -114,7 +114,7 @@ def find_openings(
 def _all_openings(
     borders: Borders, divisions: NDArray[np.int32], first: NDArray[np.int64], resolution_m: float
 ) -> Openings:
-    """The openings of all divisions, whose segments are numbered one division after the other."""
+    """The openings of all divisions, with segments numbered across divisions."""
     sides = np.sort(divisions[:, borders.basins], axis=2)
     division, site = np.nonzero(sides[..., 0] != sides[..., 1])
     segments = sides[division, site] + first[division, np.newaxis].astype(np.int32)
@@ -156,7 +156,7 @@ def _means(
 def _extents(
     offset: NDArray[np.float64], direction: NDArray[np.float64], opening: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """(O,) how far the sites of each opening reach along its direction."""
+    """(O,) the extent of each opening's sites along its direction."""
     along = offset[:, 0] * direction[opening, 0] + offset[:, 1] * direction[opening, 1]
     low, high = np.zeros((2, len(direction)))
     np.minimum.at(low, opening, along)
@@ -167,7 +167,7 @@ def _extents(
 def _directions(
     offset: NDArray[np.float64], opening: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
-    """(O, 2) principal axis of each opening's sites; (0, 0) where they have none."""
+    """(O, 2) principal axis of each opening's sites; (0, 0) for symmetric ones."""
     r, c = offset.T
     rr, rc, cc = (np.bincount(opening, moment, count) for moment in (r * r, r * c, c * c))
     # The principal eigenvector of [[rr, rc], [rc, cc]] is at half this angle.

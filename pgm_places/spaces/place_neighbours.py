@@ -1,4 +1,4 @@
-"""Which places lie beside each other: through a gate, or wall to wall."""
+"""Adjacency of places: through a gate, or across a wall."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ LEAST_SHARED_M = 1.0
 
 
 def neighbour_graph(places: Places) -> LabelGraph:
-    """The places as nodes, joined where a gate parts them or at least 1 m of a wall does.
+    """The places as nodes, joined if a gate or at least 1 m of a wall separates them.
 
-    Rooms of one kind are often side by side along a corridor, without a door between them; the
-    graph of ``places`` joins each of them with the corridor only. Walls thicker than 0.6 m, or what
-    lies in shafts between two walls, part no neighbours.
+    Rooms of one kind are often adjacent along a corridor, without a door between them; the graph
+    of ``places`` joins each of them only with the corridor. Places across walls thicker than
+    0.6 m, or across shafts between two walls, are not neighbours.
 
     Examples
     --------
@@ -41,9 +41,9 @@ def shared_walls(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(P, 2) pairs of places with a wall between them, and (P,) the length in metres they share.
 
-    Every row and every column of the map is followed: wherever it leaves one place and enters
-    another at most ``widest_wall_m`` further on, the two share one more side of a cell. Walls along
-    the axes of the map have their true length, oblique ones up to 1.41 times theirs.
+    Along every row and column of the map, two consecutive places at most ``widest_wall_m`` apart
+    share one side of a cell. Walls along the axes of the map have their true length, oblique ones
+    up to 1.41 times their length.
 
     Parameters
     ----------

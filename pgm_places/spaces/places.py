@@ -1,4 +1,4 @@
-"""Places: the areas between accepted gates, like the rooms and corridors a person would draw."""
+"""Places: the areas between accepted gates, such as rooms and corridors."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from pgm_places.spaces.segmentation import Segments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 
 _SURE = 1e-6
-"""Probabilities of gates are kept this far from 0 and 1, unless they are 0 or 1 exactly."""
+"""Least distance of uncertain probabilities of gates from 0 and 1."""
 
 _SLIVER_M2 = 2.0
 """Smaller segments behind an impassable gap are corners of a place, not places."""
@@ -23,13 +23,13 @@ _SLIVER_M2 = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The segments of the finest scale, joined wherever no gate that is a doorway separates them.
+    """The segments of the finest scale, joined unless a doorway separates them.
 
     Parameters
     ----------
     gates : Gates
     accepted : (G,) bool
-        Which of them count as doorways.
+        Which gates are accepted as doorways.
     segments : Segments
         The places as a division of the open space, with areas, openings, raster and graph.
     gate_places : (G, 2) int32
@@ -61,24 +61,24 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     """The places of a map between the gates that are doorways.
 
     Two segments of the finest scale belong to one place if an opening between them is too wide for
-    a gate. Between all others there are candidates, the most probable of which counts for the pair:
-    its log-odds speak for two places if they are positive, and otherwise for one. Where candidates
-    disagree, because one can go around a doorway through another opening, :func:`join` weighs them:
-    two places are parted by all gates between them, or they are one. Of a pair of segments that are
-    parted, the most probable gate counts as a doorway, and every other that is one rather than not;
-    what is left is a gap between two places. Gaps under 0.2 m, such as cracks in a wall or between
-    chairs in a row, are no candidates and join nothing; but segments under 2 m2 without another way
-    out join the neighbour behind their widest gap.
+    a gate. Between all others there are candidates; the most probable one counts for the pair, with
+    its log-odds for two places (positive) or one place (negative). If candidates disagree, because
+    another opening leads around a doorway, :func:`join` weighs them: either all gates between two
+    places separate them, or they are one place. Between two separated segments, the most probable
+    gate is a doorway, and so is every other gate above the threshold; the rest are gaps between two
+    places. Gaps under 0.2 m, such as cracks in a wall or between chairs in a row, are no candidates
+    and join nothing; but segments under 2 m2 without another way out join the neighbour behind
+    their widest gap.
 
     Parameters
     ----------
     gates : Gates
     accepted : (G,) bool or float
-        Which gates are doorways, or the probability that each is. Booleans, and probabilities of
-        exactly 0 and 1, are certain: what is certainly no doorway joins the segments on its sides
-        whatever other gates say, unless another gate between these two segments is a doorway.
+        Which gates are doorways, or their probabilities. Booleans, and probabilities of exactly 0
+        and 1, are certain: a certain non-doorway joins the segments on its sides regardless of
+        other gates, unless another gate between these two segments is a doorway.
     threshold : float
-        The probability that speaks neither for nor against a doorway, above 0 and below 1.
+        The probability at which a doorway is undecided, above 0 and below 1.
 
     Examples
     --------
@@ -142,7 +142,7 @@ def _probability(accepted: ArrayLike, n_gates: int) -> NDArray[np.float64]:
 
 
 def _log_odds(probability: NDArray[np.float64], threshold: float) -> NDArray[np.float64]:
-    """(G,) log-odds of each gate against those of the threshold, infinite if it is certain."""
+    """(G,) log-odds of each gate relative to the threshold, infinite for certain gates."""
     p = np.clip(probability, _SURE, 1 - _SURE)
     log_odds = np.log(p / (1 - p)) - np.log(threshold / (1 - threshold))
     log_odds[probability == 0], log_odds[probability == 1] = -np.inf, np.inf
@@ -160,7 +160,7 @@ def _strongest(segments: NDArray[np.int32], log_odds: NDArray[np.float64]) -> ND
 def _weighed_pairs(
     finest: Segments, gates: Gates, strongest: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """(E, 2) neighbouring segments, and (E,) how much speaks for their being one place."""
+    """(E, 2) neighbouring segments, and (E,) their weights for being one place."""
     openings = finest.openings
     weights = np.array([finest.count, 1])
     key, with_gate = openings.segments @ weights, gates.segments @ weights

@@ -1,4 +1,4 @@
-"""Open space, and its relief: the distance of each open cell to the nearest wall, smoothed."""
+"""Open space, and its relief: the smoothed distance of each open cell to the nearest wall."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,7 @@ FURNITURE_M2 = 0.35
 """Smaller obstacles, whether occupied or unknown, are filled: table legs, chairs, specks."""
 
 FURNITURE_M = 1.3
-"""Small obstacles that are longer are pieces of wall, such as a thin one between two doors; chosen
+"""Small obstacles that are longer are parts of walls, such as a thin wall between two doors; chosen
 on training buildings (docs/notes/tried.md)."""
 
 SMALLEST_SPACE_M2 = 1.0
@@ -42,11 +42,11 @@ def open_space(grid: OccupancyGrid, smallest_m2: float = SMALLEST_SPACE_M2) -> N
 _ROOT_UNIT = 1024
 
 UNIT = 9 * _ROOT_UNIT
-"""The height that corresponds to one cell; reliefs are integers."""
+"""The height of one cell; reliefs are integers."""
 
 _OFFSET = UNIT / 4
-"""How much smoothing lowers the distance on the middle line of a passage, to within a twelfth of a
-cell, whether the passage is an odd or an even number of cells wide."""
+"""The distance in cells by which smoothing lowers the middle line of a passage, to within a twelfth
+of a cell, for odd and even widths."""
 
 
 def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -71,8 +71,8 @@ def half_width_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
     """Half the width of the free space in metres at cells on its middle line, from their heights.
 
     ``(relief / UNIT + 1/4) resolution_m``: smoothing lowers the distance on the middle line of a
-    passage by a quarter of a cell, to within a twelfth, whether the passage is an odd or an even
-    number of cells wide. For cells beside the middle line see ``clearance_m``.
+    passage by a quarter of a cell, to within a twelfth, for odd and even widths. For cells off the
+    middle line see ``clearance_m``.
     """
     return np.asarray((np.asarray(relief, np.float64) + _OFFSET) * (resolution_m / UNIT))
 

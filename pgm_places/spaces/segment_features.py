@@ -18,7 +18,7 @@ from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURE
 
 @dataclass(frozen=True, eq=False)
 class SegmentRows:
-    """The segments of divisions of one map, those of one division after those of the other.
+    """The segments of several divisions of a map, concatenated.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class SegmentRows:
 
     @cached_property
     def first(self) -> NDArray[np.int64]:
-        """(D + 1,) the first segment of each division, and S, the number of all."""
+        """(D + 1,) the first segment of each division, and the total number S."""
         return np.cumsum([0, *(division.count for division in self.divisions)])
 
     @property
@@ -77,11 +77,11 @@ class SegmentRows:
         return self._numbered(division.neighbours for division in self.divisions)
 
     def by_division(self, values: NDArray[Any]) -> list[NDArray[Any]]:
-        """Values (S, ...) of all segments as those of each division."""
+        """Values (S, ...) of all segments, split by division."""
         return np.split(values, self.first[1:-1])
 
     def _numbered(self, pairs: Iterator[NDArray[np.int32]]) -> NDArray[np.int64]:
-        """Pairs of segments of each division by their numbers among all."""
+        """Pairs of segments of each division, in the numbers of the concatenation."""
         starts = self.first.tolist()
         return np.concatenate(
             [part.astype(np.int64) + start for part, start in zip(pairs, starts, strict=False)]
@@ -92,7 +92,7 @@ NARROW_M = 0.8
 """Half width of the widest opening that counts as narrow."""
 
 _MOST_SOURCES = 1000
-"""Number of sources per component; the time is their number times that of the edges."""
+"""Largest number of sources per component; the time grows with sources times edges."""
 
 _Columns = Mapping[str, NDArray[np.float64]]
 
@@ -100,8 +100,8 @@ _Columns = Mapping[str, NDArray[np.float64]]
 def segment_features(*divisions: Segments) -> NDArray[np.float64]:
     """(S, 37) the features of every segment of a scale, or of every place.
 
-    The columns are those of ``SEGMENT_FEATURES``, which defines them. The segments of several
-    divisions of one map follow each other; none of them knows of another division.
+    ``SEGMENT_FEATURES`` defines the columns. The segments of several divisions of a map are
+    concatenated; divisions do not influence each other.
 
     Examples
     --------
@@ -246,14 +246,14 @@ def _of_largest_neighbour(
     i, j = _both_ways(segments)
     order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first
     of_largest = np.zeros_like(picked)
-    of_largest[i[order]] = picked[j[order]]  # the last one stays
+    of_largest[i[order]] = picked[j[order]]  # of several, the last assignment wins
     return of_largest
 
 
 def shape_columns(rows: SegmentRows) -> dict[str, NDArray[np.float64]]:
     """(S,) values of all segments of some divisions by feature: see ``SHAPE_FEATURES``.
 
-    Beside these, ``outline`` is its length along sides of cells, including openings. Roundness is 1
+    In addition, ``outline`` is its length along sides of cells, including openings. Roundness is 1
     for a disc or a square, near 0 for a line.
     """
     resolution_m, area, radius, count = rows.resolution_m, rows.area_m2, rows.radius_m, rows.count

@@ -1,4 +1,4 @@
-"""Segments: the open space of a map divided at narrow passages, at several scales."""
+"""Segmentation: the open space of a map divided at narrow passages, at several scales."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,11 +23,11 @@ from pgm_places.spaces.relief import clearance_m, half_width_m, open_space, reli
 __all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
 
 RATIOS: tuple[float, ...] = (0.9, 0.75, 0.6)
-"""Neighbours are one segment if the pass between them is wider than this share of the smaller
-one's radius: the larger the share, the finer the segments."""
+"""Neighbours are merged if the pass between them is wider than this share of the smaller one's
+radius: the larger the share, the finer the segments."""
 
 _LEAST_RADIUS_M = 0.15
-"""Narrower basins, such as gaps between specks, join a neighbour whatever the pass."""
+"""Narrower basins, such as gaps between specks, always join a neighbour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ class Segmentation:
     scales : tuple of Segments
         The finest first.
     cuts : (n, 2) int or None
-        Row and column of the cells at which segments end though nothing narrows there.
+        Row and column of further cells at which segments end, without a narrowing.
 
     Examples
     --------
@@ -180,7 +180,7 @@ class Segmentation:
         Small obstacles are filled and free pieces under 1 m2 dropped (``open_space``); the
         distance to the walls, smoothed by one cell, is cut into basins by a watershed; basins are
         merged over passes wider than a share of the smaller one's radius, the widest passes first.
-        Time and memory are linear in the cells: about 20 bytes a cell at most, 8 of them kept.
+        Time and memory are linear in the cells: about 20 bytes a cell at most, 8 in the result.
 
         Parameters
         ----------
@@ -188,8 +188,8 @@ class Segmentation:
         ratios : tuple of float
             Shares in (0, 1], from the finest scale to the coarsest.
         cuts : (n, 2) int, optional
-            Row and column of cells at which segments end as well, though nothing narrows there:
-            lines from wall to wall whose cells share sides. Widths are as without them.
+            Row and column of further cells at which segments end, without a narrowing: lines from
+            wall to wall whose cells share sides. They do not change widths.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Segmentation:
 
 @contextmanager
 def _lowered(relief: NDArray[np.int32], cuts: NDArray[np.integer] | None) -> Iterator[None]:
-    """The relief with its open cells at the cuts as low as can be: no segment crosses them."""
+    """Lower the relief to its minimum at the cuts during the block, so that no segment crosses."""
     if cuts is None:
         yield
         return
@@ -222,7 +222,7 @@ def _lowered(relief: NDArray[np.int32], cuts: NDArray[np.integer] | None) -> Ite
 
 
 def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segments, ...]:
-    """Divisions with the given segments of all basins (D, B), no finer than the borders kept."""
+    """Divisions by the segments of basins (D, B), at most as fine as the watershed's borders."""
     basins, resolution_m = watershed.basins, watershed.grid.resolution_m
     openings = find_openings(watershed.borders, divisions, resolution_m)
     numbers = (
@@ -263,7 +263,7 @@ def _divisions(
     for root, ratio in zip(divisions, ratios, strict=True):
         area = basins.area[: basins.count].copy()
         merge_basins(pairs, widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
-        number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own
+        number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own parent
         root[:] = number[root]
     return divisions, touching
 

@@ -1,4 +1,4 @@
-"""The tables of features of segments, of the cells in them, and of gates and places: definitions.
+"""Definitions of the features of segments, their cells, gates and places.
 
 Lengths are metres, areas square metres. "Half width" is the distance to the nearest wall on the
 middle line of a passage (``half_width_m``). The building is all of the map's open space.
@@ -15,9 +15,9 @@ class SpaceSpec:
     Parameters
     ----------
     id
-        Name of the feature; that of a column adds the scale: ``aspect[0.9]``.
+        Name of the feature; the name of a column adds the scale: ``aspect[0.9]``.
     definition
-        What it is, in metres where it has a unit.
+        The definition; lengths in metres.
     """
 
     id: str
@@ -88,7 +88,7 @@ CELL_FEATURES: tuple[SpaceSpec, ...] = (
     SpaceSpec("way_out", "distance to the nearest opening of its segment, at most 10"),
     SpaceSpec("way_out_width", "half width of that opening, 0 where there is none"),
 )
-"""What a cell adds for each scale.
+"""Features of a cell at each scale.
 
 Its ``clearance``, the distance to the nearest wall, is the same at all scales.
 """
@@ -157,10 +157,10 @@ PLACE_FEATURES: tuple[SpaceSpec, ...] = (*SEGMENT_FEATURES, *PLACE_EXTRA_FEATURE
 EARLIER_SPACE_FEATURES = frozenset(
     {"16c75677abdf46a8f6138b08322a2797de1e21ec9ce817813fb3e7816029f8a8"}
 )
-"""Digests of earlier definitions, models of which are still read. Up to 0.4, thin pieces of wall
-counted as furniture; lists that learned then judge the gates found now no worse."""
+"""Digests of earlier definitions whose models can be read. Up to 0.4, thin pieces of wall counted
+as furniture; lists trained then are as accurate on today's gates."""
 
-_DEFINITIONS_VERSION = 1  # counted up where a definition changes but its words do not
+_DEFINITIONS_VERSION = 1  # incremented if a definition changes but its text does not
 
 
 def space_features_hash() -> str:

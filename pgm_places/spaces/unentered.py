@@ -1,4 +1,4 @@
-"""Free space that was never entered: rays through windows, glimpses, what no robot gets to."""
+"""Unreachable free space: rays through windows, glimpses through doors, too narrow parts."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,63 +16,63 @@ from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.relief import open_space
 
 MOST_RADIUS_M = 1e3
-"""Of the disc; a larger one is a slip."""
+"""The largest disc radius."""
 
-# Rays are looked for with discs of so many times the radius.
+# Multiples of the radius of the discs that detect rays.
 SCALES = (1, 2)
 
-# A wall so far behind a border is the border's: some robots' maps have a rim of unknown cells.
+# A wall within this distance behind a border belongs to it: some maps have a rim of unknown cells.
 RIM_M = 0.1
 
-# Smaller islands of unknown cells are shadows of obstacles: a border at them is one at a wall.
+# Smaller islands of unknown cells are shadows of obstacles, and count as walls.
 SHADOW_M2 = 1.0
 
-# Where at least so much of a piece's border is at unknown space, it was seen and not entered: a
-# piece too narrow for the disc, and one that it fits into.
+# Least share of unknown space along the border of a piece that was seen but not entered: for a
+# piece too narrow for the disc, and for one that the disc fits into.
 NARROW_UNKNOWN, WIDE_UNKNOWN = 0.8, 0.7
 
-# A narrow piece also has to reach so many radii beyond the disc: corners and sills do not.
+# A narrow piece must also extend by this many radii beyond the disc: corners and sills do not.
 NARROW_DEPTH = 2.0
 
-# A space that is cut off was entered all the same, its door being closed on the map, where it is
-# so large and no more of its border is at unknown space.
+# A disconnected space counts as entered (through a door that is closed on the map) from this area
+# on, up to this share of unknown space along its border.
 ROOM_M2, ROOM_UNKNOWN = 4.0, 0.5
 
-# So was a larger one with more of its border at unknown space: the other half of a floor, behind a
-# gap that the disc does not pass or a wall that somebody has drawn.
+# Larger spaces may have more unknown space along their border: the other half of a floor, behind a
+# narrow gap or a drawn wall.
 FLOOR_M2, FLOOR_UNKNOWN = 10.0, 0.6
 
-# So was one that is walled in: the outline of a piece of furniture.
+# A walled-in space counts as entered, too: the outline of a piece of furniture.
 BOX_UNKNOWN = 0.1
 
-# What is cut off and smaller belongs to what is beside it, where less of its border is at unknown
-# space: corners between chairs, and specks in walls.
+# Smaller disconnected pieces belong to their surroundings up to this share of unknown space along
+# their border: corners between chairs, and specks in walls.
 SCRAP_M2, SCRAP_UNKNOWN = 1.0, 0.7
 
-# Where at least so much of the edge of the map is free, the free space along it lies outside the
-# building, as far as a disc gets that is wider than doors. At least half of the free space must be
-# left, as a map may be cropped through its rooms; less where all of the edge is free.
+# From this free share of the map's edge on, the free space along it is outside the building, as far
+# as a disc wider than doors reaches. At least half of the free space must remain, as a map may be
+# cropped through its rooms; less if all of the edge is free.
 EDGE_FREE, OUTSIDE_RADIUS_M, LEAST_INSIDE = 0.4, 0.6, 0.5
 ALL_FREE, LEAST_SURROUNDED = 0.95, 0.1
 
-# Where less was never entered in all, it is not worth a word.
+# A smaller total area is not reported.
 LEAST_M2 = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Unentered:
-    """Free space that was never entered; false if there is none.
+    """The unreachable free space of a map; false if it is empty.
 
     Parameters
     ----------
     cells : (H, W) bool
-        Which free cells it is.
+        Its cells.
     area_m2 : float
-        Their area.
+        Its area.
     free_m2 : float
         Area of all free space.
     outside_m2 : float
-        Part of ``area_m2`` that lies outside the building, along the edge of the map.
+        The part of ``area_m2`` outside the building, along the edge of the map.
     """
 
     cells: NDArray[np.bool_]
@@ -100,16 +100,15 @@ def find_unentered(
     *,
     except_at: NDArray[np.bool_] | None = None,
 ) -> Unentered:
-    """The free cells of a map that were never entered.
+    """The unreachable free cells of a map, which a robot cannot have entered.
 
-    Free space, small obstacles filled, falls into pieces: those where a disc fits in, with all
-    that it covers there, and what is left between and beyond them. Wide pieces were not entered if
-    their borders are at unknown space, and narrow ones if they also reach farther than the disc is
-    wide: rays and fans of them. Discs of one and two radii are used in turn. What then does not
-    hang together with the largest part was not entered either. A disc of half the radius decides,
-    so that a narrow door is one as long as it has walls on both sides; rooms of their own, other
-    parts of a floor, boxes and scraps count as entered. If much of the map's edge is free, the free
-    space along it is outside the building.
+    Free space, with small obstacles filled, is divided into wide pieces (the cells covered by a
+    disc that fits) and narrow pieces (the rest). Wide pieces are unreachable if their borders are
+    mostly at unknown space; narrow ones if they also extend farther than the disc is wide: rays and
+    fans. This is repeated with discs of one and two radii. Then pieces that are not connected with
+    the largest part are unreachable, by a disc of half the radius, so that narrow doors between
+    walls connect; separate rooms, other parts of a floor, boxes and scraps count as entered. If
+    much of the map's edge is free, the free space along it is outside the building.
 
     Time and memory are linear in the cells: about 33 bytes a cell at most.
 
@@ -117,14 +116,14 @@ def find_unentered(
     ----------
     grid : OccupancyGrid
     disc_radius_m : float
-        With 0 nothing is found.
+        0 makes all free space reachable.
     except_at : (H, W) bool, optional
-        Cells that were entered whatever the map says.
+        Cells that were certainly entered.
 
     Raises
     ------
     InputError
-        The radius is negative or above a kilometre, or the mask has another shape than the map.
+        The radius is negative or above a kilometre, or the shape of the mask is not the map's.
 
     Examples
     --------
@@ -167,9 +166,9 @@ def find_unentered(
 def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
     """(H, W) the free cells outside a building whose surroundings are free on the map, or None.
 
-    They are what a disc of 0.6 m can reach from the edge of the map without passing a door. Maps
-    with less than 40 % of their edge free have no outside, nor have those that it would leave less
-    than half of, or less than a tenth where at least 95 % of the edge is free.
+    A disc of 0.6 m can reach them from the edge of the map without passing a door. The result is
+    None if less than 40 % of the edge is free, or if less than half of the free space would remain
+    inside (less than a tenth if at least 95 % of the edge is free).
     """
     free = grid.free
     edge = np.concatenate([free[0], free[-1], free[1:-1, 0], free[1:-1, -1]])
@@ -177,7 +176,7 @@ def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
     if edge_free < EDGE_FREE:
         return None
     radius = OUTSIDE_RADIUS_M / grid.resolution_m
-    margin = 2 * ceil(radius) + 2  # free space around the map, in which the disc begins
+    margin = 2 * ceil(radius) + 2  # free space around the map, where the disc starts
     wider = np.pad(free, margin, constant_values=True)
     standing = squared_clearance(~wider) >= _standing(radius)
     _, piece, _ = _numbered(_kind(standing))
@@ -190,7 +189,7 @@ def outside_space(grid: OccupancyGrid) -> NDArray[np.bool_] | None:
 
 
 class _Sums(NamedTuple):
-    """Of each piece: sides of cells at walls, at unknown space and at other pieces, and so on."""
+    """Sums per piece: sides of cells at walls, at unknown space, at other pieces, and more."""
 
     at_walls: NDArray[np.int64]
     at_unknown: NDArray[np.int64]
@@ -202,16 +201,16 @@ class _Sums(NamedTuple):
 
 
 class _Raster:
-    """The part of a map around its free cells, in a frame; what was not entered is closed.
+    """The window of a map around its free cells, with a frame; unreachable cells are closed in it.
 
-    The frame counts as a wall: a map that was cropped says nothing of what lies beyond its edge.
+    The frame counts as a wall: a map has no information beyond its edge.
     """
 
     def __init__(self, grid: OccupancyGrid, disc_radius_m: float) -> None:
         self.cell_m2, self.radius = grid.resolution_m**2, disc_radius_m / grid.resolution_m
         self.rim = max(1, round(RIM_M / grid.resolution_m))
         farthest = (1 + NARROW_DEPTH) * max(SCALES) * self.radius
-        self.frame = ceil(max(farthest, self.rim)) + 2  # distances end where the raster does
+        self.frame = ceil(max(farthest, self.rim)) + 2  # distances are limited to the raster
         self.part = (_span(grid.free, 0, self.rim), _span(grid.free, 1, self.rim))
         part = grid.cells[self.part]
         self.cells = np.pad(part, self.frame, constant_values=OCCUPIED)
@@ -226,11 +225,11 @@ class _Raster:
         return slice(self.frame, height - self.frame), slice(self.frame, width - self.frame)
 
     def closed(self) -> NDArray[np.bool_]:
-        """The free cells of the part of the map that were closed."""
+        """The closed free cells of the window."""
         return np.asarray((self.cells[self._inside] == FREE) & ~self.is_open[self._inside])
 
     def close_rays(self) -> None:
-        """Close pieces that have unknown space around them, at all scales."""
+        """Close rays: pieces with unknown space along their border, at all scales."""
         for scale in SCALES:
             radius = scale * self.radius
             standing = self.squared >= _standing(radius)
@@ -238,7 +237,7 @@ class _Raster:
                 return  # the largest part of free space is nowhere as wide as that
             away = squared_clearance(standing)
             kind = _kind(standing)
-            kind[self.is_open & (away > int((radius + 0.5) ** 2))] = 1  # what it does not cover
+            kind[self.is_open & (away > int((radius + 0.5) ** 2))] = 1  # not covered by the disc
             scratch, piece, count = _numbered(kind)
             is_wide = np.zeros(count, np.bool_)
             is_wide[piece[standing]] = True
@@ -252,7 +251,7 @@ class _Raster:
             self._close(piece, chosen)
 
     def close_cut_off(self) -> None:
-        """Close what does not hang together with the largest part; rooms and scraps stay."""
+        """Close pieces that are not connected with the largest part; rooms and scraps stay."""
         scratch, piece, count = _numbered(_kind(self.squared >= _standing(self.radius / 2)))
         grow_pieces(self.is_open, np.ones(count, np.bool_), scratch, piece)
         rest = self.is_open & (piece < 0)
@@ -276,7 +275,7 @@ class _Raster:
         self._close(piece, ~(entered | beside))
 
     def _fill_shadows(self) -> None:
-        """Take small islands of what is not free for obstacles."""
+        """Treat small islands of cells that are not free as obstacles."""
         filled = np.empty(self.cells.shape, np.bool_)
         open_cells(_kind(self.is_open), 0, SHADOW_M2 / self.cell_m2, np.inf, 0.0, filled)
         self.cells[filled & ~self.is_open] = OCCUPIED
@@ -313,13 +312,13 @@ def _and_around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _numbered(kind: NDArray[np.int8]) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
-    """Scratch of a cell's size each, the piece (H, W) of each cell of a kind, and their number."""
+    """A scratch array, the connected piece (H, W) of each cell, and the number of pieces."""
     scratch, piece = np.empty(kind.size, np.int32), np.empty(kind.shape, np.int32)
     return scratch, piece, label_components(kind, True, scratch, piece)
 
 
 def _standing(radius: float) -> int:
-    """Squared distance to the nearest blocked cell's centre from which on a disc fits, in cells."""
+    """Least squared distance, in cells, to the nearest blocked centre at which a disc fits."""
     return ceil((radius + 0.5) ** 2 - 1e-6)
 
 
@@ -329,6 +328,6 @@ def _shares(sums: _Sums) -> NDArray[np.float64]:
 
 
 def _span(mask: NDArray[np.bool_], axis: int, margin: int) -> slice:
-    """The rows or columns that hold true cells, and some before and behind them."""
+    """The range of rows or columns with true cells, plus a margin."""
     where = np.flatnonzero(mask.any(axis=1 - axis))
     return slice(max(0, int(where[0]) - margin), int(where[-1]) + 1 + margin)
