@@ -57,7 +57,7 @@ class Status(StrEnum):
 
 _MEANINGS = {
     Status.EXACT: "proved best for the method's scores",
-    Status.CONVERGED: "converged to a local optimum; another labelling may score more",
+    Status.CONVERGED: "ended at a local optimum; another labelling may score more",
     Status.STOPPED: "the method reached its iteration limit before it settled; the labels can be "
     "used, but more iterations might change some",
     Status.RELAXED: "the solution of a relaxation, rounded; another labelling may score more",
