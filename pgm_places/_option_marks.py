@@ -1,4 +1,4 @@
-"""Marks of options: limits of numbers and lists, written beside their types.
+"""Marks of options: limits of numbers and lists, next to their types.
 
 Cheap stand-ins for annotated_types, whose limits are accepted too.
 """
@@ -43,7 +43,7 @@ class Lt(Mark):
 
 
 class MinLen(Mark):
-    """At least so many items."""
+    """At least this number of items."""
 
 
 class OrInfinite:

@@ -52,7 +52,7 @@ class MaskCells:
         return slice(int(self.row_start[rows.start]), int(self.row_start[rows.stop]))
 
     def nodes_at(self, cells_rc: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
-        """(n,) the number of each cell (n, 2) of the raster, -1 for those that are not true."""
+        """(n,) the number of each cell (n, 2) of the raster, -1 for false cells."""
         row, column = cells_rc.T
         nodes = np.full(len(cells_rc), -1, np.int64)
         for r, here in _by_value(row):

@@ -182,7 +182,7 @@ def _about_unary(median: float | None) -> list[str]:
         return [
             f"unary is very sure of itself (a factor of {np.exp(min(median, 700.0)):.0f} between "
             "the best labels of the median node): neighbours will change little; calibrate the "
-            "classifier, or score nodes that it has not seen"
+            "classifier, or use held-out scores"
         ]
     return []
 

@@ -31,7 +31,7 @@ def with_unseen_rows(
         partly = np.flatnonzero(missing.any(axis=1) & ~unseen)
         if len(partly):
             raise InputError(
-                f"{name} must be numbers in the whole row, or NaN in the whole row where nothing "
+                f"{name} must be numbers in all of a row, or NaN in all of it if nothing "
                 f"was observed; row {int(partly[0])} is NaN in part"
             )
         equal = 1.0 / n_columns if probable else -np.log(n_columns)

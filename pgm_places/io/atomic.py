@@ -1,4 +1,4 @@
-"""Atomic output: files and folders are written to a stage, then moved into place as a whole."""
+"""Atomic output: files and folders are written to a staging folder, then moved into place."""
 
 import contextlib
 import errno

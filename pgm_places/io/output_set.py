@@ -1,4 +1,4 @@
-"""Transactional output: files are staged, then moved into place together; others are kept."""
+"""Transactional output: files are staged, then moved into place together; others stay."""
 
 import contextlib
 import json
@@ -39,13 +39,7 @@ class OutputSet:
 
 
 def _refuse_address(folder: Path) -> None:
-    """Refuse ``s3://...`` and the like, which would become a folder called ``s3:``.
-
-    Raises
-    ------
-    OutputError
-        The path is an address.
-    """
+    """Refuse addresses such as ``s3://...``, which would become a folder called ``s3:``."""
     if is_address(folder):
         raise OutputError(
             f"{folder}: an address, not a folder on this machine; write to one and copy that"

@@ -113,7 +113,7 @@ class Segments:
 
     @cached_property
     def graph(self) -> LabelGraph:
-        """The segments as nodes; those that share an opening are joined."""
+        """The segments as nodes; segments that share an opening are joined."""
         return LabelGraph.from_edges(self.count, self.neighbours)
 
     @cached_property

@@ -120,7 +120,7 @@ class ScanColumns:
         if n_kept == self.n_scans:
             return trajectory, []
         return trajectory, [
-            f"the scans have different beams: {n_kept} of {kind.geometry} are kept, "
+            f"the scans have different beams: {n_kept} of {kind.geometry} are read, "
             f"{self.n_scans - n_kept} of other kinds left out"
         ]
 

@@ -122,7 +122,7 @@ def load_labels(
         The map that the labels belong to.
     names_path : Path, optional
         YAML file with ``values: {room: 77, ...}`` and ``ignore: 0`` (a value or a list); by
-        default ``<image>.yaml`` beside the image, else ``labels.yaml`` there.
+        default ``<image>.yaml`` in the image's folder, else ``labels.yaml`` there.
     classes : mapping of str to str, optional
         From the names of that file to label names; the key ``*`` stands for all other names. Names
         without an entry, or mapped to an empty string, have no label. Without a mapping the file's
@@ -158,7 +158,7 @@ def load_labels(
 def save_labels(
     path: Path | str, raster: ArrayLike, label_names: Sequence[str]
 ) -> tuple[Path, Path]:
-    """Write labels as an indexed PNG with its names beside it; ``load_labels`` reads them back.
+    """Write labels as an indexed PNG with a names file; ``load_labels`` reads them back.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ def _names_file(image_path: Path, names_path: Path | str | None) -> Path:
         return shared
     raise LabelError(
         f"{image_path}: its grey values have no names: neither {own.name} nor {shared.name} "
-        "exists beside it. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
+        "exists in its folder. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
     )
 
 

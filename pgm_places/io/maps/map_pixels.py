@@ -279,7 +279,7 @@ class MapPixels:
         return []
 
     def _of_second_grey(self) -> list[str]:
-        """A frequent grey that reads as free beside a freer one: it may mean unknown."""
+        """A warning of a second frequent grey that reads as free: it may mean unknown."""
         if self.unknown_value is not None or self.rules.mode != "trinary":
             return []
         free = np.flatnonzero(self.rules.tables()[1] == FREE)

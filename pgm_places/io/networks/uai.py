@@ -208,7 +208,7 @@ def read_uai_result(path: Path | str) -> UaiResult:
             if bad.any():
                 raise words.wrong(f"must hold labels from 0, got {labels[bad][0]:g}")
             return UaiResult(labels=labels.astype(np.int64))
-    raise words.wrong("must hold the number of nodes, then what is said of each")
+    raise words.wrong("must hold the number of nodes, then the values of each node")
 
 
 def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | None:

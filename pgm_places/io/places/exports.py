@@ -128,7 +128,7 @@ def write_node_link(path: Path | str, topology: TopologicalMap) -> Path:
 
 
 def write_dot(path: Path | str, topology: TopologicalMap) -> Path:
-    """Write ``topology.graph`` for Graphviz; positions are metres, kept by ``neato -n2``."""
+    """Write ``topology.graph`` for Graphviz; positions are metres, for ``neato -n2``."""
     lines = ["graph places {"]
     for region in topology.regions:
         shape = "box" if region.label == topology.doorway_label else "ellipse"

@@ -92,7 +92,7 @@ def generate_launch_description():
 """With ``files`` (launch arguments of nav2_bringup) and ``parameters``, a file's name."""
 
 LAUNCH_TEXT = '''\
-"""Starts the servers of the places beside a Nav2 that runs: Humble and Jazzy.
+"""Starts the servers of the places in addition to a running Nav2: Humble and Jazzy.
 
 From Kilted on, nav2_bringup starts them itself: use bringup.launch.py.
 """

@@ -164,7 +164,7 @@ def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path
         load_labels(path, NAMES, grid=free_grid(2, 3))
     assert str(caught.value) == (
         f"{path}: its grey values have no names: neither truth.yaml nor labels.yaml exists "
-        "beside it. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
+        "in its folder. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
     )
 
 
