@@ -1,4 +1,4 @@
-"""What plans do not show and buildings have: doors across passages, shelves, rooms mapped alone."""
+"""Alterations of training floors: doors across passages, shelves, and rooms mapped alone."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ Bytes = NDArray[np.uint8]
 Point = NDArray[np.float64]
 
 ROOM, DOORWAY, CIRCULATION = 2, 3, (1, 4, 5)
-"""Values of ``labels``, all as :class:`pgm_places.floor.crops.LabelledFloor` has them."""
+"""Values of ``labels``, as in :class:`pgm_places.floor.crops.LabelledFloor`."""
 
 _DOORWAY_DEPTH = 8
 """Cells of 0.1 m, as on all other floors."""
 
 _NARROWEST, _WIDEST, _LEAST_AHEAD = 11, 34, 20
-"""Passages that have doors across them, and how far they go on, in cells."""
+"""Widths of passages that get doors across them, and least length beyond, in cells."""
 
 _TURNS = np.linspace(0, np.pi, 24, endpoint=False)
 
@@ -32,7 +32,7 @@ class Piece(NamedTuple):
     """(h, w)."""
 
     def block(self, cells: NDArray[np.bool_], *, seen: bool = True) -> None:
-        """Close cells: no way leads there, and walls are seen there or nothing is."""
+        """Close cells, as walls or as unknown space."""
         if seen:
             self.occupied[cells] = 255
         self.free[cells] = 0
@@ -46,11 +46,11 @@ class Piece(NamedTuple):
 
 
 def hang_passage_doors(piece: Piece, rng: np.random.Generator) -> None:
-    """Double doors across corridors that stand open, as in hospitals and schools: little but jambs.
+    """Open double doors across corridors, as in hospitals and schools, of which mostly jambs show.
 
-    At a few places of a corridor, jambs of 0.1 to 0.3 m stand out from both walls, at times with
-    leaves along the walls, or with one leaf closed; what is between them becomes a doorway. At
-    others, a single piece stands out from one wall, and nothing changes.
+    At a few points of a corridor, jambs of 0.1 to 0.3 m project from both walls, at times with
+    leaves along the walls, or with one leaf closed; the cells between them become a doorway. At
+    other points, a single piece projects from one wall, and labels do not change.
     """
     circulation = np.isin(piece.labels, CIRCULATION)
     inside = np.argwhere(circulation[::2, ::2]) * 2
@@ -69,9 +69,9 @@ def hang_passage_doors(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _across(free: NDArray[np.bool_], point: Point) -> Point | None:
-    """(2, 2) the ends of the shortest line across a passage at a point; None where there is none.
+    """(2, 2) the ends of the shortest line across a passage at a point; None off passages.
 
-    A passage goes on for two metres, or until it is not seen, on both sides of the line.
+    A passage extends for two metres, or to unknown space, on both sides of the line.
     """
     ways = np.stack([np.sin(_TURNS), np.cos(_TURNS)], axis=1)
     reach = np.array([[_reach(free, point, sign * way) for sign in (1, -1)] for way in ways])
@@ -84,7 +84,7 @@ def _across(free: NDArray[np.bool_], point: Point) -> Point | None:
 
 
 def _reach(free: NDArray[np.bool_], point: Point, way: Point) -> int:
-    """How many cells are free in a row from a point on."""
+    """The number of consecutive free cells from a point on."""
     steps = np.arange(_WIDEST + 1)[:, np.newaxis]
     cells = np.rint(point + steps * way).astype(np.int64)
     inside = ((cells >= 0) & (cells < free.shape)).all(axis=1)
@@ -120,7 +120,7 @@ def _hang(
 
 
 def _draw(image: Bytes, start: Point, end: Point, thickness: int) -> None:
-    """A line of square ends from one (row, column) to another."""
+    """Draw a line with square ends from one (row, column) to another."""
     way = end - start
     angle = float(np.degrees(np.arctan2(way[0], way[1])))
     _rectangle(image, (start + end)[::-1] / 2, (float(np.hypot(*way)) + 1, thickness), angle)
@@ -135,7 +135,7 @@ def _rectangle(image: Bytes, centre_xy: Point, size: tuple[float, float], degree
 def put_up_shelves(piece: Piece, rng: np.random.Generator) -> None:
     """Rows of shelves and counters in large rooms, as in shops, libraries and warehouses.
 
-    The aisles between them are as wide as doorways and corridors, and remain room.
+    The aisles between them are as wide as doorways and corridors, but keep the label room.
     """
     for room in _rooms(piece, 2500):
         if rng.random() < 0.7:
@@ -143,7 +143,7 @@ def put_up_shelves(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _rooms(piece: Piece, least_cells: int) -> list[NDArray[np.bool_]]:
-    """The rooms of more cells than that."""
+    """The rooms with more than a number of cells."""
     n, part, stats, _ = cv2.connectedComponentsWithStats((piece.labels == ROOM).astype(np.uint8))
     return [part == k for k in range(1, n) if stats[k, cv2.CC_STAT_AREA] > least_cells]
 
@@ -174,7 +174,7 @@ def _fill(piece: Piece, room: NDArray[np.bool_], rng: np.random.Generator) -> No
 
 
 def leave_one_room(piece: Piece, rng: np.random.Generator) -> None:
-    """A single room with its walls; the rest of the building was never seen."""
+    """Keep one room with its walls; the rest of the building becomes unknown."""
     rooms = _rooms(piece, 2000)
     if not rooms:
         return

@@ -1,4 +1,4 @@
-"""The shape of the floor network: a U-Net of five levels, written once for every array library."""
+"""Architecture of the floor network: a U-Net of five levels, for any array library."""
 
 from collections.abc import Iterator
 from typing import Any, Protocol
@@ -9,17 +9,17 @@ CHANNELS = (16, 32, 48, 64, 96)
 """Channels of each level; cells of 0.2 m at the first, of 3.2 m at the last."""
 
 DEEPEST = 2 ** (len(CHANNELS) - 1)
-"""Rows and columns must be multiples of it."""
+"""Divisor of the numbers of rows and columns."""
 
 _LAST = len(CHANNELS) - 1
 _MIDDLE = ("middle1", "middle2")
 
 
 class Operations(Protocol):
-    """What the network is made of, on arrays (..., h, w, channels) of some library."""
+    """Operations of the network on arrays (..., h, w, channels) of some library."""
 
     def convolution(self, x: Any, name: str, *, stride: int = 1, dilation: int = 1) -> Any:
-        """The parameters of that name, padded with zeros so that the size is kept, or halved."""
+        """Convolution with the named parameters and zero padding; the size stays, or is halved."""
 
     def rectified(self, x: Any) -> Any:
         """The positive part."""
@@ -63,8 +63,9 @@ def _block(name: str, channels: int) -> Iterator[tuple[str, tuple[int, ...]]]:
 def forward(x: Any, net: Operations) -> Any:
     """Scores (..., h, w, 4) of the labels from inputs (..., h, w, 10).
 
-    Each level halves the raster; two dilated blocks at the deepest see 20 m each way and more; on
-    the way up, what a level saw before is added back (Ronneberger et al. 2015).
+    Each level halves the raster. Two dilated blocks at the deepest level cover 20 m and more in
+    each direction. On the way up, the earlier output of each level is added (Ronneberger et al.
+    2015).
     """
     h = net.rectified(net.convolution(x, "stem"))
     seen = [h]
@@ -83,7 +84,7 @@ def forward(x: Any, net: Operations) -> Any:
 
 
 def _residual(x: Any, name: str, net: Operations, dilation: int = 1) -> Any:
-    """What two convolutions add to x (He et al. 2016)."""
+    """A residual block of two convolutions (He et al. 2016)."""
     h = net.normalised(x, f"{name}.gain")
     h = net.rectified(net.convolution(h, f"{name}.first", dilation=dilation))
     return x + net.convolution(h, f"{name}.second")

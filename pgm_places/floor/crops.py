@@ -20,13 +20,13 @@ from pgm_places.floor.alterations import (
 from pgm_places.floor.raster import network_inputs, open_cells
 
 SIDE = 320
-"""Rows and columns of a piece, in cells of 0.1 m."""
+"""Rows and columns of a crop, in cells of 0.1 m."""
 
 N_TARGETS = 5
 """Corridor, room, doorway, hall, and circulation that may be corridor or hall."""
 
 _KNOT = 64
-"""Cells between the points at which a drift is drawn."""
+"""Cells between the random points of a drift."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +83,13 @@ def _shares(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(h, w) distance of the cells in the mask to the nearest outside, in cells."""
+    """(h, w) distance of the cells in the mask to the nearest cell outside, in cells."""
     depth = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(depth, np.float32)
 
 
 def _moved(floor: LabelledFloor, rng: np.random.Generator) -> Piece:
-    """A piece around some labelled cell: turned, mirrored, scaled, stretched, and bent by drift."""
+    """A crop around a random labelled cell, rotated, mirrored, scaled, stretched, and bent."""
     centre = floor.centres[rng.integers(len(floor.centres))][::-1] + rng.uniform(-60, 60, 2)
     angle = rng.uniform(0, 2 * np.pi)
     if rng.random() < 0.4:
@@ -123,12 +123,12 @@ def _drift(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def _thicken(piece: Piece, _: np.random.Generator) -> None:
-    """Walls are a cell thicker than they were."""
+    """Make walls a cell thicker."""
     piece.occupied[:] = cv2.dilate(piece.occupied, np.ones((2, 2), np.uint8))
 
 
 def _double(piece: Piece, rng: np.random.Generator) -> None:
-    """Walls of one half of the piece a second time, as after a pose error."""
+    """Repeat walls of one half of the crop, as after a pose error."""
     dy, dx = rng.integers(-4, 5, size=2)
     again = np.roll(piece.occupied, (dy, dx), (0, 1))
     y, x = np.mgrid[:SIDE, :SIDE] - SIDE / 2
@@ -140,7 +140,7 @@ def _double(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _close_doors(piece: Piece, rng: np.random.Generator) -> None:
-    """Some doorways are closed by a leaf, or were never seen."""
+    """Close some doorways by a leaf, or make them unknown."""
     n, part = cv2.connectedComponents((piece.labels == DOORWAY).astype(np.uint8))
     closed = np.zeros(n, np.bool_)
     closed[1:] = rng.random(n - 1) < rng.choice([0.1, 0.3])
@@ -148,7 +148,7 @@ def _close_doors(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _furnish(piece: Piece, rng: np.random.Generator) -> None:
-    """Boxes, full or seen from outside, in rooms and at times in corridors."""
+    """Put boxes, filled or hollow, into rooms and at times into corridors."""
     for _ in range(rng.integers(5, 60)):
         y, x = rng.integers(SIDE, size=2)
         height, width = rng.integers(2, 14, size=2)
@@ -164,7 +164,7 @@ def _furnish(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _shine_through_windows(piece: Piece, rng: np.random.Generator) -> None:
-    """Fans of rays that leave the building: free space that nobody entered, and no label."""
+    """Add fans of rays that leave the building: free space without a label."""
     unknown = (piece.free == 0) & (piece.occupied == 0)
     inside = np.argwhere(piece.free[::8, ::8] > 128) * 8
     for _ in range(rng.integers(1, 4) if len(inside) else 0):
@@ -178,7 +178,7 @@ def _shine_through_windows(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _hide(piece: Piece, rng: np.random.Generator) -> None:
-    """Parts that were not seen: ellipses, triangles, strips, or all beyond some distance."""
+    """Make parts unknown: ellipses, triangles, strips, or all cells beyond some distance."""
     hidden = np.zeros((SIDE, SIDE), np.uint8)
     for _ in range(rng.integers(1, 4)):
         y, x = (int(v) for v in rng.integers(0, SIDE, size=2))
@@ -202,7 +202,7 @@ def _hide(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _speckle(piece: Piece, rng: np.random.Generator) -> None:
-    """Single cells that are not free: occupied, or never seen."""
+    """Make single free cells occupied or unknown."""
     specks = rng.random(piece.free.shape) < rng.choice([0.002, 0.01])
     piece.free[specks] = 0
     piece.occupied[specks] = 255 if rng.random() < 0.5 else 0
@@ -220,7 +220,7 @@ _ALTERATIONS = (
     (0.4, False, _hide),
     (0.3, False, _speckle),
 )
-"""How often a piece is altered so, and whether only if nothing stands in it yet; in this order."""
+"""Alterations in their order: probability, and whether only for floors without furniture."""
 
 
 def batch(

@@ -1,4 +1,4 @@
-"""A labelled map as the raster of 0.1 m that the network learns from."""
+"""Labelled raster of 0.1 m, from a labelled map, for training the floor network."""
 
 from collections.abc import Sequence
 
@@ -10,15 +10,15 @@ from pgm_places.floor.raster import FloorRaster, holders
 from pgm_places.maps.labelled_map import LabelledMap
 
 CIRCULATION = len(LABELS) + 1
-"""The target of corridors where halls have no label of their own; those of labels begin with 1."""
+"""The target of corridors on maps without a label of halls; targets of labels begin with 1."""
 
 
 def labelled_raster(known: LabelledMap, label_names: Sequence[str]) -> dict[str, NDArray[np.uint8]]:
     """``free``, ``occ`` and ``lab`` (h, w), both even, in cells of 0.1 m.
 
     ``free`` is the share that is free, 0 to 255; ``occ`` is 255 where any part is occupied; ``lab``
-    is the most frequent label of its cells: 0 for none, else 1 and more in the order of the
-    network's labels, or ``CIRCULATION``. Labels that the network does not know are none.
+    is the most frequent label of its cells: 0 for none, else from 1 on in the order of the
+    network's labels, or ``CIRCULATION``. Labels that the network does not support become 0.
     """
     raster = FloorRaster.of(known.grid)
     rows, columns = (holders(n, known.grid.resolution_m) for n in known.grid.shape)

@@ -1,4 +1,4 @@
-"""Training of the floor network with TensorFlow: needed to learn, never to label."""
+"""Training of the floor network with TensorFlow, which labelling does not need."""
 
 import os
 import threading
@@ -20,17 +20,17 @@ Batch = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 BATCH = 8
 _WARM_UP = 60
-"""Steps over which the rate rises from nothing."""
+"""Steps over which the learning rate rises from zero."""
 
 _DECAY = 1e-3
 _HALLS = 0.3
-"""How much telling a hall from a corridor counts, against telling circulation from rooms."""
+"""Weight of the loss of hall against corridor, relative to circulation against rooms."""
 
 _SLOTS = ("weights", "averaged", "first", "second")
 
 
 def fresh(seed: int) -> dict[str, NDArray[np.float32]]:
-    """Random parameters (He et al. 2015); what a block adds begins small."""
+    """Random parameters (He et al. 2015); residual blocks begin small."""
     rng = np.random.default_rng(seed)
     weights = {}
     for name, shape in parameters():
@@ -44,7 +44,7 @@ def fresh(seed: int) -> dict[str, NDArray[np.float32]]:
 
 
 class _TensorFlow:
-    """The operations of the network on tensors of half the precision."""
+    """The operations of the network on tensors of half precision."""
 
     def __init__(self, weights: Mapping[str, Any]) -> None:
         self.weights = {name: tf.cast(value, tf.bfloat16) for name, value in weights.items()}
@@ -74,16 +74,16 @@ class _TensorFlow:
 def tensorflow_scores(
     weights: Mapping[str, NDArray[np.float32]], inputs: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """(h, w, 4) what the network scores while it learns, in half the precision."""
+    """(h, w, 4) scores of the network in half precision, as in training."""
     x = tf.cast(inputs[np.newaxis], tf.bfloat16)
     return np.asarray(tf.cast(forward(x, _TensorFlow(weights))[0], tf.float32))
 
 
 def _loss(scores: Any, shares: Any) -> tuple[Any, Any]:
-    """Cross entropy, rare labels weighing more, and the share of the cells that are right.
+    """Weighted cross entropy, and accuracy.
 
-    Within a piece a label weighs as the square root of its rarity, at most 5; a piece weighs as the
-    square root of its labelled cells.
+    Within a crop, a label has the weight of the square root of its inverse frequency, at most 5; a
+    crop has the weight of the square root of its labelled cells.
     """
     log_p = tf.nn.log_softmax(tf.cast(scores, tf.float32))
     circulation = tf.reduce_logsumexp(tf.gather(log_p, [0, 3], axis=-1), axis=-1)
@@ -106,12 +106,12 @@ def _loss(scores: Any, shares: Any) -> tuple[Any, Any]:
 
 @dataclass
 class Trainer:
-    """A network while it learns.
+    """A network in training.
 
     Parameters
     ----------
     start : mapping of str to array
-        The parameters of a network, new or trained; or what :meth:`state` was.
+        The parameters of a network, new or trained; or an earlier :meth:`state`.
     """
 
     start: Mapping[str, NDArray[Any]]
@@ -149,7 +149,7 @@ class Trainer:
     def learn(
         self, batches: Iterator[Batch], n_steps: int, rate_at: Callable[[int], float]
     ) -> tuple[float, float]:
-        """The mean loss and accuracy of some more steps; pieces are made in a second thread."""
+        """Train for some steps; mean loss and accuracy. A second thread makes the crops."""
         figures = []
         for x, y in _ahead(batches, n_steps):
             self.steps += 1
@@ -160,7 +160,7 @@ class Trainer:
         return float(loss), float(accuracy)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that training goes on from: parameters, their averages, moments, steps."""
+        """The state for continued training: parameters, their averages, moments, steps."""
         return {"steps": np.array(self.steps)} | {
             f"{slot}/{name}": value.numpy()
             for slot, values in self.slots.items()
@@ -186,7 +186,7 @@ class Trainer:
 
 
 def _ahead(batches: Iterator[Batch], n: int) -> Iterator[Batch]:
-    """The next n batches, made by a thread while others are learned from."""
+    """The next n batches, made by a second thread ahead of use."""
     queue: Queue[Any] = Queue(4)
 
     def fill() -> None:

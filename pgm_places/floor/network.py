@@ -1,4 +1,4 @@
-"""The floor network with NumPy alone: labelling needs no library of networks."""
+"""The floor network in NumPy, so that labelling needs no deep-learning library."""
 
 import math
 import zlib
@@ -14,7 +14,7 @@ from pgm_places.floor.architecture import forward, parameters
 Array = NDArray[np.float32]
 
 _VALUES_AT_ONCE = 400_000
-"""Numbers that are laid out for one matrix product: rows of the raster that stay in the cache."""
+"""Most numbers in the operand of one matrix product, so that it stays in the cache."""
 
 _LARGEST = 63
 
@@ -73,7 +73,7 @@ class FloorNetwork:
         return summed
 
     def rectified(self, x: Array) -> Array:
-        """The positive part, in place: nothing else reads it."""
+        """The positive part, in place."""
         return np.maximum(x, 0, out=x)
 
     def normalised(self, x: Array, name: str) -> Array:
@@ -88,7 +88,7 @@ class FloorNetwork:
         return x.repeat(2, axis=0).repeat(2, axis=1)
 
     def packed(self) -> NDArray[np.uint8]:
-        """Bytes of a fifth of the size: weights as whole numbers up to 63 of a unit per output."""
+        """A fifth of the bytes: weights quantised to integers up to 63, with a unit per output."""
         numbers, others = [], []
         for name, _ in parameters():
             values = self.weights[name]
@@ -100,14 +100,14 @@ class FloorNetwork:
             else:
                 others.append(values)
         head = np.concatenate(others).astype("<f4").tobytes()
-        # Weights repeat nothing: without a search for repetitions, they take 1 % less.
+        # Weights contain no repetitions: without a search for them, the result is 1 % smaller.
         writer = zlib.compressobj(9, memLevel=9, strategy=zlib.Z_HUFFMAN_ONLY)
         packed = writer.compress(np.concatenate(numbers).tobytes()) + writer.flush()
         return np.frombuffer(head + packed, np.uint8)
 
     @classmethod
     def unpacked(cls, data: NDArray[np.generic]) -> "FloorNetwork":
-        """The network that :meth:`packed` wrote.
+        """The network from the bytes of :meth:`packed`.
 
         Raises
         ------
@@ -146,5 +146,5 @@ def _is_kernel(name: str) -> bool:
 
 
 def _n_others(name: str, shape: tuple[int, ...]) -> int:
-    """How many numbers of full precision a parameter has: the units of a kernel, or itself."""
+    """Number of full-precision values of a parameter: the units of a kernel, or all."""
     return shape[-1] if _is_kernel(name) else math.prod(shape)

@@ -1,4 +1,4 @@
-"""The raster that the floor network sees, in cells of 0.1 m, and what it is told of each cell."""
+"""Raster of the floor network, in cells of 0.1 m, and its input channels."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from pgm_places.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 
 FARTHEST = 80
-"""Cells of 0.1 m beyond which a distance says nothing more."""
+"""Distances are clipped to this number of cells."""
 
 
 def open_cells(
     free: NDArray[np.uint8], occupied: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Two masks (h, w), what is not occupied and what is free, whose depths the network sees."""
+    """Two masks (h, w), not occupied and free, whose depths are inputs of the network."""
     return ~occupied, ~occupied & (free >= 128)
 
 
@@ -26,9 +26,9 @@ def network_inputs(
 ) -> NDArray[np.float32]:
     """(h / 2, w / 2, 10) inputs from a raster (h, w) of 0.1 m, both even.
 
-    For the four cells in each: the share that is free, and whether any part is occupied. For the
-    first of them: ln(1 + d) / 2 of its depths d (h, w) in the masks of :func:`open_cells`, the
-    distances to the nearest cell outside, in cells and at most 8 m.
+    For each of the four cells in a block: the free share, and whether any part is occupied. For the
+    first one: ln(1 + d) / 2 of its depths d (h, w) in the masks of :func:`open_cells`, which are
+    distances to the nearest cell outside, in cells, clipped at 8 m.
     """
     return np.concatenate(
         [
@@ -54,7 +54,7 @@ CELL_M = 0.1
 
 @dataclass(frozen=True, eq=False)
 class FloorRaster:
-    """What is known of a floor, in cells of 0.1 m.
+    """A floor in cells of 0.1 m.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class FloorRaster:
 
     @classmethod
     def of(cls, grid: OccupancyGrid) -> "FloorRaster":
-        """The raster of a map whose cells have any side."""
+        """The raster of a map of any resolution."""
         rows, columns = (holders(length, grid.resolution_m) for length in grid.shape)
         free = shares(grid.free, rows, columns)
         occupied = shares(grid.cells == OCCUPIED, rows, columns) > 0
@@ -82,9 +82,9 @@ class FloorRaster:
 
 
 def holders(length: int, resolution_m: float) -> NDArray[np.int64]:
-    """(length,) the raster's row, or column, that holds the centre of each of the map's.
+    """(length,) the raster's row, or column, that contains the centre of each row of the map.
 
-    Centres are compared in whole micrometres, so that 0.05 m never rounds to either side.
+    Centres are compared in integer micrometres, so that rounding of 0.05 m has no effect.
     """
     side, cell = round(resolution_m * 1e6), round(CELL_M * 1e6)
     return (2 * np.arange(length) + 1) * side // (2 * cell)
@@ -95,8 +95,8 @@ def shares(
 ) -> NDArray[np.float32]:
     """(h, w) the share of the map's cells in each cell of the raster that are in the mask.
 
-    A cell of the raster that holds no centre, where the map's cells are larger, takes the value of
-    the map's cell around its own centre.
+    If the map's cells are larger, a raster cell without a centre has the value of the map cell
+    at its own centre.
     """
     if len(np.unique(rows)) <= rows[-1] or len(np.unique(columns)) <= columns[-1]:
         return mask[np.ix_(_nearest(rows), _nearest(columns))].astype(np.float32)

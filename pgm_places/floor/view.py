@@ -1,4 +1,4 @@
-"""What several networks see of a whole floor, from several sides."""
+"""Views of a floor: scores of several networks in several orientations, averaged."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 _TILE, _MARGIN = 1024, 160
-"""Cells of 0.1 m: a tile is scored with so much around it, which its own cells need to see."""
+"""Margin of a tile in cells of 0.1 m: the receptive field of its cells."""
 
 _FRAME = 16
 """Cells of unknown space around a map."""
@@ -27,12 +27,12 @@ _CORRIDOR, _ROOM, _HALL = (LABELS.index(name) for name in ("corridor", "room", "
 
 @dataclass(frozen=True)
 class View:
-    """How a network looks at a map: turned, mirrored, and with its cells shifted by half of one.
+    """The orientation of a map for a network: rotated, mirrored, shifted by half a network cell.
 
     Parameters
     ----------
     network : int
-        Which network looks.
+        Index of the network.
     quarters : int
         Quarter turns.
     mirrored, shifted : bool
@@ -45,9 +45,9 @@ class View:
 
 
 def views_of(n_networks: int, per_network: int) -> tuple[View, ...]:
-    """So many views for each network, each from another side, half of them shifted.
+    """A number of views for each network, in different orientations, half of them shifted.
 
-    Networks begin at different sides, so that all sides take part though each network sees few.
+    Networks begin with different orientations, so that all orientations are used.
     """
     return tuple(
         View(n, (n + k) % 4, mirrored=(k // 2 + n // 2) % 2 == 1, shifted=(k + n // 2) % 2 == 1)
@@ -92,7 +92,7 @@ class FloorScores:
 def floor_scores(
     grid: OccupancyGrid, networks: Sequence[FloorNetwork], views: Sequence[View]
 ) -> FloorScores:
-    """What the networks make of a map, tile after tile; the same bits for any number of threads."""
+    """The networks' scores of a map, tile by tile; bitwise equal for any number of threads."""
     raster = FloorRaster.of(grid)
     h, w = raster.shape
     log_p = np.zeros((h, w, len(LABELS)), np.float16)
@@ -114,7 +114,7 @@ def _tiles(h: int, w: int) -> Iterator[tuple[slice, slice]]:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A tile with its surroundings, both sides multiples of what the network needs."""
+    """A tile with its margin, with sides that are multiples of the network's divisor."""
 
     free: NDArray[np.uint8]
     occupied: NDArray[np.bool_]
@@ -142,7 +142,7 @@ class _Piece:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself.
 
-        Views are added in their order, whichever thread is done first.
+        Views are added in a fixed order.
         """
         by_view: list[NDArray[np.float32] | None] = [None] * len(views)
 
@@ -155,7 +155,7 @@ class _Piece:
         total = np.zeros((*self.free.shape, len(LABELS)), np.float32)[self.inner]
         first, second = np.zeros((2, *total.shape[:2]), np.float32)
         for log_p in by_view:
-            assert log_p is not None  # run_tasks has run them all
+            assert log_p is not None  # run_tasks has set it
             total += log_p
             odds = np.logaddexp(log_p[..., _CORRIDOR], log_p[..., _HALL]) - log_p[..., _ROOM]
             first += odds
@@ -167,7 +167,7 @@ class _Piece:
         return mean, spread
 
     def _seen(self, network: FloorNetwork, view: View) -> NDArray[np.float32]:
-        """(h, w, 4) log-probabilities of the tile as a network sees it from some side."""
+        """(h, w, 4) log-probabilities of the tile in one view."""
         free, occupied, *depths = (
             _turned(v, view) for v in (self.free, self.occupied, *self.depths)
         )
@@ -196,9 +196,9 @@ def _normalised(scores: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(h, w) distance of the cells in the mask to the nearest outside, in cells; none is beyond.
+    """(h, w) distance of the cells in the mask to the nearest cell outside, in cells.
 
-    What is beyond a raster counts as outside, hence a frame.
+    Cells beyond the raster count as outside, hence a frame.
     """
     squared = squared_clearance(np.pad(~mask, FARTHEST))
     return np.sqrt(squared[FARTHEST:-FARTHEST, FARTHEST:-FARTHEST], dtype=np.float32)

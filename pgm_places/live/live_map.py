@@ -1,4 +1,4 @@
-"""A map that is labelled again whenever it changes, its places keeping their ids and names."""
+"""LiveMap: a map that is relabelled as it changes, with persistent ids and names of places."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,20 +25,19 @@ __all__ = ["LiveLabels", "LiveMap"]
 
 
 class SettledMap:
-    """Takes map after map, and holds back flickers.
+    """Filters flickering cells out of a sequence of maps.
 
-    Where a sensor is noisy, single cells of a map change to and fro, and with them what a robot
-    sees from everywhere around. A known cell that changes takes its new value at once if at least
-    ``few_cells`` cells beside each other have changed, and otherwise once ``few_maps`` maps on end
-    have said the same. Cells that were unknown are taken at once: the map grows. So a map that is
-    sent again and again is taken as it is in the end.
+    With a noisy sensor, single cells of a map change back and forth, and so do the scans around
+    them. A changed known cell gets its new value at once if at least ``few_cells`` adjacent cells
+    have changed, else once ``few_maps`` consecutive maps agree on the change. Cells that were
+    unknown change at once. A map that is sent repeatedly is therefore adopted completely.
 
     Parameters
     ----------
     few_cells : int
         Changes of fewer cells wait; 1 for none.
     few_maps : int
-        For so many maps, the first that says so counted.
+        Number of maps after which they change, the first one included.
 
     Examples
     --------
@@ -56,7 +55,7 @@ class SettledMap:
         self._times = np.zeros((0, 0), np.int32)
 
     def __call__(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """The map as it counts now, on the raster of the one that has come."""
+        """The filtered map, on the raster of the received map."""
         taken, sent, times = self._taken, self._sent, self._times
         self._sent, self._times = grid, np.ones(grid.shape, np.int32)
         if taken is not None and sent is not None and self.few_cells > 1:
@@ -70,49 +69,49 @@ class SettledMap:
         return grid
 
     def _settled(self, taken: NDArray[np.int8], grid: OccupancyGrid) -> NDArray[np.int8] | None:
-        """The cells that count; None where all of them are those of the map that has come."""
+        """The filtered cells; None if they equal those of the received map."""
         changed = (taken != UNKNOWN) & (taken != grid.cells)
         if not changed.any():
             return None
-        found = connected_components(changed)
-        few = found.size < self.few_cells
-        waits = changed & few[found.piece] & (self._times < self.few_maps)
+        pieces = connected_components(changed)
+        few = pieces.size < self.few_cells
+        waits = changed & few[pieces.piece] & (self._times < self.few_maps)
         return np.where(waits, taken, grid.cells) if waits.any() else None
 
 
 FEW_CELLS = 6
-"""Where 2 % of the cells flicker at random, one in a hundred of them has five flickering ones
-beside it."""
+"""If 2 % of the cells flicker at random, one in a hundred of them has five flickering
+neighbours."""
 
 FEW_MAPS = 5
-"""Specks of noise are gone from some of five maps; that a chair's leg waits for so many costs
-nothing."""
+"""Noise is absent from some of five maps; a delay of five maps does not matter for a chair's
+leg."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiveLabels:
-    """A labelled map of a sequence, and what has changed since the one before.
+    """A labelled map of a sequence, and its differences from the previous map.
 
     Parameters
     ----------
     map_seq : int
         Number of the map, from 1.
     labels : LabelledPlaces
-        As :func:`~pgm_places.labelling.label.label_map` would return them.
+        As returned by :func:`~pgm_places.labelling.label.label_map`.
     topology : TopologicalMap
         The places.
     appeared, vanished : tuple of int
-        Ids of places that are new, and of those that are gone.
+        Ids of new places, and of places that have vanished.
     moved : dict of int to float
-        How far the anchor of each place that stays has moved, in metres, where it did.
+        Distance in metres by which the anchor of each persisting place has moved, if it has.
     update : Update or None
-        What was cast; None where nothing is kept from map to map (custom features).
+        Counts of cast scans; None with custom features, which are not cached.
     merged : dict of int to int
-        For places that are gone: the place that has most of their area now.
+        For vanished places: the place that has most of their area now.
     parted : dict of int to int
-        For new places: the place of the map before that had most of their area.
+        For new places: the place of the previous map that had most of their area.
     warnings : tuple of str
-        Whether the map has another origin than earlier places, or is another map.
+        Warnings that the origin differs from that of earlier places, or that the map does.
     """
 
     map_seq: int
@@ -128,43 +127,42 @@ class LiveLabels:
 
 
 class LiveMap:
-    """Labels map after map of one building, as a robot that maps it sends them.
+    """Labels the successive maps of one building that a mapping robot sends.
 
-    Features are computed again only where a beam can have entered a changed cell
-    (:class:`~pgm_places.live.growing_features.GrowingFeatures`), and lists are asked again only
-    about cells whose features or spaces have changed
-    (:class:`~pgm_places.unary.feature_table.CachedFeatures`); both take most of the time. The
-    division into spaces, inference and places are computed for the whole map each time, because
-    a door that appears anywhere may turn two places into others. So labels are the same, to the
-    last bit, as those of the map labelled by itself.
+    Features are recomputed only where a beam can have entered a changed cell
+    (:class:`~pgm_places.live.growing_features.GrowingFeatures`), and scores only for cells whose
+    features or spaces have changed (:class:`~pgm_places.unary.feature_table.CachedFeatures`);
+    these steps take most of the time. The segmentation, inference and places are computed for the
+    full map each time, because a new door may change two places. Labels are therefore bitwise
+    equal to those of a single labelling of the map.
 
-    A change of a few cells counts once five maps on end have shown it
-    (:class:`~pgm_places.live.live_map.SettledMap`), so the map that is labelled may differ from
-    the one that has come by flickers: ``labels.grid`` is what was labelled.
+    A change of a few cells is used once five consecutive maps show it
+    (:class:`~pgm_places.live.live_map.SettledMap`), so the labelled map, ``labels.grid``, may
+    differ from the received one by flickering cells.
 
-    Ids and names persist: a place is recognised by its class and area in the map frame, also after
-    maps in which it was missing (:class:`~pgm_places.topology.place_ids.PlaceIds`).
+    Ids and names persist: a place is recognised by its class and area in the map frame, even after
+    maps without it (:class:`~pgm_places.topology.place_ids.PlaceIds`).
 
     Parameters
     ----------
     model : LoadedModel or PlaceLabeler
-        With its method and rules; a fitted labeler has the default ones.
+        The model with its method and rules; for a fitted labeler, the default ones.
     own_names : mapping of int to str, optional
         The user's names, by id.
     few_cells : int
-        Changes of fewer cells beside each other wait; 1 to take all at once.
+        Changes of fewer adjacent cells are delayed; 1 to delay none.
     few_maps : int
-        Until so many maps on end have shown them.
+        Number of consecutive maps for which they are delayed.
     memory : PlaceIds, optional
         The places of an earlier session
-        (:func:`~pgm_places.io.places.place_ids_file.read_session`): its ids and numbers of maps go
-        on.
+        (:func:`~pgm_places.io.places.place_ids_file.read_session`), whose ids and map numbers are
+        continued.
     n_threads : int, optional
 
     Raises
     ------
     NotFittedError
-        The labeler has not learned.
+        The labeler is not fitted.
     """
 
     def __init__(
@@ -189,12 +187,12 @@ class LiveMap:
         self.current: LiveLabels | None = None
 
     def on_map(self, grid: OccupancyGrid) -> LiveLabels:
-        """The labels and places of a map that has come.
+        """Label a received map.
 
         Raises
         ------
         MapError
-            The map has no free cell. The one before stays current.
+            The map has no free cell. The previous one stays current.
         """
         if not grid.free.any():
             raise MapError(
@@ -232,7 +230,7 @@ def _is_same(before: OccupancyGrid, now: OccupancyGrid) -> bool:
 def _differences(
     before: PlaceIds, now: TopologicalMap
 ) -> tuple[tuple[int, ...], tuple[int, ...], dict[int, float]]:
-    """Ids that appeared and vanished, and how far others' anchors moved in metres."""
+    """Ids that appeared and vanished, and the shifts of the other anchors in metres."""
     old = {number: before.places[number].anchor_m for number in before.last}
     new = {item.id: item.anchor_m for item in now.regions}
     moved = {

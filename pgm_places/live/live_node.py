@@ -1,4 +1,4 @@
-"""LiveNode: a robot's messages in, its places out, whatever carries the messages."""
+"""LiveNode: turns a robot's messages into places, independent of the middleware."""
 
 import json
 from collections import deque
@@ -19,47 +19,47 @@ from pgm_places.live.ros_codec import TYPES, RosCodec
 from pgm_places.sensing.map_agreement import WARN_BELOW
 
 HEALTH_S = 1.0
-"""How often the node says how it is doing."""
+"""Seconds between diagnostics."""
 
 JUMP_S = 1.0
-"""Scans that come this much before the one before them: the clock has been set back."""
+"""A scan is this much earlier (s) than the previous one if the clock was set back."""
 
 JUMPED_SCANS = 3
-"""So many of them on end: a single one is late."""
+"""Number of consecutive such scans that count as a clock reset; a single one is late."""
 
 SILENT_S = 5.0
-"""How long a robot sends no scans before that is said."""
+"""Seconds without scans after which silence is reported."""
 
 AGAIN_S = 10.0
-"""How long a complaint of one kind is not repeated."""
+"""Seconds for which a complaint of one kind is not repeated."""
 
 NO_MAP_AFTER_S = 5.0
 """Seconds of scans before a missing map is reported."""
 
 FIT_SCANS = 100
-"""Latest scans of which the share on free cells of the map is watched."""
+"""Number of latest poses whose share on free cells of the map is monitored."""
 
 MOST_WAITING = 1000
-"""Scans that wait for their transforms: more than any laser sends in the time that they may."""
+"""Most scans that wait for transforms: more than a laser sends within the tolerance."""
 
 
 class LiveNode:
-    """What a node of a robot does, without the middleware: bytes of messages in, bytes out.
+    """The live node of a robot without the middleware: bytes of messages in, bytes out.
 
-    An adapter hands over what comes (:meth:`take`), calls :meth:`turn` regularly, and sends what
-    it is given. Nothing here reads a clock: times are those of the messages and of the calls.
-    How long a scan waits for its transform is told by the calls, as stamps cannot tell it: a
-    transform may be dated ahead.
+    An adapter passes on received messages (:meth:`take`), calls :meth:`turn` regularly, and sends
+    the published bytes. The node reads no clock: all times come from messages and calls. The
+    waiting time of a scan is measured on the clock of the calls, because the stamp of a transform
+    may lie in the future.
 
     Parameters
     ----------
     finder : PlaceFinder
     service : MapLabellingService
-        Who labels the maps.
+        The service that labels the maps.
     publish : callable
-        Called with what it is (a key of ``ros_codec.OUTPUTS``) and its bytes.
+        Called with a key of ``ros_codec.OUTPUTS`` and the bytes of a message.
     complain : callable
-        Called with one line where something is wrong; each kind once in ten seconds.
+        Called with one line for each problem; each kind at most once in ten seconds.
     options : NodeOptions, optional
     live : LiveOptions, optional
     on_place : callable, optional
@@ -96,17 +96,17 @@ class LiveNode:
     def take(
         self, what: str, raw: bytes, *, clock_s: float | None = None, now_s: float | None = None
     ) -> None:
-        """A message has come.
+        """Process a received message.
 
         Parameters
         ----------
         what : {"scan", "map", "map_updates", "tf", "tf_static", "odom"}
         raw : bytes
-            As it came over the wire (CDR).
+            The serialised message (CDR).
         clock_s : float, optional
-            The time on the clock of the stamps, to tell scans that come too late.
+            The time on the clock of the stamps, to detect late scans.
         now_s : float, optional
-            The time on the clock of :meth:`turn`; that of its last call if not given.
+            The time on the clock of :meth:`turn`; by default that of its last call.
         """
         self._now_s = self._now_s if now_s is None else max(now_s, self._now_s)
         if clock_s is not None:
@@ -130,9 +130,9 @@ class LiveNode:
         self._drain()
 
     def turn(self, now_s: float) -> None:
-        """Take what the labelling of maps has found, and hand in the latest map.
+        """Use new results of the labelling service, and submit the latest map.
 
-        ``now_s`` comes from any clock that never goes back.
+        ``now_s`` is the time of a monotonic clock.
         """
         self._now_s = now_s
         self._drain()
@@ -155,7 +155,7 @@ class LiveNode:
             self._submit(since)
 
     def _submit(self, since: float) -> None:
-        """Hand in the latest map, so many seconds after the one before."""
+        """Submit the latest map, at the earliest some seconds after the previous one."""
         if self._n_skipped:
             self._complain(
                 "slow",
@@ -166,7 +166,7 @@ class LiveNode:
         self._service.submit(self._map.raw())
 
     def _tell_of_distance(self, view: MapView) -> None:
-        """Say so if a map lies elsewhere than the one before."""
+        """Report a map that does not overlap the previous one."""
         before = self._finder.view
         if before is not None and (far_m := before.frame.distance_m(view.frame)) > 0:
             self._complain(
@@ -182,12 +182,12 @@ class LiveNode:
 
     @property
     def map_seq(self) -> int:
-        """Number of the labelled map that is asked, 0 before the first."""
+        """Number of the labelled map in use, 0 before the first."""
         view = self._finder.view
         return 0 if view is None else view.map_seq
 
     def _on_map(self, what: str, raw: bytes) -> None:
-        """Take a map, or an update of it."""
+        """Process a map, or an update of it."""
         self._took_map = self._took_map or what == "map"
         try:
             if what == "map":
@@ -209,14 +209,14 @@ class LiveNode:
             if not self._is_place(place, parent, child):
                 continue
             if clock_s is not None and clock_s < time_s and not self._frames.knows(child):
-                # Dated ahead, so that it may be used until then: it already holds.
+                # Stamped ahead, so that it may be used until then: it is valid already.
                 self._frames.add(parent, child, clock_s, place, is_static=is_static)
             self._frames.add(parent, child, time_s, place, is_static=is_static)
 
     def _on_odom(self, message: Any) -> None:
         parent, child = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
         if self._frames.knows(child) and child not in self._from_odometry:
-            return  # a transform says it better
+            return  # a transform is more accurate
         place = planar(message.pose.pose.position, message.pose.pose.orientation)
         if not self._is_place(place, parent, child):
             return
@@ -224,7 +224,7 @@ class LiveNode:
         self._frames.add(parent, child, _stamp_s(message.header), place)
 
     def _is_place(self, place: Place, parent: str, child: str) -> bool:
-        """Whether a robot's frame can lie there; said where it cannot."""
+        """Whether a robot can be at a pose; reported if not."""
         try:
             check_place(place, parent, child)
         except InputError as error:
@@ -260,17 +260,17 @@ class LiveNode:
             self._first_scan_s = time_s
         if not self._took_map and time_s - self._first_scan_s > NO_MAP_AFTER_S:
             topic = self._options.full_name(self._options.map_topic)
-            self._complain("no map", f"no map on {topic} yet: places are told by the scans alone")
+            self._complain("no map", f"no map on {topic} yet: places are estimated from scans only")
         self._waiting.append((self._now_s, message))
 
     def _hear(self) -> None:
-        """Note that the robot is there; say so if it had fallen silent."""
+        """Note a message of the robot; report the end of a silence."""
         if silent_s := self._silence_s():
             self._say(f"scans come again after {silent_s:.0f} s")
         self._health.heard_s = self._now_s
 
     def _silence_s(self) -> float:
-        """For how long a robot that was there has been silent; 0 where it is not."""
+        """Seconds for which the robot has been silent; 0 if it is not."""
         silent_s = self._now_s - self._health.heard_s
         return silent_s if SILENT_S < silent_s < np.inf else 0.0
 
@@ -283,7 +283,7 @@ class LiveNode:
         self._last_scan_s, self._n_back = -np.inf, 0
 
     def _drain(self) -> None:
-        """Label the scans that wait, in order, as far as their transforms have come."""
+        """Label the waiting scans in order, up to the first without a transform."""
         while self._waiting:
             came_s, message = self._waiting[0]
             time_s, frame = _stamp_s(message.header), message.header.frame_id
@@ -299,7 +299,7 @@ class LiveNode:
 
     def _label(self, message: Any, time_s: float, sought: SoughtPose) -> None:
         pose = sought.pose
-        assert pose is not None  # the caller has checked
+        assert pose is not None  # checked by the caller
         base = self._frames.pose(self._options.map_frame, self._options.base_frame, time_s)
         if base.pose is None:
             self._complain(
@@ -330,7 +330,7 @@ class LiveNode:
             self._on_place(found)
 
     def _watch_fit(self, view: MapView, found: FoundPlace) -> None:
-        """Warn where the robot's latest poses do not lie in the map's free space."""
+        """Warn if the robot's latest poses are not in the map's free space."""
         self._on_free.append(view.is_labelled(*found.pose[:2]))
         share = sum(self._on_free) / FIT_SCANS
         if len(self._on_free) == FIT_SCANS and share < WARN_BELOW:
@@ -341,14 +341,14 @@ class LiveNode:
             )
 
     def _complain(self, kind: str, text: str) -> None:
-        """Say it, unless that kind was said within the last seconds."""
+        """Report a problem, unless its kind was reported within the last seconds."""
         before, _ = self._health.said.get(kind, (-np.inf, ""))
         if self._now_s - before >= AGAIN_S:
             self._health.said[kind] = (self._now_s, text)
             self._say(text)
 
     def _drop(self, kind: str, text: str) -> None:
-        """Drop a scan, and say why."""
+        """Drop a scan, and report the reason."""
         self._health.n_dropped += 1
         self._complain(kind, text)
 

@@ -1,4 +1,4 @@
-"""The options of labelling live, and of a node on a robot."""
+"""Options of live labelling, and of a robot's live node."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -9,7 +9,7 @@ from pgm_places.options import AtLeastZero, Options, Positive, Probability
 
 @dataclass(frozen=True)
 class LiveOptions(Options):
-    """How scans become places, and when the map is labelled again.
+    """Options of the filter of places, and of relabelling the map.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class LiveOptions(Options):
 
 @dataclass(frozen=True)
 class NodeOptions(Options):
-    """Topics and frames of a robot, and how long messages may take.
+    """Topics and frames of a robot, and time limits of messages.
 
     Parameters
     ----------
@@ -57,11 +57,11 @@ class NodeOptions(Options):
     stale_after_s : float
         Scans that arrive later than this after their stamp are dropped (s).
     map_subscribe_transient_local : bool
-        Whether maps are kept for late subscribers, as Nav2 and slam_toolbox publish them.
+        Whether map publishers serve late subscribers, as those of Nav2 and slam_toolbox do.
     use_sim_time : bool
         Take the time from /clock, as in simulation and with replayed bags.
     domain : int
-        DDS domain; -1 for that of ROS_DOMAIN_ID.
+        DDS domain; -1 for ROS_DOMAIN_ID.
     namespace : str
         Namespace of the topics without a leading slash.
     """
@@ -97,7 +97,7 @@ class NodeOptions(Options):
 
 
 def parameter_name(option: str) -> str:
-    """The ROS parameter of an option: without its unit.
+    """The ROS parameter of an option: its name without the unit.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""MapProcess: maps labelled in a process of their own, so that scans never wait for them.
+"""MapProcess: labels maps in a second process, so that scans never wait for them.
 
-Python runs one thread at a time. A map of four million cells takes seconds to label, and while one
-of its steps holds the interpreter, no scan could be answered. So maps go to a second process of
-lower priority, which writes what it found into files; the first maps them into memory and reads
-only the cells that it looks up.
+Python runs one thread at a time. A map of four million cells takes seconds to label, and a step
+that holds the interpreter would block the scans. Maps are therefore labelled by a second process of
+lower priority, which writes its results into files. The first process maps these into memory and
+reads only the cells that it looks up.
 """
 
 import contextlib
@@ -38,33 +38,33 @@ from pgm_places.topology.place_ids import PlaceIds
 
 @dataclass(frozen=True, eq=False)
 class LabelledMapMessages:
-    """A labelled map: what the robot asks, and what is published of it.
+    """A labelled map: the view for look-ups, and the messages to publish.
 
     Parameters
     ----------
     view : MapView
     messages : mapping of str to bytes
-        Those of ``SHOWN``, ready to be sent.
+        The messages of ``SHOWN``, ready to be sent.
     """
 
     view: MapView
     messages: Mapping[str, bytes]
 
     def write(self, folder: Path) -> None:
-        """Write it into a folder, from which another process opens it."""
+        """Write it into a folder for another process."""
         self.view.write(folder)
         for name, raw in self.messages.items():
             (folder / f"{name}.cdr").write_bytes(raw)
 
     @classmethod
     def open(cls, folder: Path) -> Self:
-        """What :meth:`write` wrote."""
+        """Open the files of :meth:`write`."""
         messages = {name: (folder / f"{name}.cdr").read_bytes() for name in SHOWN}
         return cls(MapView.open(folder), messages)
 
 
 class MapLabeller:
-    """Labels the maps of one robot as their bytes come.
+    """Labels the maps of one robot from the bytes of messages.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class MapLabeller:
         Raises
         ------
         InputError
-            The map cannot be read or labelled; the one before stays current.
+            The map cannot be read or labelled; the previous one stays current.
         """
         message = self._codec.read(raw, "map")
         found = self._live_map.on_map(grid_of_message(message))
@@ -135,7 +135,7 @@ class MapLabeller:
 
 
 def _topology_text(found: LiveLabels, frame: str) -> str:
-    """Places and connections, and what has changed, as JSON."""
+    """Places, connections and changes as JSON."""
     graph = found.topology.graph
     record = {
         "map_seq": found.map_seq,
@@ -153,41 +153,41 @@ def _topology_text(found: LiveLabels, frame: str) -> str:
 
 SESSION = "session.json"
 NICENESS = 10
-"""How much the process stands back behind others."""
+"""Niceness of the process."""
 
 MOST_STARTS = 3
-"""How often the process is started before a map has been labelled."""
+"""Most starts of the process without a labelled map."""
 
 MapAnswer = LabelledMapMessages | str
-"""A labelled map, or a line that says what has happened instead."""
+"""A labelled map, or a line with the problem."""
 
 
 class MapLabellingService(Protocol):
-    """Where maps are handed in to be labelled, one at a time."""
+    """A service to which maps are submitted one at a time."""
 
     @property
     def is_idle(self) -> bool:
-        """Whether the next map can be handed in."""
+        """Whether the next map can be submitted."""
         ...
 
     def submit(self, raw: bytes) -> None:
-        """Hand in the bytes of a map."""
+        """Submit the bytes of a map."""
         ...
 
     def answer(self) -> MapAnswer | None:
-        """What has become of the map that was handed in; None as long as it is not ready."""
+        """The result of the submitted map; None until it is ready."""
         ...
 
     def close(self) -> None:
-        """End the work."""
+        """End the service."""
         ...
 
 
 class MapProcess:
     """A second process that labels maps.
 
-    Where it ends, it is started again and given the map that it was busy with. The places that it
-    knew lie in a file, so that they keep their ids.
+    If it ends, it is restarted with the map that it was labelling. Its places are stored in a file,
+    so that they keep their ids.
 
     Parameters
     ----------
@@ -198,12 +198,12 @@ class MapProcess:
     n_threads : int, optional
         All cores but one by default.
     session : Path, optional
-        The file with the places of earlier sessions, renewed with every map: their ids go on.
+        File of the places of earlier sessions, whose ids are continued; updated with every map.
 
     Raises
     ------
     InputError
-        The file is no session.
+        The file is not a session file.
     """
 
     def __init__(
@@ -215,7 +215,7 @@ class MapProcess:
         session: Path | None = None,
     ) -> None:
         if session is not None:
-            read_session(session)  # said now, and not with the first map
+            read_session(session)  # errors appear now, and not with the first map
         self._folder = TemporaryDirectory(prefix="pgm-places-live-", ignore_cleanup_errors=True)
         self._answers: SimpleQueue[dict[str, str]] = SimpleQueue()
         self._count, self.is_idle = 0, True
@@ -240,7 +240,7 @@ class MapProcess:
         self._listener.start()
 
     def submit(self, raw: bytes) -> None:
-        """Hand in the bytes of a map."""
+        """Submit the bytes of a map."""
         self._count, self.is_idle = self._count + 1, False
         folder = Path(self._folder.name) / str(self._count)
         folder.mkdir()
@@ -249,11 +249,11 @@ class MapProcess:
         self._hand_over()
 
     def _hand_over(self) -> None:
-        with contextlib.suppress(OSError):  # it has ended: the listener says so
+        with contextlib.suppress(OSError):  # it has ended: the listener reports it
             _pipe(self._process.stdin).write(f"{self._busy_with}\n")
 
     def answer(self) -> MapAnswer | None:
-        """What has become of the map that was handed in; None as long as it is not ready."""
+        """The result of the submitted map; None until it is ready."""
         try:
             found = self._answers.get_nowait()
         except Empty:
@@ -267,11 +267,11 @@ class MapProcess:
                 return f"the map is not labelled: {found['error']}"
             return LabelledMapMessages.open(folder)
         finally:
-            # Arrays that are mapped into memory outlive their files, but not on Windows.
+            # Memory-mapped arrays outlive their files, except on Windows.
             shutil.rmtree(folder, ignore_errors=True)
 
     def _after_end(self, error: str) -> str:
-        """Start the process again, unless it keeps ending: then no map is taken any more."""
+        """Restart the process; if it keeps ending, no further map is accepted."""
         if self._n_starts > MOST_STARTS:
             return f"{error} again; it is not started any more"
         self._end()
@@ -292,7 +292,7 @@ class MapProcess:
         self._process.wait()
         self._listener.join()
         for stream in (self._process.stdin, self._process.stdout):
-            with contextlib.suppress(OSError):  # what it did not read cannot be written any more
+            with contextlib.suppress(OSError):  # unread bytes can no longer be written
                 _pipe(stream).close()
 
     def _listen(self) -> None:
@@ -308,7 +308,7 @@ def _pipe(stream: IO[str] | None) -> IO[str]:
 
 
 def main() -> None:
-    """Label map after map: a folder per line comes in, and goes out again when it is done."""
+    """Label maps: reads a folder per line, and writes it again once its map is labelled."""
     order = json.loads(sys.argv[1])
     if hasattr(os, "nice"):
         os.nice(NICENESS)
@@ -335,11 +335,11 @@ def _label_maps(model: str, method: str | None, n_threads: int, session: str) ->
 
 
 def _keep(session: str, memory: PlaceIds) -> None:
-    """Renew the file; a full disk costs the ids of the next session, and not this map."""
+    """Update the session file; on a full disk its ids are lost, but not this map."""
     try:
         write_session(session, memory)
     except OutputError as error:
-        sys.stderr.write(f"the places of the session are not kept: {error}\n")
+        sys.stderr.write(f"the places of the session are not saved: {error}\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""PlaceFinder: scan by scan, the place where a robot is, by the laser and a labelled map."""
+"""PlaceFinder: a robot's place at each scan, from the laser and a labelled map."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _ARRAYS = ("number", "rows", "shares", "region")
 
 
 class MapFrame(NamedTuple):
-    """Where the cells of a map lie: as of :class:`~pgm_places.maps.occupancy_grid.OccupancyGrid`.
+    """The frame of a map's cells, as in :class:`~pgm_places.maps.occupancy_grid.OccupancyGrid`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class MapFrame(NamedTuple):
         return (floor(row), floor(column)) if inside else None
 
     def distance_m(self, other: "MapFrame") -> float:
-        """How far the circles around both rasters are apart; negative where they overlap."""
+        """Distance between the circles around both rasters; negative if they overlap."""
         (x, y, radius), (x2, y2, radius2) = self._circle(), other._circle()
         return hypot(x2 - x, y2 - y) - radius - radius2
 
@@ -75,12 +75,12 @@ class PlaceOfMap(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MapView:
-    """A labelled map as a robot asks it: which place is here, and how probable each label is.
+    """A labelled map for look-ups: the place and the label probabilities at a position.
 
     It is a :class:`~pgm_places.labelers.map_prior.PositionPrior` for the filter, with the
     probabilities of :class:`~pgm_places.labelers.map_prior.MapPrior`. Written to a folder and
-    opened again, its arrays stay in the file until they are looked at, so that a process that
-    must answer within milliseconds can change to the next map at once.
+    opened again, its arrays are read from the file on access, so that a process with limits of
+    milliseconds can switch to the next map at once.
 
     Parameters
     ----------
@@ -88,11 +88,11 @@ class MapView:
         Number of the map, from 1.
     frame : MapFrame
     number : (H, W) int32
-        Row of each cell in ``rows``, -1 where nothing is known.
+        Row of each cell in ``rows``, -1 for cells without probabilities.
     rows : (N, K) float32
         Probabilities of the labels.
     shares : (K,) float64
-        How frequent each label is.
+        Frequency of each label.
     region : (H, W) int32
         Id of the place at each cell, 0 for none.
     places : mapping of int to PlaceOfMap
@@ -109,7 +109,7 @@ class MapView:
 
     @classmethod
     def of(cls, found: LiveLabels) -> Self:
-        """The view of a map that has been labelled."""
+        """The view of a labelled map."""
         prior, topology = MapPrior.of_places(found.labels), found.topology
         return cls(
             found.map_seq,
@@ -127,7 +127,7 @@ class MapView:
         return None if cell is None else self.places.get(int(self.region[cell]))
 
     def contains(self, x_m: float, y_m: float) -> bool:
-        """Whether the position lies on the map, known or not."""
+        """Whether the position lies on the map's raster."""
         return self.frame.cell_at(x_m, y_m) is not None
 
     def is_labelled(self, x_m: float, y_m: float) -> bool:
@@ -136,16 +136,16 @@ class MapView:
         return cell is not None and bool(self.number[cell] >= 0)
 
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
-        """(T, K) probabilities at positions (T, 2); the labels' shares where nothing is known."""
-        found = np.tile(self.shares, (len(np.asarray(positions_m)), 1))
+        """(T, K) probabilities at positions (T, 2); ``shares`` for cells without probabilities."""
+        probabilities = np.tile(self.shares, (len(np.asarray(positions_m)), 1))
         for t, (x, y) in enumerate(np.asarray(positions_m, np.float64).tolist()):
             cell = self.frame.cell_at(x, y)
             if cell is not None and self.number[cell] >= 0:
-                found[t] = self.rows[self.number[cell]]
-        return found
+                probabilities[t] = self.rows[self.number[cell]]
+        return probabilities
 
     def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""
+        """Log-likelihood of labels, from probabilities (..., K) of :meth:`at` or their means."""
         return np.asarray(np.log(probabilities) - np.log(self.shares))
 
     def write(self, folder: Path) -> None:
@@ -161,7 +161,7 @@ class MapView:
 
     @classmethod
     def open(cls, folder: Path) -> Self:
-        """The view in a folder that :meth:`write` wrote; its arrays are read when asked."""
+        """Open the files of :meth:`write`; arrays are read on access."""
         head = json.loads((folder / "view.json").read_text(encoding="utf-8"))
         arrays = {
             name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
@@ -181,7 +181,7 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class FoundPlace:
-    """Where a scan was taken.
+    """The place of a scan.
 
     Parameters
     ----------
@@ -190,15 +190,15 @@ class FoundPlace:
     pose : tuple of 3 float
         x, y in metres and heading in radians of the robot, in the frame of the map.
     label : str
-        What the place is, by the laser and the labelled map.
+        The most probable label, from the laser and the labelled map.
     beliefs : mapping of str to float
         The probability of each label.
     region : PlaceOfMap or None
-        The place of the labelled map where the robot stands.
+        The place of the labelled map at the robot's position.
     map_seq : int
         Number of that map, 0 before the first.
     changed : bool
-        Whether place or label differ from those reported before, and have for long enough.
+        Whether the place or label differs from the last reported one, for long enough.
     """
 
     time_s: float
@@ -211,7 +211,7 @@ class FoundPlace:
 
     @property
     def probability(self) -> float:
-        """Of the label."""
+        """The probability of the label."""
         return self.beliefs[self.label]
 
     def record(self) -> dict[str, Any]:
@@ -231,13 +231,13 @@ class FoundPlace:
 
 
 class PlaceFinder:
-    """Labels one robot's scans as they come, and says in which place of the map each was taken.
+    """Finds the label and the place of each scan of one robot, online.
 
     Parameters
     ----------
     labeler : TrajectoryLabeler
-        Fitted, with a hidden Markov model. Where its labels are those of the labelled map, what
-        the map says counts as well.
+        Fitted, with a hidden Markov model. If its labels are those of the labelled map, the map's
+        probabilities are used, too.
     options : LiveOptions, optional
     """
 
@@ -249,20 +249,20 @@ class PlaceFinder:
         self.forget()
 
     def forget(self) -> None:
-        """Start over, as after a jump of the clock; the labelled map stays."""
+        """Reset the filter, as after a clock jump; the labelled map stays."""
         self._online = None
         self._label: int | None = None
         self._reported: tuple[str, int] | None = None
         self._since_s = math.inf
 
     def warm_up(self) -> None:
-        """Import and make what a scan needs, so that the first one is not late."""
+        """Import modules and allocate buffers, so that the first scan is not late."""
         geometry = ScanGeometry.half_circle(180)
         readings = np.full(180, 2.0, np.float32)
         self._labeler.online(geometry).step(Scan(0.0, np.zeros(3), readings, geometry))
 
     def use(self, view: MapView | None) -> None:
-        """Ask another labelled map from the next scan on."""
+        """Use another labelled map from the next scan on."""
         self.view = view
         if self._online is not None:
             self._ask_map(self._online)
@@ -270,17 +270,17 @@ class PlaceFinder:
     def step(
         self, scan: Scan, robot: NDArray[np.float64] | None = None, *, now_s: float | None = None
     ) -> FoundPlace:
-        """The place after one more scan.
+        """The place of the next scan.
 
         Parameters
         ----------
         scan : Scan
-            With the pose of the laser in the frame of the map. A laser with other beams than before
-            starts over.
+            With the pose of the laser in the frame of the map. A scan with other beams than the
+            previous one resets the filter.
         robot : (3,) float, optional
-            The pose of the robot, where it is not that of the laser.
+            The pose of the robot, if it differs from that of the laser.
         now_s : float, optional
-            The time by which places last; the stamp of the scan by default.
+            The time for durations of places; the stamp of the scan by default.
         """
         known = self._geometry
         if self._online is None or known is None or not scan.geometry.same_as(known):
@@ -306,8 +306,8 @@ class PlaceFinder:
         )
 
     def _has_changed(self, time_s: float, label: str, region: PlaceOfMap | None) -> bool:
-        """Whether this is to be reported: something else than before, for long enough."""
-        # On the map, the place is what changes: its label may waver within it.
+        """Whether a change has lasted long enough to be reported."""
+        # On the map, only the place counts, as the label may change within it.
         now = (label, 0) if region is None else ("", region.id)
         if now == self._reported:
             self._since_s = math.inf

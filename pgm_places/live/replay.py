@@ -1,4 +1,4 @@
-"""Replay: a recorded log labelled as it would have been live, scan by scan and map by map."""
+"""Replay: a recorded log processed as by the live node, scan by scan and map by map."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.trajectory import Trajectory
 
 MARGIN = 1
-"""Cells of unknown space around what a map of scans has seen."""
+"""Cells of unknown space around the known cells of a map drawn from scans."""
 
 LONGEST_STAMP_M = 5.0
-"""Stamps that stand still for longer than this, in metres driven, tell no time."""
+"""Distance driven (m) under one stamp from which on stamps count as unusable."""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recorded drive, whose maps are labelled where they come, before the next scan.
+    """A recorded drive, in which each map is labelled before the next scan.
 
-    Live, a map is labelled beside the scans and is ready a little later; here each scan sees all
-    maps that were sent before it, so that a replay gives the same result on every machine.
-    In a log whose stamps tell no time, a metre driven counts as a second.
+    A live node labels maps in parallel to the scans, with some delay. In a replay, each scan uses
+    all maps sent before it, so that results are equal on every machine.
+    In a log with unusable stamps, a metre driven counts as a second.
 
     Parameters
     ----------
@@ -38,8 +38,7 @@ class Replay:
     live_map : LiveMap
     options : LiveOptions
     maps : sequence of MapMessage
-        The maps that were recorded, in the frame of the poses. Where there are none, a map is
-        drawn from the scans.
+        The recorded maps, in the frame of the poses. Without any, a map is drawn from the scans.
 
     Raises
     ------
@@ -59,18 +58,18 @@ class Replay:
 
     @property
     def counts_metres(self) -> bool:
-        """Whether the stamps tell no time: more than 5 m are driven under one of them."""
+        """Whether stamps are unusable: more than 5 m are driven under one of them."""
         _, stamp = np.unique(self.drive.times_s, return_inverse=True)
         driven_m = np.bincount(stamp[:-1], self.drive.step_lengths_m)
         return float(driven_m.max(initial=0.0)) > LONGEST_STAMP_M
 
     def __iter__(self) -> Iterator[FoundPlace | LiveLabels]:
-        """The place of each scan, and between them the maps as they are labelled."""
+        """The place of each scan, and between them the labelled maps."""
         ranges, geometry = self.drive.ranges_m, self.drive.geometry
-        assert ranges is not None and geometry is not None  # checked above
+        assert ranges is not None and geometry is not None  # checked in the constructor
         maps = _Sent(self.maps) if self.maps else _Drawn(self.drive)
         labelled_s = -np.inf
-        clock_s = self.drive.times_s  # by which options are measured
+        clock_s = self.drive.times_s  # the clock of the options
         if self.counts_metres:
             clock_s = np.concatenate([[0.0], np.cumsum(self.drive.step_lengths_m)])
         for step, now_s in enumerate(clock_s.tolist()):
@@ -84,7 +83,7 @@ class Replay:
                     self.finder.use(MapView.of(labelled))
                     yield labelled
             yield self.finder.step(scan, now_s=now_s)
-        last = maps.take(np.inf)  # so that the result is that of the whole drive
+        last = maps.take(np.inf)  # so that the result covers the complete drive
         if last is not None and last.free.any():
             yield self.live_map.on_map(last)
 
@@ -96,10 +95,10 @@ class _Sent:
         self._maps, self._next = sorted(maps, key=lambda item: item.time_s), 0
 
     def add(self, scan: Scan) -> None:
-        """Scans change nothing."""
+        """Do nothing: scans do not change recorded maps."""
 
     def take(self, time_s: float) -> OccupancyGrid | None:
-        """The latest map that was sent by then, if it was not taken before."""
+        """The latest map sent up to a time, unless it was taken before."""
         first = self._next
         while self._next < len(self._maps) and self._maps[self._next].time_s <= time_s:
             self._next += 1
@@ -113,17 +112,17 @@ class _Drawn:
         self._map = PathMap(drive.poses[:, :2])
 
     def add(self, scan: Scan) -> None:
-        """Draw the scan."""
+        """Draw a scan."""
         self._map.add(scan.pose, scan.ranges_m, scan.geometry)
 
     def take(self, _time_s: float) -> OccupancyGrid | None:
-        """The map so far, cut to what has been seen: its origin moves as it grows."""
+        """The map so far, cropped to its known cells, so that its origin moves as it grows."""
         return _cut(self._map.grid())
 
 
 def _cut(grid: OccupancyGrid) -> OccupancyGrid | None:
-    seen = grid.cells != UNKNOWN
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    known = grid.cells != UNKNOWN
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
         return None
     low = np.array([rows[0], columns[0]]) - MARGIN

@@ -1,4 +1,4 @@
-"""The bytes of ROS messages, read and written without ROS; those of ``pgm_places_msgs``, too."""
+"""ROS codec: reads and writes the bytes of ROS messages, without ROS installed."""
 
 import math
 from typing import Any, NamedTuple
@@ -54,7 +54,7 @@ MESSAGES = {
     "pgm_places_msgs/msg/Place": PLACE,
     "pgm_places_msgs/msg/Places": PLACES,
 }
-"""As in ``ros/pgm_places_msgs/msg``, which explains the fields; what others need comes first."""
+"""Definitions as in ``ros/pgm_places_msgs/msg``, which explains the fields; in order of use."""
 
 UPDATE = """\
 std_msgs/Header header
@@ -83,22 +83,22 @@ TYPES = {
     "places": "pgm_places_msgs/msg/Places",
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
-"""The message type of everything that comes in and goes out, by what it is."""
+"""The message type of each input and output, by key."""
 
 
 SHOWN = ("label_map", "markers", "topology", "places")
-"""What is published of a map; those who come later get the last."""
+"""Outputs for a map; late subscribers receive the last message."""
 
 
 class Output(NamedTuple):
-    """How something is published.
+    """The topic and quality of service of an output.
 
     Parameters
     ----------
     topic : str
-        Below the output namespace, but for those that begin with a slash.
+        Below the output namespace, unless it begins with a slash.
     is_kept : bool
-        Whether those who come later get the last message.
+        Whether late subscribers receive the last message.
     depth : int
         How many messages wait to be sent.
     """
@@ -114,11 +114,11 @@ OUTPUTS = {
     "diagnostics": Output("/diagnostics", is_kept=False, depth=10),
     **{what: Output(what, is_kept=True, depth=1) for what in SHOWN},
 }
-"""All that is published, reliably; the types are in ``ros_codec.TYPES``."""
+"""All outputs, published reliably; their types are in ``ros_codec.TYPES``."""
 
 
 class RosCodec:
-    """Messages from bytes (CDR, as they go over the wire and lie in bags) and back.
+    """Decodes and encodes messages (CDR, the format on the wire and in bags).
 
     Raises
     ------
@@ -129,21 +129,21 @@ class RosCodec:
     def __init__(self) -> None:
         typesys = needed("rosbags.typesys", extra="bags", purpose="speaking to a robot")
         self.store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        # These are not among the messages of every ROS.
+        # Not every ROS distribution has these messages.
         for kind, text in {TYPES["map_updates"]: UPDATE, **MESSAGES}.items():
             self.store.register(typesys.get_types_from_msg(text, kind))
 
     def read(self, raw: bytes, what: str) -> Any:
-        """The message of what is called ``what`` in ``TYPES``.
+        """Decode a message of the type ``what`` in ``TYPES``.
 
         Raises
         ------
         InputError
-            The bytes are no message of that type.
+            The bytes are not a message of that type.
         """
         try:
             return self.store.deserialize_cdr(raw, TYPES[what])
-        except Exception as error:  # damaged bytes make the reader raise anything at all
+        except Exception as error:  # damaged bytes can raise any exception in the reader
             reason = escape_control(f"{type(error).__name__}: {error}")[:200]
             raise InputError(
                 f"a message of {what} cannot be read as {TYPES[what]} ({reason}); check its "
@@ -151,11 +151,11 @@ class RosCodec:
             ) from error
 
     def write(self, message: Any, what: str) -> bytes:
-        """Its bytes."""
+        """Encode a message."""
         return bytes(self.store.serialize_cdr(message, TYPES[what]))
 
     def header(self, time_s: float) -> Any:
-        """A ``std_msgs/Header`` of no frame."""
+        """A ``std_msgs/Header`` with an empty frame."""
         types = self.store.types
         seconds = max(math.floor(time_s), 0)
         nanoseconds = min(max(round(1e9 * (time_s - seconds)), 0), 999_999_999)

@@ -1,1 +1,1 @@
-"""From labels to places: regions, their corrections, and the topological map."""
+"""Topological maps: regions of labels, their corrections, places and connections."""

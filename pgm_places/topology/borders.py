@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.bands import bands_of_rows
 
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
-"""From a cell down and right to half of its neighbours: the other half are the same pairs."""
+"""Steps to half of a cell's neighbours; the other half would repeat the pairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +33,12 @@ class Contacts:
 
 @dataclass(frozen=True, eq=False)
 class Meetings:
-    """Where two different pieces meet along one of ``STEPS``, row by row.
+    """Adjacent cells of different pieces along one of ``STEPS``, row by row.
 
     Parameters
     ----------
     cells_rc : tuple of two (M,) int64
-        Rows and columns of the first cells; the second ones are a step further.
+        Rows and columns of the first cells; each second cell is one step further.
     keys : (M,) int64
         ``first R + second``, the smaller piece first.
     """
@@ -48,7 +48,7 @@ class Meetings:
 
 
 def meetings(piece: NDArray[np.int32], count: int) -> list[Meetings]:
-    """Where the pieces of a raster (H, W) meet, -1 for cells without a piece: one per step."""
+    """For each step, the meetings of pieces in a raster (H, W) with -1 for cells without one."""
     return [_along(piece, count, down, right) for down, right in STEPS]
 
 
@@ -76,7 +76,7 @@ def contacts(piece: NDArray[np.int32], count: int) -> Contacts:
 
 
 def contacts_at(met: Sequence[Meetings], count: int) -> Contacts:
-    """The borders of pieces that meet at known places."""
+    """The borders of pieces from their meetings."""
     keys_of = [item.keys for item in met]
     sides, side_counts = np.unique(np.concatenate(keys_of[:2]), return_counts=True)
     corners, corner_counts = np.unique(np.concatenate(keys_of[2:]), return_counts=True)

@@ -1,4 +1,4 @@
-"""Places to check first: those where most area is likely to be labelled wrongly."""
+"""Checks: places by the area that is likely to be labelled wrongly."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,18 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 @dataclass(frozen=True, eq=False)
 class PlaceCheck:
-    """A place, and how much of it is in doubt.
+    """A place with its uncertainty.
 
     Parameters
     ----------
     place : Region
     probability : float
-        Of its label: the place's confidence.
+        Probability of its label: the place's confidence.
     second_label : str or None
-        The most probable other label; None where no other is known.
+        The most probable other label; None if there is no other.
     second_probability : float or None
-        Of that label: its part of the doubt, as the mean over the place's cells divides it among
-        the other labels. A gate's own probability may differ from that of its cells.
+        Its probability: a share of ``1 - probability`` in proportion to the mean over the place's
+        cells, as the probability of a gate may differ from that of its cells.
     """
 
     place: Region
@@ -35,16 +35,16 @@ class PlaceCheck:
 
     @property
     def doubtful_m2(self) -> float:
-        """Doubt times area: the area that is expected to be labelled wrongly."""
+        """Doubt times area: the expected wrongly labelled area."""
         return self.doubt * self.place.area_m2
 
 
 @public
 def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
-    """The places of a map whose probabilities are known, those with most area in doubt first.
+    """The places of a map with known probabilities, by descending area in doubt.
 
-    A person who corrects labels in this order puts the most area right with the fewest looks, as
-    far as the probabilities are calibrated.
+    With calibrated probabilities, checking places in this order corrects the most area with the
+    fewest checks.
 
     Examples
     --------
@@ -71,9 +71,9 @@ def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
 
 
 def doubtful_share(topology: TopologicalMap) -> float | None:
-    """The share of the area that is expected to be labelled wrongly; None where nothing is known.
+    """The expected share of wrongly labelled area; None without probabilities.
 
-    Places without probabilities do not count; those of gates alone say nothing of the area.
+    Places without probabilities are left out. Probabilities of gates only do not suffice.
     """
     checks = places_to_check(topology)
     if all(check.place.probabilities is None for check in checks):

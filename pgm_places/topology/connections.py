@@ -1,4 +1,4 @@
-"""Which regions of a map are connected, and through what."""
+"""Connections between the regions of a map, and their passages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -23,7 +23,7 @@ LabelType = TypeVar("LabelType", np.int16, np.int32)
 
 @dataclass(frozen=True)
 class Correction:
-    """One region that took the label of a neighbour.
+    """One region that got the label of a neighbour.
 
     ``cell_rc`` is a cell of the region. ``reason`` is ``"too small"``, ``"no room"`` for a disc of
     ``min_clearance_m``, ``"joins nothing"``, or
@@ -50,10 +50,10 @@ def correct_regions(
 ) -> tuple[NDArray[LabelType], list[Correction]]:
     """The corrected label raster and the corrections.
 
-    The smallest wrong region is corrected first: it takes the label of the neighbour with which it
-    shares the longest border (ties go to the first in reading order from the bottom) and merges
-    with all its neighbours of that label. This is repeated until no region is wrong that has
-    neighbours. Wrong regions without any are dropped: no robot can reach such specks, free cells
+    The smallest wrong region is corrected first. It gets the label of the neighbour with the
+    longest common border (ties go to the first in reading order from the bottom) and merges with
+    all its neighbours of that label. This is repeated until no wrong region has neighbours. The
+    remaining wrong regions are dropped: a robot cannot reach such specks, which are free cells
     inside furniture or behind windows.
 
     Parameters
@@ -61,14 +61,14 @@ def correct_regions(
     labels : (H, W) int16 or int32
         Label per cell, -1 for none.
     label_names : sequence of str
-        Labels with the same name stay separate, like those of different places.
+        Labels with equal names are distinct.
     resolution_m : float
         Side of a cell.
     rules : CorrectionRules, optional
     fixed_doorways : bool
         Regions become part of a doorway only if they touch nothing else.
     free : (H, W) bool, optional
-        Where a disc of ``min_clearance_m`` may be; cells with a label if not given.
+        Cells on which a disc of ``min_clearance_m`` may lie; by default the labelled cells.
 
     Every correction merges regions, so the procedure ends.
     """
@@ -83,12 +83,12 @@ def correct_regions(
     merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways, has_room)
     log = list(chain(merging.run(), merging.drop_islands()))
     label = merging.final_labels().astype(labels.dtype)
-    same = label.dtype == pieces.piece.dtype  # a huge map has no room for another raster
+    same = label.dtype == pieces.piece.dtype  # saves a raster, for huge maps
     return pieces.on_cells(label, -1, out=pieces.piece if same else None), log
 
 
 class _Merging:
-    """Regions as nodes of a graph of borders; correcting one merges nodes, not rasters."""
+    """Regions as nodes of a graph of borders; a correction merges nodes, not rasters."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class _Merging:
             self.borders[i][j] = self.borders[j][i] = length
 
     def run(self) -> Iterator[Correction]:
-        """Correct until nothing is wrong that has neighbours."""
+        """Correct regions until no wrong one has neighbours."""
         queue = [(self.size[r], self.first[r], r) for r in range(len(self.label)) if self.reason(r)]
         heapq.heapify(queue)
         while queue:
@@ -132,7 +132,7 @@ class _Merging:
                     heapq.heappush(queue, (self.size[changed], self.first[changed], changed))
 
     def drop_islands(self) -> Iterator[Correction]:
-        """Drop what is wrong and touches nothing, in the order of the first cells."""
+        """Drop wrong regions without neighbours, in the order of their first cells."""
         roots = (r for r, parent in enumerate(self.parent) if r == parent and not self.borders[r])
         for region in sorted(roots, key=lambda root: self.first[root]):
             if self.is_wrong(region):
@@ -140,11 +140,11 @@ class _Merging:
                 self.label[region] = -1
 
     def reason(self, region: int) -> str:
-        """Why a region is wrong; empty if it is not or has no label to take."""
+        """Why a region is wrong; empty if it is correct, or no neighbour has a label for it."""
         return self.is_wrong(region) if self.borders[region] else ""
 
     def rank(self, region: int, other: int) -> tuple[bool, int, int]:
-        """Sort key: the neighbour whose label a region takes comes first."""
+        """Sort key: the neighbour whose label a region gets comes first."""
         last = self.fixed_doorways and self.is_doorway(other)
         return last, -self.borders[region][other], self.first[other]
 
@@ -165,7 +165,7 @@ class _Merging:
         return "joins nothing" if idle else ""
 
     def relabel(self, region: int, label: int) -> list[int]:
-        """Relabel a region and merge it with its neighbours of that label; who may now be wrong."""
+        """Relabel a region and merge it with equal neighbours; the regions to test again."""
         group = {region, *(o for o in self.borders[region] if self.label[o] == label)}
         # The member with the most borders absorbs the others, so that it is never copied.
         root = max(group, key=lambda member: (len(self.borders[member]), -member))

@@ -1,4 +1,4 @@
-"""Cuts: lines from wall to wall across a place, alone or together, and the parts they leave."""
+"""Cuts: lines from wall to wall across a place that divide it into parts."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 """The two ends of a line in the map frame."""
 
 MOST_TOGETHER = 3
-"""Openings that are cut together: more lead around furniture, not from one room to another."""
+"""Most openings that are cut together; more are ways around furniture, not between rooms."""
 
 _LEAST_PART_M2 = 0.1
-"""Smaller crumbs beside a line join the part next to them."""
+"""Smaller pieces beside a line join the adjacent part."""
 
 _N_DIRECTIONS = 24
 
@@ -34,7 +34,7 @@ _BESIDE_M, _JAMB_M = (0.2, 0.35), 0.15
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What cuts leave of a place.
+    """The parts into which cuts divide a place.
 
     Parameters
     ----------
@@ -55,15 +55,15 @@ class Parts:
 
 
 def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) -> Parts:
-    """The parts of a place between lines; a single one where they do not divide it."""
+    """The parts of a place between lines; a single part if the lines do not divide it."""
     return cut_cells(topology.grid, topology.cells(place.id), lines)
 
 
 def cut_pieces(pieces: Components, grid: OccupancyGrid, lines: Iterable[Line]) -> Components:
-    """The pieces with each one that a line runs through divided along it.
+    """The pieces, each divided along the lines through it.
 
-    A line divides the piece that most of it runs through; one that runs through none, or does not
-    divide it, changes nothing. The largest part keeps the number, the others are numbered anew.
+    A line divides the piece with the largest share of its points; a line that does not separate two
+    parts has no effect. The largest part keeps the number, the others get new ones.
     """
     piece, label = pieces.piece.copy(), pieces.label.tolist()
     for line in lines:
@@ -79,13 +79,13 @@ def cut_pieces(pieces: Components, grid: OccupancyGrid, lines: Iterable[Line]) -
 
 
 def place_along(topology: TopologicalMap, line: Line) -> Region | None:
-    """The place that most of a line runs through; None for none."""
+    """The place with the largest share of a line; None if the line crosses no place."""
     number = _most_along(line, topology.region, topology.grid, 0)
     return topology.place(number) if number else None
 
 
 def runs_between(topology: TopologicalMap, line: Line, first: int, second: int) -> bool:
-    """Whether one place lies on one side of a part of a line, and the other on the other side."""
+    """Whether two places lie on opposite sides of a part of a line."""
     grid = topology.grid
     along = np.subtract(line[1], line[0]) / max(line_width_m(line), 1e-9)
     beside = 1.5 * grid.resolution_m * np.array([-along[1], along[0]])
@@ -103,7 +103,7 @@ def _points_along(line: Line, grid: OccupancyGrid) -> NDArray[np.float64]:
 
 
 def _most_along(line: Line, numbers: NDArray[np.int32], grid: OccupancyGrid, none: int) -> int:
-    """The number that most of a line runs through; ``none`` where it runs through none."""
+    """The number with the largest share of a line's points; ``none`` without any."""
     found = at_cells(numbers, grid.cells_at_m(_points_along(line, grid)), none)
     found = found[found != none]
     return int(np.bincount(found).argmax()) if len(found) else none
@@ -125,20 +125,20 @@ def cut_cells(grid: OccupancyGrid, cells: NDArray[np.int64], lines: Iterable[Lin
         whole_m2 = len(cells) * grid.resolution_m**2
         return Parts(cells, np.zeros(len(cells), np.int64), np.array([whole_m2]))
     order = large[np.argsort(-parts.size[large], kind="stable")]
-    rank = np.full(parts.count + 1, -1)  # the last for cells of no piece
+    rank = np.full(parts.count + 1, -1)  # the last is for cells of no piece
     rank[order] = np.arange(len(order))
     number = rank[parts.piece]
     at = tuple((cells - origin).T)
     inside = np.zeros(number.shape, np.bool_)
     inside[at] = True
-    grow(number, inside, np.zeros(number.shape, np.int8))  # what is left is thin or small
+    grow(number, inside, np.zeros(number.shape, np.int8))  # the rest is thin or small
     number = np.maximum(number[at], 0)
     area_m2 = np.bincount(number).astype(np.float64) * grid.resolution_m**2
     return Parts(cells, number, area_m2)
 
 
 def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float]) -> Line:
-    """The shortest line through a point of a place that ends where the place does."""
+    """The shortest line through a point of a place from border to border."""
     angle = np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS
     way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     middle = np.asarray(at_m, np.float64)
@@ -157,8 +157,8 @@ def line_width_m(line: Line) -> float:
 def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:
     """Whether a line ends at a jamb on one side, and at a jamb or a corner on the other.
 
-    The place goes on beyond an end by at least 0.15 m on both sides of a jamb and on one side of a
-    corner, 0.2 or 0.35 m from the line.
+    Beyond an end, the place extends by at least 0.15 m on both sides of a jamb, and on one side of
+    a corner, 0.2 or 0.35 m from the line.
     """
     ends = np.array(line)
     along = (ends[1] - ends[0]) / max(line_width_m(line), 1e-9)
@@ -180,7 +180,7 @@ def has_jambs(topology: TopologicalMap, place: Region, line: Line) -> bool:
 def _beyond_m(
     topology: TopologicalMap, place: Region, start: NDArray[np.float64], way: NDArray[np.float64]
 ) -> float:
-    """How far a place goes on from a point in a direction, beyond the depth of a jamb."""
+    """Extent of a place from a point in a direction, beyond the depth of a jamb."""
     if topology.region_at(*start.tolist()) != place:
         return 0.0
     return float(_reach(topology, place.id, start, way[np.newaxis])[0, 0]) - _JAMB_M
@@ -189,12 +189,12 @@ def _beyond_m(
 def opening_cuts(
     topology: TopologicalMap, place: Region, narrower_than_m: float
 ) -> list[tuple[tuple[Line, ...], float]]:
-    """Lines across one to three openings each that can divide a place together.
+    """Sets of lines across one to three openings that together can divide a place.
 
-    With each comes the depth in metres of the deepest of its openings. A room that opens into a
-    corridor by two doors is one place with it until both are cut. Openings are the gate candidates
-    within the place that are narrow enough; of all sets of them that part two neighbouring
-    segments, the one with the smallest total width is taken.
+    Each set comes with the depth in metres of its deepest opening. A room with two open doors to a
+    corridor is one place with it until both are cut. Openings are gate candidates within the place
+    that are narrow enough. Of all sets that separate two neighbouring segments, the set with the
+    smallest total width is used.
     """
     alone = _alone(topology, place)
     gates = gate_candidates(Segmentation.of(alone))
@@ -210,7 +210,7 @@ def opening_cuts(
 
 
 def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
-    """The map of a place and nothing else."""
+    """The map with all other places blocked."""
     grid, (rows, columns) = topology.grid, topology.window(place.id)
     cells = np.where(topology.region[rows, columns] == place.id, FREE, OCCUPIED)
     [(x, y)] = grid.cell_centres_m([[rows.start - 0.5, columns.start - 0.5]]).tolist()
@@ -218,7 +218,7 @@ def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
 
 
 def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
-    """Sets of up to three gates that separate neighbouring segments, by their numbers."""
+    """Sets of up to three gates, as indices, that separate neighbouring segments."""
     finest = gates.segmentation.scales[0]
     narrow = gates.width_m <= narrower_than_m
     wide = finest.openings.half_width_m >= MOST_HALF_WIDTH_M
@@ -244,7 +244,7 @@ def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
 def _reach(
     topology: TopologicalMap, number: int, start: NDArray[np.float64], way: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(D, 1) how far one gets from a point in each direction (D, 2) until the region has ended."""
+    """(D, 1) distance from a point to the end of the region in each direction (D, 2)."""
     grid, window = topology.grid, topology.window(number)
     step = grid.resolution_m / 4
     farthest = np.hypot(*(axis.stop - axis.start + 1 for axis in window)) * grid.resolution_m

@@ -1,4 +1,4 @@
-"""Driving graph: where a robot can drive, from the skeleton of a space to a few edges."""
+"""Driving graph: straight edges that a robot can drive, from the skeleton of a space."""
 
 from collections.abc import Collection
 from functools import cached_property
@@ -15,10 +15,10 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 
 class RouteSpace:
-    """The raster with an edge of obstacles, and what fits into it. Positions are in its cells.
+    """The raster with a border of obstacles, and clearances in it. Positions are in its cells.
 
-    Closed places are obstacles, with the cells around them: masks for Nav2 keep a robot out of
-    whole cells, so a way as near to the place itself as to a wall would lead through some of them.
+    Closed places are obstacles, together with the cells around them, because masks for Nav2 block
+    complete cells, some of which a way close to the place would enter.
     """
 
     def __init__(
@@ -33,11 +33,11 @@ class RouteSpace:
         self.squared = squared_clearance(self.blocked)
         self.side_m = topology.grid.resolution_m
         self.radius = min(robot_radius_m / self.side_m, sum(self.region.shape))  # fits nowhere
-        # The obstacle's square begins half a cell, at its corner less, before its centre.
+        # The square of an obstacle begins half a cell before its centre.
         self.fits = ~self.blocked & (self.squared >= (self.radius + 0.5) ** 2 - 1e-9)
 
     def targets(self) -> NDArray[np.int64]:
-        """(T, 2) a cell of each place that has room for the robot."""
+        """(T, 2) a cell of each place where the robot fits."""
         cells = []
         for region in self.topology.regions:
             cell = self.topology.grid.cells_at_m([region.anchor_m])[0] + 1
@@ -55,7 +55,7 @@ class RouteSpace:
         return found
 
     def are_good(self, ends: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which segments (M, 4) have room (M,), in cells, and stay in the places of their ends."""
+        """Which segments (M, 4) have a clearance (M,) in cells, and stay in their ends' places."""
         found, good = np.empty(len(ends)), np.empty(len(ends), np.bool_)
         segment_clearances(self.blocked, ends, room + 1e-9, found)
         stays_between(self.region, ends, good)
@@ -72,20 +72,20 @@ class RouteSpace:
 
 
 ROOM_M = 0.3
-"""Shortcuts stay this far from obstacles, or nearly as far as their ends do."""
+"""Distance (m) of shortcuts from obstacles, unless their ends are nearer."""
 
 AS_FAR_AS_ENDS = 0.9
-"""How much of the clearance of its ends a shortcut keeps: a door is left at a slant."""
+"""Least clearance of a shortcut as a share of its ends', so that it can leave a door obliquely."""
 
 NEAREST_M, FARTHEST_M = 0.6, 2.0
-"""Nodes on a way are as far apart as the way is from obstacles, within these bounds."""
+"""Bounds (m) of the distance between nodes on a way, which else equals the clearance."""
 
 COVERED_M = 2.0
-"""A node is at most this far from everywhere, in steps to neighbouring cells."""
+"""Greatest distance (m) from any cell to a node, along steps to neighbouring cells."""
 
 
 def dense_roads(space: RouteSpace) -> "Roads":
-    """Nodes along the skeleton of a space, which leads to all places and near everywhere."""
+    """Nodes along the skeleton of a space, which reaches all places and is near every cell."""
     targets = space.targets()
     cover = cells_near_all(space, targets)
     skeleton = skeleton_of(space.fits, space.squared, np.vstack([targets, cover]))
@@ -98,9 +98,9 @@ def dense_roads(space: RouteSpace) -> "Roads":
 
 
 def cells_near_all(space: RouteSpace, targets: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(K, 2) further cells: with the targets, one is near every cell that has a way to them.
+    """(K, 2) further cells, so that one of them or a target is near every reachable cell.
 
-    Those with the most room come first.
+    Cells with the most clearance come first.
     """
     piece = connected_components(space.fits).piece
     with_way = space.fits & np.isin(piece, piece[targets[:, 0], targets[:, 1]])
@@ -114,9 +114,9 @@ def cells_near_all(space: RouteSpace, targets: NDArray[np.int64]) -> NDArray[np.
 
 
 class Roads:
-    """Nodes and edges as they are found; nodes are numbers.
+    """A growing graph of nodes and edges; nodes are indices.
 
-    Those of places come first, then those from which all of the space is near: ``n_chosen`` in all.
+    The first ``n_chosen`` nodes are those of places and those that cover the space.
     """
 
     def __init__(self, space: RouteSpace, n_targets: int, n_chosen: int) -> None:
@@ -142,18 +142,18 @@ class Roads:
 
     @cached_property
     def clear(self) -> NDArray[np.float64]:
-        """(N,) their clearance in cells, from centre to centre less half a cell."""
+        """(N,) the nodes' clearance in cells, from centre to centre less half a cell."""
         at = np.rint(self.at).astype(np.int64)
         return np.sqrt(self.space.squared[at[:, 0], at[:, 1]].astype(np.float64)) - 0.5
 
     def join(self, a: int, b: int) -> None:
-        """An edge between two nodes."""
+        """Add an edge between two nodes."""
         if a != b:
             self.links[a].add(b)
             self.links[b].add(a)
 
     def room(self, pairs: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(M,) how much clearance, in cells, edges between pairs of nodes (M, 2) are to have."""
+        """(M,) required clearance, in cells, of edges between pairs of nodes (M, 2)."""
         ends = self.clear[pairs].min(axis=1)
         wanted = np.minimum(AS_FAR_AS_ENDS * ends, ROOM_M / self.space.side_m)
         return np.maximum(wanted, self.space.radius)
@@ -163,11 +163,11 @@ class Roads:
         return self.at[pairs].reshape(-1, 4)
 
     def are_good(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which pairs of nodes (M, 2) may have an edge."""
+        """Which pairs of nodes (M, 2) can have an edge."""
         return self.space.are_good(self.ends(pairs), self.room(pairs))
 
     def add_way(self, way: NDArray[np.int64]) -> None:
-        """Nodes along a way of the skeleton, as few as a robot can follow in straight lines."""
+        """Add nodes along a way of the skeleton, as few as straight edges allow."""
         space, at, last = self.space, 0, len(way) - 1
         while at < last:
             here = way[at]
@@ -184,7 +184,7 @@ class Roads:
             at += ahead
 
     def _passes(self, cells: NDArray[np.int64]) -> bool:
-        """Whether the straight line from the first to the last cell is as good as the cells."""
+        """Whether the straight line from the first to the last cell can replace the cells."""
         space = self.space
         least = np.sqrt(float(space.squared[cells[:, 0], cells[:, 1]].min())) - 0.5
         room = max(min(AS_FAR_AS_ENDS * least, ROOM_M / space.side_m), space.radius)
@@ -192,19 +192,19 @@ class Roads:
         return bool(space.are_good(ends, np.array([room]))[0])
 
     def drop(self, node: int) -> set[int]:
-        """Take a node away; those that it was linked to."""
+        """Remove a node; its former neighbours."""
         others = self.links.pop(node)
         for other in others:
             self.links[other].discard(node)
         return others
 
     def joined(self) -> NDArray[np.int64]:
-        """(E, 2) the nodes that are joined, the smaller number first."""
+        """(E, 2) the edges as pairs of nodes, the smaller index first."""
         pairs = sorted((a, b) for a, others in self.links.items() for b in others if a < b)
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def keep_largest(self) -> None:
-        """Leave out all parts but the one whose places have the most area."""
+        """Keep only the component whose places have the most area."""
         import networkx as nx
 
         graph: nx.Graph[int] = nx.Graph(self.joined().tolist())

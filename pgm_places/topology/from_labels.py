@@ -38,7 +38,7 @@ def mean_probabilities(
     n_labels: int,
     grid: OccupancyGrid,
 ) -> NDArray[np.float64]:
-    """(P, K) mean probability of each label in each piece, NaN for a piece without a known cell.
+    """(P, K) mean probability of each label in each piece, NaN for pieces without probabilities.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def mean_probabilities(
     Raises
     ------
     InputError
-        Beliefs without a layout.
+        There are beliefs but no layout.
     MapError
-        The layout is of another map.
+        The layout belongs to another map.
     """
     if layout is None:
         raise InputError("beliefs need the layout of their nodes; pass layout as well")
@@ -110,25 +110,25 @@ def topological_map(
         Label per cell, -1 for none; labels of cells that are not free are ignored.
     label_names : sequence of str
     rules : CorrectionRules, optional
-        When a region is an error; the paper's thresholds by default.
+        Which regions are errors; the paper's thresholds by default.
     correct : bool
-        Whether errors are corrected, and isolated ones dropped.
+        Whether errors are corrected, and isolated regions dropped.
     beliefs : (N, K) float, optional
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
         The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
     hall : (N,) float, optional
         The probability that each node of ``layout`` lies in a hall, where halls are shown as
-        corridors: a part of the belief in ``corridor``.
+        corridors: a share of the belief in ``corridor``.
     known : PlaceIds, optional
         Earlier places, such as another map's ``known_places``, which keep their ids and names; its
         cells are moved to the raster of ``grid``.
     own_names : mapping of int to str, optional
-        Names that the user has given to ids.
+        The user's names, by id.
     tolerance : float
         Largest distance of an outline from the corners of its cells, in cells.
     min_width_m : float
-        Passages narrower than this, such as one-cell holes in a wall, connect nothing.
+        Narrower passages, such as one-cell holes in a wall, are no connections.
     doorways : Doorways, optional
         The gates of the map that are doorways, such as those of
         :func:`~pgm_places.labelling.label.label_map`. If there are any, they are the only
@@ -136,12 +136,12 @@ def topological_map(
         :func:`~pgm_places.topology.gate_pieces.pieces_between`.
     cuts : sequence of ((float, float), (float, float)), optional
         Lines in the map frame that divide places: their two sides touch, without a doorway. A line
-        that divides nothing is left out.
+        that divides no place is ignored.
 
     Raises
     ------
     LabelError
-        Labels that do not fit the map or the names, or two places of the same name.
+        Labels do not fit the map or the names, or two places have one name.
 
     Examples
     --------
@@ -193,7 +193,7 @@ def topological_map(
         ids, next_id = known.identify(pieces, grid, names, rules.doorway_label)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
-    # In this order: a huge map has room for few rasters at a time.
+    # This order limits the number of rasters in memory, for huge maps.
     deepest = deepest_cells(pieces.piece, pieces.count)
     clearance = squared_clearance(~grid.free)
     regions = describe_regions(
@@ -225,14 +225,14 @@ def topological_map(
 
 
 def _cells_of_blocks(grid: OccupancyGrid, layout: GridLayout | None) -> int:
-    """After how many cells a border of the map's is one of the layout's map, too."""
+    """Number of cells after which borders of the map and of the layout's map coincide."""
     if layout is None or not isinstance(layout.source, OccupancyGrid):
         return 1
     return factor_between(grid.resolution_m, layout.source.resolution_m).numerator
 
 
 def _part_of_layout(layout: GridLayout, window: KnownWindow, part: OccupancyGrid) -> GridLayout:
-    """The same nodes on the raster of a window that holds them all."""
+    """The layout on the raster of a window that contains its nodes."""
     source = layout.source
     if layout.shape == window.shape or not isinstance(source, OccupancyGrid):
         return GridLayout.of_mask(window.cut(layout.mask()), part)
@@ -249,7 +249,7 @@ def _part_of_doorways(
 
 
 def _on_whole(found: TopologicalMap, grid: OccupancyGrid, window: KnownWindow) -> TopologicalMap:
-    """The places of a window of a map on the map itself."""
+    """The topological map of a window, on the full map."""
     first = window.rows.start, window.columns.start
     corrections = tuple(
         replace(each, cell_rc=(each.cell_rc[0] + first[0], each.cell_rc[1] + first[1]))
@@ -280,7 +280,7 @@ def _labelled_pieces(
 def _gates_of(
     divided: GatePieces, doorways: Doorways | None, count: int
 ) -> list[tuple[Gate, float] | None] | None:
-    """The gate that each of ``count`` pieces is, with its probability; None for other pieces."""
+    """The gate of each of ``count`` pieces, with its probability; None for pieces of places."""
     if doorways is None:
         return None
     numbers = divided.gate.tolist() + [-1] * (count - len(divided.gate))  # the last are cut off

@@ -1,4 +1,4 @@
-"""Pieces of a labelled map between its gates: doorways are gates, and gates separate places."""
+"""Gate pieces: the pieces of a labelled map whose doorways are gates that separate places."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class GatePieces:
     gate : (R,) int64
         Number of each piece's gate, -1 for pieces of places.
     corrections : tuple of Correction
-        What was relabelled.
+        The relabelled pieces.
     """
 
     pieces: Components
@@ -60,12 +60,11 @@ def pieces_between(
     label_names : sequence of str
         The label of doorways among them.
     doorways : Doorways
-        Those of the map, possibly at another resolution.
+        The gates of the map, possibly at another resolution.
     rules : CorrectionRules
         Pieces of places below ``min_area_m2``, or without room for a disc of
-        ``min_clearance_m``, take the label and place of the neighbour with the longest border, of
-        a gate only if they touch nothing else. Nothing else is corrected: a doorway is where its
-        gate is.
+        ``min_clearance_m``, get the label and place of the neighbour with the longest border; a
+        gate counts as a neighbour only if there is no other. Gates are not corrected.
     correct : bool
         Whether to apply these corrections.
     """
@@ -75,9 +74,9 @@ def pieces_between(
     division.relabel()
     key, names = division.keys(len(doorways))
     first_gate, n_labels, doorway = len(names) - len(doorways), len(label_names), division.doorway
-    del division  # a huge map's rasters
+    del division  # frees the rasters of a huge map
     if correct:
-        # Gates stay whatever their size; places merge only with places.
+        # Gates of any size stay; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
         key, corrected = correct_regions(
             key, names, grid.resolution_m, bare, fixed_doorways=True, free=grid.free
@@ -87,7 +86,7 @@ def pieces_between(
 
 
 class _Division:
-    """A map while it is divided: labels, gates and places of its cells."""
+    """Division of a map: labels, gates and places of its cells."""
 
     place: Numbers
     n_places: int
@@ -108,7 +107,7 @@ class _Division:
 
     @property
     def bands(self) -> Iterator[slice]:
-        """Some rows at a time, which bounds the memory for huge maps."""
+        """Bands of rows, which bound the memory for huge maps."""
         return bands_of_rows(self.grid.shape)
 
     def without_gate(self) -> list[Correction]:
@@ -131,13 +130,13 @@ class _Division:
         return log
 
     def number_places(self, place: Numbers) -> None:
-        """Take the places of the gates for those of labelled cells outside gates, -1 elsewhere.
+        """Number the places of labelled cells outside gates, -1 elsewhere.
 
-        The numbers are written into ``place``, where they fit.
+        The numbers are written into ``place`` if they fit.
 
-        Pieces separated only by rectangles belong together, except for places of at least
-        ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at
-        the narrowest point, not along rectangles.
+        Pieces that only rectangles separate form one place. Exceptions are places of at least
+        ``min_area_m2`` that a leak beside a gate connects: their border is at the narrowest point,
+        not along rectangles.
         """
         labels = self.labels
         grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
@@ -176,11 +175,11 @@ class _Division:
         others = [k for k in range(n_labels) if k != self.doorway]
         most = max(others, key=lambda k: counts[k], default=self.doorway)
         for rows in self.bands:
-            found[rows][painted[rows] & (found[rows] < 0)] = most  # places that are all doorway
+            found[rows][painted[rows] & (found[rows] < 0)] = most  # places with doorway labels only
         self.labels = found
 
     def keys(self, n_gates: int) -> tuple[NDArray[np.int32], list[str]]:
-        """One number for each cell's place and label, gates last, and the name of each number."""
+        """A key for each cell's place and label, gates last, and the name of each key."""
         k, n_places = len(self.names), self.n_places
         key = np.full(self.grid.shape, -1, np.int32)
         for rows in self.bands:
@@ -199,7 +198,7 @@ def _on_free_cells(labels: NDArray[np.int16], grid: OccupancyGrid) -> NDArray[np
 
 
 def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways) -> Numbers:
-    """(H, W) number of the gate that each labelled cell is in, -1 for none.
+    """(H, W) index of the gate at each labelled cell, -1 for none.
 
     Rectangles extend one cell into the walls and are thick enough that no diagonal step between
     cells passes them.
@@ -221,9 +220,9 @@ def grow(
     open_cells: NDArray[np.bool_],
     group: NDArray[np.signedinteger],
 ) -> None:
-    """Assign open cells, ring by ring, the smallest value of their neighbours in the same group.
+    """Grow values into open cells, ring by ring, within groups; the smallest neighbour wins.
 
-    Values below 0 are empty; cells that no value reaches are unchanged.
+    Values below 0 are empty; unreached cells are unchanged.
     """
     todo = np.argwhere(open_cells & (values < 0))
     none = np.iinfo(values.dtype).max
@@ -242,7 +241,7 @@ def grow(
 def _inside(
     cells: NDArray[np.int64], shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Rows and columns of cells (n, 2), 0 for those outside the raster, and which are inside."""
+    """Rows and columns of cells (n, 2), 0 outside the raster, and a mask of the cells inside."""
     r, c = cells.T
     inside = (r >= 0) & (c >= 0) & (r < shape[0]) & (c < shape[1])
     return np.where(inside, r, 0), np.where(inside, c, 0), inside
@@ -251,7 +250,7 @@ def _inside(
 def _empty_around(
     reached: NDArray[np.int64], open_cells: NDArray[np.bool_], values: Numbers
 ) -> NDArray[np.int64]:
-    """(n, 2) the open cells without a value beside some cells: no other can get one next."""
+    """(n, 2) the open cells without a value next to some cells: the next ring."""
     beside = [reached + step for step in _NEIGHBOURS]
     r, c, inside = _inside(np.concatenate(beside), values.shape)
     inside &= open_cells[r, c] & (values[r, c] < 0)
@@ -266,7 +265,7 @@ def _pieces(
     doorway: int,
     corrections: tuple[Correction, ...],
 ) -> GatePieces:
-    """Connected cells of one key; the parts of a gate are one piece."""
+    """Connected cells of one key; all parts of a gate form one piece."""
     parts = connected_components(key)
     of_gate = parts.label >= first_gate
     alone = np.where(of_gate, parts.label, first_gate + np.arange(parts.count) + int(key.max()) + 1)

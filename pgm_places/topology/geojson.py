@@ -7,12 +7,13 @@ from pgm_places.spaces.gate import Gate
 from pgm_places.topology.regions import Region
 
 LOCAL_METRES = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}
-"""A plane in metres. GeoJSON proper knows only degrees; QGIS and Nav2 read this older member."""
+"""A plane in metres, as a member of older GeoJSON that QGIS and Nav2 read; now only degrees are
+standard."""
 
 DIGITS = 6
 
 SIZES = ("heading_rad", "width_m", "depth_m")
-"""Of a gate."""
+"""Property names of a gate."""
 
 
 def gate_record(gate: Gate) -> dict[str, Any]:

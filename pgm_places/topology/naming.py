@@ -1,4 +1,4 @@
-"""Names of places: the user's, those of earlier maps, or class and id."""
+"""Naming of places: the user's names, names from earlier maps, or class and id."""
 
 import re
 from collections import Counter
@@ -14,10 +14,10 @@ def name_places(
     known: Mapping[int, str] | None = None,
     own: Mapping[int, str] | None = None,
 ) -> list[str]:
-    """A name per place: the user's name, else the one it had, else its class and its id.
+    """A name per place: the user's name, else its earlier name, else its class and id.
 
-    A place is known by one number: names such as ``"room 3"`` that places had from earlier runs
-    give way to their class and id.
+    Earlier names such as ``"room 3"`` are replaced by the class and the id, so that a place has one
+    number.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def name_places(
     for place, label in zip(ids, labels, strict=True):
         earlier = known.get(place, "")
         numbered = f"{label} {place}"
-        if numbered in own.values():  # the user calls another place so
+        if numbered in own.values():  # the user's name of another place
             numbered += f" (id {place})"
         automatic = not earlier or re.fullmatch(re.escape(label) + r" \d+( \(id \d+\))?", earlier)
         result.append(own.get(place) or (numbered if automatic else earlier))

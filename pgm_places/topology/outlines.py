@@ -11,7 +11,7 @@ from pgm_places._core import simplify_arcs, trace_rings
 
 Ring = NDArray[np.int32]
 
-# The bit of a corner of cells where an outline turns.
+# The bit of each corner of a cell where an outline turns.
 VERTEX = 1
 
 
@@ -90,7 +90,7 @@ def _count_sides(piece: NDArray[np.int32]) -> int:
     """Number of sides between each piece and anything else."""
     outside = np.full((2, piece.shape[1]), -1, np.int32)
     count, below = 0, outside[0]
-    for row in (*piece, outside[1]):  # a row at a time needs no other raster
+    for row in (*piece, outside[1]):  # row by row, without another raster
         for one, other in ((row, below), (row[:-1], row[1:])):
             differs = one != other
             count += sum(int(np.count_nonzero(differs & (side >= 0))) for side in (one, other))
@@ -120,11 +120,11 @@ def _simple_loops(ring: Ring, stride: int) -> Iterator[NDArray[np.intp]]:
 
 
 def _polygons(loops: list[tuple[Ring, Ring]]) -> Iterator[tuple[Ring, ...]]:
-    """Outlines with the holes inside them."""
+    """Polygons: outlines with their holes."""
     areas = np.array([_area(exact) for exact, _ in loops], np.int64)
     shells = [loops[k] for k in np.flatnonzero(areas > 0)]
     holes: list[list[Ring]] = [[] for _ in shells]
-    # A part may lie in a hole of another: the smallest outline around a hole is the one it is in.
+    # A part may lie in a hole of another: a hole belongs to the smallest outline around it.
     by_area = np.argsort(areas[areas > 0], kind="stable")
     lowest = np.array([shells[k][0].min(axis=0) for k in by_area])
     highest = np.array([shells[k][0].max(axis=0) for k in by_area])

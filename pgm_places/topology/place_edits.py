@@ -1,4 +1,4 @@
-"""Edits of a topological map: places are renamed, merged and split; all others stay as they are."""
+"""Place edits: places of a topological map are renamed, merged and split."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,19 +20,19 @@ from pgm_places.topology.split_candidates import split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
 _WIDER_M = 0.5
-"""Other openings that are cut with one may be wider than it by so much."""
+"""Excess width (m) of further openings over the first that is cut."""
 
 _SAME_OPENING_M = 0.5
-"""Lines whose middles are no farther apart lie in the same opening."""
+"""Greatest distance (m) between the middles of lines in one opening."""
 
 
 def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMap:
-    """The map with the names that a user has given to ids; ids that do not occur are left out.
+    """The map with a user's names, by id; unknown ids are ignored.
 
     Raises
     ------
     InputError
-        Two places would have the same name.
+        Two places would have one name.
     """
     if not names:
         return topology
@@ -44,14 +44,14 @@ def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMa
 
 
 def merged(topology: TopologicalMap, first: int | str, second: int | str) -> TopologicalMap:
-    """The map with two places made one, which keeps the id, name and label of the first.
+    """The map with two places merged into one with the id, name and label of the first.
 
-    A doorway between them that leads nowhere else becomes part of it.
+    A doorway that connects only these two becomes part of it.
 
     Raises
     ------
     InputError
-        A place is unknown, both are the same, or they neither touch nor share a doorway.
+        A place is unknown, both are identical, or they neither touch nor share a doorway.
     """
     one, other = topology.place(first), topology.place(second)
     doors = doorways_between(topology, one, other)
@@ -62,12 +62,12 @@ def merged(topology: TopologicalMap, first: int | str, second: int | str) -> Top
 
 
 def doorways_between(topology: TopologicalMap, one: Region, other: Region) -> list[Region]:
-    """The doorways that join two places and lead nowhere else; empty where they only touch.
+    """The doorways that connect two places and no others; empty if the places only touch.
 
     Raises
     ------
     InputError
-        Both are the same place, or they neither touch nor share a doorway.
+        Both places are identical, or they neither touch nor share a doorway.
     """
     if one.id == other.id:
         raise InputError(f"{one.name!r} cannot be merged with itself; name two places")
@@ -113,7 +113,7 @@ def split_across(
 
 
 def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
-    """The map with a place split into the rooms that it looks like; the largest keeps the id.
+    """The map with a split candidate split into its rooms; the largest keeps the id.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def split_apart(topology: TopologicalMap, key: int | str) -> TopologicalMap:
 
 
 def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
-    """The map with every place split into the rooms that it looks like; the largest keeps the id.
+    """The map with every split candidate split into its rooms; the largest keeps the id.
 
     Raises
     ------
@@ -151,15 +151,15 @@ def split_all_apart(topology: TopologicalMap) -> TopologicalMap:
 
 
 def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) -> TopologicalMap:
-    """The map with a place split at a point, across its narrowest way there.
+    """The map with a place split across its narrowest passage at a point.
 
-    If this divides nothing because one can go around by another opening or two, such as the second
-    door between a room and a corridor, all of them are cut together.
+    If one or two other openings lead around this line, such as a second door between a room and a
+    corridor, all of them are cut together.
 
     Raises
     ------
     InputError
-        The place is unknown, the point is not in it, or nothing is divided there.
+        The place is unknown, the point is not in it, or no line there divides it.
     """
     place, here = topology.place(key), topology.region_at(*at_m)
     point = f"({at_m[0]:g}, {at_m[1]:g})"
@@ -180,7 +180,7 @@ def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) ->
 
 
 def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts | None:
-    """The parts that a cut leaves together with those of other openings; None if it needs more."""
+    """The parts after a cut together with other openings; None if these do not suffice."""
     middle = np.mean(line, axis=0)
     for lines, _ in cuts.opening_cuts(topology, place, cuts.line_width_m(line) + _WIDER_M):
         away = [float(np.hypot(*(np.mean(other, axis=0) - middle))) for other in lines]
@@ -208,7 +208,7 @@ def _point(at_m: Sequence[float]) -> tuple[float, float]:
 def _described(
     topology: TopologicalMap, region: NDArray[np.int32], new: Mapping[int, Region]
 ) -> TopologicalMap:
-    """The map with other cells (H, W) for its regions; ``new`` ids and the regions they are of."""
+    """The map with new cells (H, W) of its regions; ``new`` maps ids to their former regions."""
     earlier = {item.id: item for item in topology.regions} | dict(new)
     ids, piece = np.unique(region[region > 0], return_inverse=True)
     raster = np.full(region.shape, -1, np.int32)
@@ -244,7 +244,7 @@ def _described(
 
 
 def _gate(region: Region, is_part: bool) -> tuple[Gate, float] | None:
-    """The gate that a region is; what is split off a doorway is none."""
+    """The gate of a region; a part split off a doorway has none."""
     if region.gate is None or is_part:
         return None
     return region.gate, 1.0 if region.confidence is None else region.confidence

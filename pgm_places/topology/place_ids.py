@@ -1,4 +1,4 @@
-"""Ids of places: the places of earlier maps, by which those of the next map are recognised."""
+"""Place ids: recognition of the places of earlier maps in the next map."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ ROW_M = 3.0
 """Places whose anchors differ by less than this in y count as one row when numbering."""
 
 CONTAINED = 0.8
-"""Share of a place that lies in a piece which is taken for its larger self: it has grown. Share of
-a piece that lies in a place of the last map which is taken for its smaller self."""
+"""Least share of a place inside a piece for a match with a grown place, and least share of a piece
+inside a place of the last map for a match with a shrunk place."""
 
 
 NEAR_M, SMALL_M2 = 0.5, 2.0
-"""Pieces and places as small as doorways may be the same if their middles are so near."""
+"""Greatest distance of the middles, and area, at which small pieces match places nearby."""
 
 
 STAYS, LASTING = 0.1, 0.15
-"""What counts for a place that was in the last map, and for one that was in ten or more maps: more
-than a few cells of overlap, less than a real difference."""
+"""Bonus of a place of the last map, and of a place of ten or more maps: more than the effect of a
+few cells, less than a real difference."""
 
 
 MANY_MAPS = 10
@@ -38,7 +38,7 @@ MANY_MAPS = 10
 
 @dataclass
 class RememberedPlace:
-    """A place as it was when it was last there.
+    """A place in its last known state.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class RememberedPlace:
         Rows and columns in the memory's raster, in row-major order.
     anchor_m : (float, float)
     n_maps : int
-        In how many maps it was there.
+        Number of maps with this place.
     """
 
     label: str
@@ -58,13 +58,13 @@ class RememberedPlace:
 
 
 SAME_MAP, SAME_RASTER, OTHER_MAP = 0.9, 0.95, 0.5
-"""Shares of the area of earlier places that is free in a map. At least the first: it is their map.
-At least the second by rows and columns instead: their map with another origin. Below the third:
-another map."""
+"""Shares of the area of earlier places that is free in a map. At least the first: the same map. At
+least the second, compared by rows and columns: the map with another origin. Below the third: a
+different map."""
 
 
 class Places(Protocol):
-    """The part of a topological map that its ids follow from."""
+    """The attributes of a topological map that determine its ids."""
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -78,7 +78,7 @@ class Places(Protocol):
 
     @property
     def next_id(self) -> int:
-        """The first id that has never been used."""
+        """The first unused id."""
         ...
 
     def cells(self, key: int) -> NDArray[np.int64]:
@@ -87,36 +87,35 @@ class Places(Protocol):
 
 
 class PlaceIds:
-    """Recognises places by their class and area, also after maps in which they were missing.
+    """Recognises places by their class and area, even after maps without them.
 
-    Each place is kept as it was when it was last there. A piece of the next map may be a place of
-    the same class if their common area is at least a quarter of what they cover together, if the
-    place lies in the piece (it has grown), if the piece lies in the place as it was in the last
-    map (it has shrunk), or if both are as small as doorways and near each other. Places are
-    matched by maximum total overlap (the Hungarian method); recent and long-lived ones get a
-    bonus. So a place that is divided and joined again keeps its id, and its other part gets its
-    old id back if it is divided once more.
+    Each place is stored in its last known state. A piece of the next map can match a place of the
+    same class in four cases: their intersection over union is at least a quarter; the place lies in
+    the piece (it has grown); the piece lies in a place of the last map (it has shrunk); or both are
+    as small as doorways and near each other. Places are matched by maximum total overlap (the
+    Hungarian method); recent and long-lived places get a bonus. A place that is divided and merged
+    keeps its id, and its other part gets its old id back after another division.
 
     Attributes
     ----------
     places : mapping of int to RememberedPlace
         By id.
     raster : OccupancyGrid or None
-        The raster of their cells; only its frame counts. None before the first map.
+        The raster of their cells; only its frame is used. None before the first map.
     last : set of int
-        Ids that were in the last map.
+        Ids in the last map.
     next_id : int
         The first id that has never been used.
     n_maps : int
-        How many maps there have been.
+        Number of maps so far.
     names : mapping of int to str
         The name of every id.
     anchors_m : mapping of int to (float, float)
         Where each place is anchored.
     merged : mapping of int to int
-        For places of the last map that are gone: the place that has most of their area now.
+        For vanished places of the last map: the place that has most of their area now.
     parted : mapping of int to int
-        For new places: the place of the map before that had most of their area.
+        For new places: the place of the previous map that had most of their area.
     """
 
     def __init__(self) -> None:
@@ -167,7 +166,7 @@ class PlaceIds:
         return ids, next_id
 
     def learn(self, topology: Places) -> None:
-        """Keep the places of a map whose ids came from here."""
+        """Store the places of a map that got its ids here."""
         for region in topology.regions:
             before = self.places.get(region.id)
             self.places[region.id] = RememberedPlace(
@@ -181,10 +180,10 @@ class PlaceIds:
         self.last = frozenset(region.id for region in topology.regions)
 
     def fit_to(self, grid: OccupancyGrid) -> str:
-        """Take the next map's origin for theirs where it was edited; the message, "" for none.
+        """Adopt an edited origin of the next map; a warning, or "".
 
-        An edited origin moves all cells in the map frame, but not in the raster. If most of the
-        places of the last map are not free in this one, the message says that it is another map.
+        An edited origin moves all cells in the map frame, but not in the raster. The warning says
+        that the map is a different one if most places of the last map are not free in it.
         """
         if self.raster is None or not self.last:
             return ""
@@ -220,7 +219,7 @@ class PlaceIds:
         return ""
 
     def _move_to(self, grid: OccupancyGrid) -> None:
-        """Number the remembered cells as in another map."""
+        """Convert the stored cells to the raster of another map."""
         if self.raster is None:
             return
         shift = raster_shift(self.raster, grid)
@@ -250,7 +249,7 @@ class PlaceIds:
         known: Sequence[int],
         common: NDArray[np.int64],
     ) -> NDArray[np.float64]:
-        """(pieces, places) how well each fits; 0 where it cannot be the same."""
+        """(pieces, places) score of each match; 0 for impossible ones."""
         places = [self.places[number] for number in known]
         size = np.array([len(place.cells) for place in places], np.int64)
         both = pieces.size[:, None] + size - common
@@ -276,7 +275,7 @@ class PlaceIds:
         size: NDArray[np.int64],
         places: Sequence[RememberedPlace],
     ) -> NDArray[np.float64]:
-        """(pieces, places) from 1 at the same spot to 0; 0 for what is not small."""
+        """(pieces, places) nearness from 1 at the same spot to 0; 0 unless both are small."""
         small_cells = SMALL_M2 / grid.resolution_m**2
         mine = np.flatnonzero(pieces.size <= small_cells)
         theirs = np.flatnonzero((size > 0) & (size <= small_cells))
@@ -296,7 +295,7 @@ class PlaceIds:
         common: NDArray[np.int64],
         pieces: Components,
     ) -> None:
-        """Which places were merged into others, and which are parts of others."""
+        """Note places that were merged into others, and places that were split off others."""
         column = {number: k for k, number in enumerate(known)}
         self.merged, self.parted = {}, {}
         for number in sorted(self.last.difference(ids)):
@@ -341,10 +340,10 @@ def number_on(
     label_names: Sequence[str],
     doorway_label: str,
 ) -> tuple[list[int], int]:
-    """The ids with those that are 0 replaced by new ones from ``next_id``, and the next unused one.
+    """The ids with each 0 replaced by a new id from ``next_id`` on, and the next unused id.
 
-    They are given from top to bottom and from left to right, doorways last: the numbers of rooms
-    and corridors on a map are not interrupted by those of the doors between them.
+    New ids run from top to bottom and from left to right, doorways last, so that the numbers of
+    rooms and corridors on a map are consecutive.
     """
     is_doorway = np.array([label_names[label] == doorway_label for label in pieces.label], np.bool_)
     order = reading_order(pieces, grid)

@@ -1,4 +1,4 @@
-"""A plane spanner of roads: few nodes and edges without crossings, and ways that stay short."""
+"""Plane spanner: a subgraph of few nodes and edges without crossings, with short paths."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -14,24 +14,24 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SIGHT_M = 8.0
-"""Edges are not longer than this."""
+"""Length of the longest edge."""
 
 STRETCH = 1.15
-"""There is an edge wherever the way would else be longer than this times a straight one."""
+"""Greatest ratio of a path to the length of an edge that is left out."""
 
 DETOUR, SLACK_M, NEAR_M = 1.2, 0.3, 6.0
-"""No way up to ``NEAR_M`` becomes longer than ``DETOUR`` times what it was, and ``SLACK_M``."""
+"""Paths up to ``NEAR_M`` grow to at most ``DETOUR`` times their length plus ``SLACK_M``."""
 
 APART_M = 1.0
-"""Of two nodes nearer to each other than this, one is left out where no way gets too long."""
+"""Of two nodes at a smaller distance, one is left out unless a path gets too long."""
 
 _MOST_ROUNDS = 8
 _SOURCES = 256
-"""How many nodes ways are searched from at a time: memory stays small."""
+"""Number of start nodes per search, which limits memory."""
 
 
 class Detour(NamedTuple):
-    """Two nodes between which the way is too long, and the shortest; or that no way joins."""
+    """Two nodes whose path is missing or too long, and the shortest path."""
 
     shortest: float
     path: list[int]
@@ -39,9 +39,9 @@ class Detour(NamedTuple):
 
 
 class PlaneSpanner:
-    """Which nodes of dense roads are chosen, and the edges between them.
+    """Selection of nodes of dense roads, and the edges between them.
 
-    Lengths are whole thousandths of a cell, so that equal ones are equal on every machine.
+    Lengths are integers, in thousandths of a cell, for equal results on all machines.
     """
 
     def __init__(self, roads: Roads) -> None:
@@ -55,7 +55,7 @@ class PlaneSpanner:
         self.dense = self._graph(np.ones(len(pairs), np.bool_))
 
     def edges(self) -> NDArray[np.bool_]:
-        """(M,) which pairs are edges of the greedy plane spanner of the nodes that are chosen."""
+        """(M,) mask of the edges of the greedy plane spanner of the selected nodes."""
         nodes = np.flatnonzero(self.chosen)
         inside = np.flatnonzero(self.chosen[self.pairs].all(axis=1))
         if self.first:
@@ -70,9 +70,9 @@ class PlaneSpanner:
         return found
 
     def add_nodes(self) -> None:
-        """Choose nodes on shorter ways until no way is too long.
+        """Select nodes on shorter paths until no path is too long.
 
-        The edges of a way that crossing ones would cut come before shorter edges.
+        Edges of such a path that others would cross come before shorter edges.
         """
         for _ in range(_MOST_ROUNDS):
             added: set[int] = set()
@@ -91,9 +91,9 @@ class PlaneSpanner:
                 break
 
     def without_near_nodes(self, n_kept: int) -> NDArray[np.bool_]:
-        """(M,) the edges when nodes beside others are left out; the first ``n_kept`` stay.
+        """(M,) the edges after nodes near others are removed; the first ``n_kept`` stay.
 
-        Those with the least room are tried first.
+        Nodes with the least clearance are tried first.
         """
         at = np.rint(self.roads.at).astype(np.int64)
         nodes = np.flatnonzero(self.chosen)
@@ -108,7 +108,7 @@ class PlaneSpanner:
         return taken
 
     def detours(self, edges: NDArray[np.bool_]) -> Iterator[Detour]:
-        """Pairs of chosen nodes near each other between which ways over edges are too long."""
+        """Pairs of nearby selected nodes whose path over the edges is too long."""
         from scipy.sparse.csgraph import connected_components, dijkstra
 
         near, slack = NEAR_M / self.unit_m, SLACK_M / self.unit_m
@@ -134,13 +134,13 @@ class PlaneSpanner:
         """(N, N) lengths of edges (M,)."""
         from scipy.sparse import csr_array
 
-        ends = self.pairs[edges].T.astype(np.int32)  # Dijkstra of SciPy before 1.13 takes no others
+        ends = self.pairs[edges].T.astype(np.int32)  # SciPy before 1.13 needs int32
         n = len(self.chosen)
         return csr_array((self.lengths[edges].astype(np.float64), ends), (n, n))
 
 
 def keep_needed(roads: Roads) -> None:
-    """Keep of dense roads the nodes chosen, and the others and the edges that short ways need."""
+    """Reduce dense roads to the chosen nodes, and the other nodes and edges of short paths."""
     spanner = PlaneSpanner(roads)
     spanner.add_nodes()
     edges = spanner.without_near_nodes(roads.n_targets)
@@ -150,7 +150,7 @@ def keep_needed(roads: Roads) -> None:
 
 
 def _in_sight(roads: Roads) -> NDArray[np.int64]:
-    """(M, 2) nodes that may have an edge, the smaller number first."""
+    """(M, 2) pairs of nodes that can have an edge, the smaller index first."""
     from scipy.spatial import cKDTree
 
     kept = np.array(sorted(roads.links), np.int64)

@@ -16,7 +16,7 @@ from pgm_places.topology.outlines import outlines
 
 HALL, CORRIDOR = "hall", "corridor"
 
-# Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
+# Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
 
 
@@ -27,7 +27,7 @@ class Region:
     Parameters
     ----------
     id : int
-        At least 1; stable from run to run as long as the region can be recognised.
+        At least 1; stable from run to run while the region can be recognised.
     name : str
         Its name, unique on the map.
     label : str
@@ -49,10 +49,10 @@ class Region:
     gate : Gate or None
         For a doorway that is a gate, its rectangle; the confidence is the gate's probability.
     probabilities : tuple of float or None
-        Mean probability of each of the map's labels over its cells, where they are known.
+        Mean probability of each of the map's labels over its cells, if known.
     hall : float or None
-        Mean probability that its cells lie in a hall, where halls are shown as corridors and this
-        is known; a part of the probability of ``corridor``.
+        Mean probability that its cells lie in a hall, if halls are shown as corridors and it is
+        known; a share of the probability of ``corridor``.
     """
 
     id: int
@@ -71,14 +71,14 @@ class Region:
 
     @property
     def is_likely_hall(self) -> bool:
-        """Whether it is shown as a corridor and is a hall rather than any other corridor."""
+        """Whether it is shown as a corridor, but is more probably a hall than another corridor."""
         if self.label != CORRIDOR or self.hall is None or self.confidence is None:
             return False
         return self.hall > self.confidence / 2
 
 
 def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
-    """(H, W) which cells are as far from the edge of their piece as any cell of it.
+    """(H, W) mask of the cells of each piece with the largest distance from its edge.
 
     Examples
     --------
@@ -93,9 +93,9 @@ def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
 
 
 def edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(H, W) which cells share a side with another piece, no piece, or the outside."""
+    """(H, W) mask of cells that share a side with another piece, no piece, or the outside."""
     edge = np.ones(piece.shape, np.bool_)
-    for r in range(1, len(piece) - 1):  # a row at a time needs no other raster
+    for r in range(1, len(piece) - 1):  # row by row, without another raster
         row, inside = piece[r, 1:-1], edge[r, 1:-1]
         np.not_equal(row, piece[r - 1, 1:-1], out=inside)
         inside |= row != piece[r + 1, 1:-1]
@@ -136,12 +136,11 @@ def describe_regions(
     halls : (P,) float, optional
         Mean probability of a hall in each, NaN where it is unknown.
     gates : sequence of (Gate, float) or None, optional
-        The gate that each piece is, with its probability; None for other pieces.
+        The gate of each piece, with its probability; None for pieces of places.
     anchors_m : mapping of int to (float, float), optional
-        Earlier anchors by id, which stay where they are if that is still inside.
+        Earlier anchors by id, which are not moved if they are still inside.
     deepest : (H, W) bool, optional
-        What :func:`deepest_cells` says of the pieces: a huge map has no room to find it beside the
-        clearance.
+        Result of :func:`deepest_cells`, computed before the clearance to save memory on huge maps.
     tolerance : float
         Largest distance of an outline from the cells' corners, in cells.
     """
@@ -186,7 +185,7 @@ def describe_regions(
 def _anchors(
     pieces: Components, deepest: NDArray[np.bool_], clearance: NDArray[np.int32]
 ) -> NDArray[np.int64]:
-    """(P, 2) the deepest cell of each piece: that farthest from any wall, then the first."""
+    """(P, 2) the deepest cell of each piece; of equal ones that with the most clearance."""
     cells, piece = np.argwhere(deepest), pieces.piece[deepest]
     order = np.lexsort((-clearance[deepest], piece))
     return cells[order[np.searchsorted(piece[order], np.arange(pieces.count))]]
@@ -199,7 +198,7 @@ def _keep_anchors(
     ids: Sequence[int],
     earlier_m: Mapping[int, tuple[float, float]],
 ) -> None:
-    """Move anchors (P, 2) back to where they were, if that is inside their pieces."""
+    """Move anchors (P, 2) back to earlier positions that are inside their pieces."""
     for k, number in enumerate(ids):
         if number in earlier_m:
             cell = grid.cells_at_m([earlier_m[number]])

@@ -1,4 +1,4 @@
-"""RouteGraph: ways that a robot can drive, as nodes and straight edges through all places."""
+"""RouteGraph: nodes and straight edges along which a robot can drive through all places."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 ROBOT_RADIUS_M = 0.2
-"""A small robot for indoors: narrower gaps are noise of the map more often than ways."""
+"""A small indoor robot; gaps narrower than it are mostly noise of the map."""
 
 # Clearances are measured up to this distance.
 MARKED_M = 2.0
@@ -24,15 +24,15 @@ MARKED_M = 2.0
 
 @dataclass(frozen=True)
 class RouteNode:
-    """A point to drive to.
+    """A node of a route graph.
 
     Parameters
     ----------
     point_m : (float, float)
     region : int
-        Id of the place that it is in.
+        Id of its place.
     is_anchor : bool
-        Whether it stands for its place.
+        Whether it is the goal for its place.
     clearance_m : float
         Distance to the nearest obstacle, 2 m at most.
     """
@@ -45,17 +45,17 @@ class RouteNode:
 
 @dataclass(frozen=True)
 class RouteEdge:
-    """A straight way between two nodes, to be driven in both directions.
+    """A straight edge between two nodes, for driving in both directions.
 
     Parameters
     ----------
     first, second : int
-        Positions of the nodes in the graph's list.
+        Indices of the nodes.
     length_m : float
     clearance_m : float
         Distance from the line to the nearest obstacle, 2 m at most.
     region : int
-        Id of the place that the middle of the line is in.
+        Id of the place at the middle of the edge.
     """
 
     first: int
@@ -67,19 +67,19 @@ class RouteEdge:
 
 @dataclass(frozen=True, eq=False)
 class RouteGraph:
-    """Nodes and edges, and which places they do not reach.
+    """Nodes and edges, with unreachable and closed places.
 
     Parameters
     ----------
     nodes : tuple of RouteNode
-        Those of places first, by id; all have edges.
+        Nodes of places first, by id; all nodes have edges.
     edges : tuple of RouteEdge
     robot_radius_m : float
         No edge has less clearance.
     unreachable : tuple of int
-        Ids of places that no way leads to: the graph is its largest connected part.
+        Ids of unreachable places: the graph is the largest connected component.
     closed : tuple of int
-        Ids of places that the robot keeps out of: no way comes nearer to them than its radius.
+        Ids of places that the robot must not enter: no edge is nearer to them than its radius.
     """
 
     nodes: tuple[RouteNode, ...]
@@ -90,7 +90,7 @@ class RouteGraph:
 
     @cached_property
     def graph(self) -> "nx.Graph[int]":
-        """The same with positions in ``nodes`` as nodes, and ``length_m`` at the edges."""
+        """The graph on the indices of ``nodes``, with ``length_m`` as an edge attribute."""
         import networkx as nx
 
         graph: nx.Graph[int] = nx.Graph()
@@ -107,14 +107,14 @@ def route_graph(
     robot_radius_m: float = ROBOT_RADIUS_M,
     closed: Collection[int] = (),
 ) -> RouteGraph:
-    """Ways through all places that a disc can drive.
+    """The route graph of a disc through all places.
 
-    Nodes lie on the skeleton of the space (in the middle of corridors, at junctions, in the middle
-    of doorways), at the anchors of places, and so that all space is about 2 m from a node or less.
-    Straight edges join them as a plane spanner: the shortest come first, each is there only if the
-    way is more than 15 % longer without it, and none crosses another. Of two nodes within a metre,
-    one is left out where the ways between its neighbours stay short. What belongs to no place is an
-    obstacle. The graph is connected: parts that are cut off from the largest are left out.
+    Nodes lie on the skeleton of the space (in the middle of corridors and doorways, and at
+    junctions), at the anchors of places, and at further points, so that no free cell is more than
+    about 2 m from a node. Straight edges form a plane spanner: they are added by length, an edge is
+    added only if the path without it is more than 15 % longer, and no edges cross. Of two nodes
+    within a metre, one is removed if the paths between its neighbours stay short. Cells without a
+    place are obstacles. Only the largest connected component is returned.
 
     Source: I. Althöfer, G. Das, D. Dobkin, D. Joseph, J. Soares, On sparse spanners of weighted
     graphs, Discrete & Computational Geometry 9, 1993 (the greedy spanner).
@@ -125,7 +125,7 @@ def route_graph(
     robot_radius_m : float
         Radius of the disc; every point of every edge is at least this far from obstacles.
     closed : collection of int
-        Ids of places that the robot keeps out of; they are obstacles.
+        Ids of places that the robot must not enter; they are obstacles.
 
     Raises
     ------
@@ -154,9 +154,9 @@ def route_graph(
 def standing_points(
     topology: TopologicalMap, *, robot_radius_m: float, closed: Collection[int] = ()
 ) -> dict[int, tuple[float, float]]:
-    """By the id of each place with room for a disc, a point where it can stand.
+    """By id, a point in each place where a disc fits.
 
-    That is the place's anchor, or its roomiest point if the disc does not fit there.
+    It is the place's anchor, or the point with the most clearance if the disc does not fit there.
     """
     space = RouteSpace(topology, robot_radius_m, closed)
     cells = space.targets().astype(np.float64)

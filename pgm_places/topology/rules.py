@@ -10,7 +10,7 @@ from pgm_places.options import AtLeastZero, Options, from_mapping
 DoorwaysFrom = Literal["gates", "labels"]
 
 _RETIRED = ("widest_doorway_m", "close_leaks_m", "split_rooms_m")
-"""Corrections by width that earlier versions had, off by default; gates have replaced them."""
+"""Corrections by width of earlier versions, off by default; replaced by gates."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class CorrectionRules(Options):
         Minimum area of a doorway (m²); smaller ones are errors (the paper: 0.1 m²).
     min_clearance_m : float
         Radius of a disc that a room or corridor must have room for (m); where it fits nowhere, the
-        region is an error. 0 asks for none; ``label``, ``live`` and the studio take the robot's
+        region is an error. 0 for no minimum; ``label``, ``live`` and the studio use the robot's
         (``disc_radius_m`` of :class:`~pgm_places.spaces.entered_options.EnteredOptions`).
     doorways_join_two : bool
         Relabel doorways that touch fewer than two regions.
@@ -42,7 +42,7 @@ class CorrectionRules(Options):
 
 @dataclass(frozen=True)
 class TopologyOptions(CorrectionRules):
-    """The rules, whether they are applied, and which passages connect places.
+    """Options of topological maps: whether regions are corrected, and what connects places.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class TopologyOptions(CorrectionRules):
     min_width_m : float
         Passages narrower than this (m) connect nothing.
     doorways : {"gates", "labels"}
-        What separates places: the accepted gates of the map, if the model finds any, or cells
+        Separators of places: the accepted gates of the map, if the model finds any, or cells
         labelled as doorways.
     """
 
@@ -61,12 +61,12 @@ class TopologyOptions(CorrectionRules):
 
 
 def stored_options(values: Any, *, path: str) -> TopologyOptions:
-    """The options in a file that this or an earlier version wrote.
+    """The options in a file of this or an earlier version.
 
     Raises
     ------
     ConfigError
-        An option that there is not, or a correction of an earlier version that was on.
+        An option is unknown, or a correction of an earlier version is switched on.
     """
     if not isinstance(values, Mapping):
         return from_mapping(TopologyOptions, values, path=path)

@@ -1,4 +1,4 @@
-"""The skeleton of free space: where the middle of every way is, and where ways meet."""
+"""Skeleton of free space: the middle lines of passages, and their junctions."""
 
 from typing import NamedTuple
 
@@ -13,15 +13,15 @@ Cell = tuple[int, int]
 
 
 class Skeleton(NamedTuple):
-    """Points where ways begin, end or meet, and the ways between them.
+    """Points at which ways begin, end or meet, and the ways between them.
 
     Parameters
     ----------
     points : list of (int, int)
-        Cells; those that were to be reached come first, in their order.
+        Cells; the targets come first, in their order.
     ways : list of (n, 2) int64
-        Cells from one point to another, both included; each beside the one before, but for the
-        first and the last step, which may be a few cells long.
+        Cells from one point to another, both included; consecutive cells are neighbours, except
+        at the first and the last step, which may be a few cells long.
     """
 
     points: list[Cell]
@@ -31,14 +31,14 @@ class Skeleton(NamedTuple):
 def skeleton_of(
     inside: NDArray[np.bool_], clearance: NDArray[np.int32], targets: NDArray[np.int64]
 ) -> Skeleton:
-    """The skeleton that connects all targets, goes round every obstacle, and has no other ends.
+    """The skeleton that connects all targets, surrounds every obstacle, and has no other ends.
 
     Parameters
     ----------
     inside : (H, W) bool
-        The space; none along the edges of the raster.
+        The space; False along the edges of the raster.
     clearance : (H, W) int32
-        Squared distance to the nearest obstacle: ways keep to where it is large.
+        Squared distance to the nearest obstacle; ways follow its maxima.
     targets : (T, 2) int64
         Cells inside, all different.
 
@@ -82,7 +82,7 @@ def _neighbours(cell: Cell) -> list[Cell]:
 def _ways(
     points: list[Cell], point_of: dict[Cell, int], near: dict[Cell, list[Cell]]
 ) -> list[NDArray[np.int64]]:
-    """The ways between points, each once: from every cell of a point along each free branch."""
+    """The ways between points, each once, traced from each point along its branches."""
     found, walked = [], set()
     for start, first in point_of.items():
         for step in near[start]:

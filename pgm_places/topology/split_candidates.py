@@ -1,4 +1,4 @@
-"""Places that look like several rooms, for a person to decide on: doorways that were missed."""
+"""Split candidates: places that look like several rooms, for a person to check."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,30 +13,30 @@ from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
 WIDEST_M, DEEPEST_M = 1.9, 0.75
-"""Wider openings without jambs are parts of a room; what is narrow for longer than any wall is
-thick lies between a wall and a bed, or a counter."""
+"""Greatest width and depth (m) of openings: wider ones without jambs are parts of a room, deeper
+ones are passages beside a bed or a counter."""
 
 DOOR_WIDTH_M, DOOR_DEPTH_M = 1.2, 0.55
-"""Openings up to this size are doors even where a room is hardly broader."""
+"""Greatest width and depth (m) of doors, which need a smaller difference in width to the room."""
 
 CASED_WIDTH_M = 2.5
-"""So are single openings up to this width between jambs, as those between the rooms of homes."""
+"""Greatest width (m) of a single opening between jambs that counts as a door, as in homes."""
 
 LEAST_PART_M2 = 4.0
-"""What is smaller is a niche, or lies between furniture."""
+"""Least area (m²) of either side; smaller ones are niches, or space between furniture."""
 
 DOOR_SHARE, OTHER_SHARE = 1.15, 0.75
-"""The opening is narrower than this times the breadth of what lies on either side of it."""
+"""Greatest ratios of the width of an opening to the breadth of a side: for doors, for others."""
 
 CIRCULATION = ("corridor", "hall")
-"""Long and winding by nature: they narrow at each joint, and are one place nonetheless."""
+"""Classes of long and winding places, which narrow at each joint without being several places."""
 
 _FOUND: WeakKeyDictionary[TopologicalMap, tuple["SplitCandidate", ...]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
 class SplitCandidate:
-    """A place that looks like several, and where it would be split.
+    """A place that looks like several rooms, and the lines that would split it.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class SplitCandidate:
     lines_m : tuple of ((float, float), (float, float))
         Ends of the lines across its openings, in the map frame.
     areas_m2 : tuple of float
-        Of the parts between them, descending.
+        Areas of the parts between the lines, descending.
     """
 
     place: Region
@@ -53,20 +53,20 @@ class SplitCandidate:
 
     @property
     def count(self) -> int:
-        """How many rooms it looks like."""
+        """The number of rooms."""
         return len(self.areas_m2)
 
 
 def split_candidates(topology: TopologicalMap) -> tuple[SplitCandidate, ...]:
-    """The places that look like several rooms, by their ids.
+    """The places that look like several rooms, by id.
 
-    An opening parts rooms if it is no wider than 1.9 m and no deeper than a thick wall (0.75 m),
-    leaves at least 4 m² on either side, and is narrow for what lies there: narrower than 0.75 of
-    four times the mean clearance, which is the width of a strip, or than 1.15 of it where the
-    opening has the size of a door, 1.2 m and 0.55 m deep. A cased opening, a single one up to 2.5 m
-    wide and 0.55 m deep between jambs, counts like a door. Two or three openings between the same
-    two parts count as one. Corridors and halls, which narrow at each joint, are left out, as are
-    doorways.
+    An opening separates rooms if it is at most 1.9 m wide and 0.75 m deep (a thick wall), leaves at
+    least 4 m² on both sides, and is narrow compared with both sides. The breadth of a side is four
+    times its mean clearance, the width of a strip. The opening must be narrower than 0.75 of it, or
+    than 1.15 of it for an opening of the size of a door, 1.2 m wide and 0.55 m deep. A cased
+    opening, which is single, at most 2.5 m wide and 0.55 m deep, and lies between jambs, counts as
+    a door. Two or three openings between two parts count as one. Doorways are left out, and so are
+    corridors and halls, which narrow at each joint.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def _looked_for(topology: TopologicalMap) -> Iterator[SplitCandidate]:
 
 
 def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
-    """The lines of all cuts that part rooms; where two overlap, those of the narrower one."""
+    """The lines of all cuts that separate rooms; of two overlapping cuts, the narrower one."""
     cuts = [
         cut
         for cut, depth_m in opening_cuts(topology, place, CASED_WIDTH_M)
@@ -115,7 +115,7 @@ def _accepted(topology: TopologicalMap, place: Region) -> tuple[Line, ...]:
 def _parts_rooms(
     topology: TopologicalMap, place: Region, cut: tuple[Line, ...], depth_m: float
 ) -> bool:
-    """Whether both sides of a cut are large enough, and broad for its widest line."""
+    """Whether both sides of a cut are large, and broad compared with its widest line."""
     parts = cut_along(topology, place, cut)
     if len(parts) < 2 or parts.area_m2[-1] < LEAST_PART_M2:
         return False
@@ -137,11 +137,11 @@ def _parts_rooms(
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
 ) -> list[SplitCandidate]:
-    """Openings that divide places, except doorways, alone or two or three together.
+    """Openings within places, alone or up to three together, that divide them.
 
-    Those are the narrow openings between segments of open space that no doorway fills. Single ones
-    come first, then by the area of the smaller part. Lines that divide a place only together, such
-    as two doors between the same two rooms, are one proposal.
+    They are narrow openings between segments of open space without a doorway. Single openings come
+    first, then by the area of the smaller part. Lines that divide a place only together, such as
+    two doors between two rooms, form one proposal.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def propose_splits(
     Raises
     ------
     InputError
-        A width that is not positive.
+        The width is not positive.
     """
     if not narrower_than_m > 0:
         raise InputError(
@@ -176,6 +176,6 @@ def propose_splits(
 def _parts_m2(
     topology: TopologicalMap, place: Region, lines: Sequence[Line]
 ) -> tuple[float, float]:
-    """Areas of the two largest parts between lines, 0 where there is no second."""
+    """Areas of the two largest parts between lines, 0 for a missing second part."""
     areas_m2 = [*cut_along(topology, place, lines).area_m2.tolist(), 0.0]
     return areas_m2[0], areas_m2[1]

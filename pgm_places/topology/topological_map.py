@@ -55,7 +55,7 @@ class Connection:
 @travels
 @dataclass(frozen=True, eq=False)
 class TopologicalMap(Plotted):
-    """Places of a map and how they are connected (paper section 6.2, Fig. 9).
+    """Places of a map and their connections (paper section 6.2, Fig. 9).
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ class TopologicalMap(Plotted):
         Sorted by ids.
     label_names : tuple of str
     doorway_label : str
-        The class of regions that lead from one place to another.
+        The class of regions that connect two places.
     corrections : tuple of Correction
-        What was relabelled before regions were formed.
+        Regions that were relabelled.
     next_id : int
         The first id that has never been assigned.
     """
@@ -103,7 +103,7 @@ class TopologicalMap(Plotted):
         for region in self.regions:
             table[region.id] = self.label_names.index(region.label)
         found = np.empty(self.region.shape, np.int16)
-        for rows in bands_of_rows(self.grid.shape):  # NumPy looks up by 64-bit copies
+        for rows in bands_of_rows(self.grid.shape):  # NumPy makes 64-bit copies of indices
             found[rows] = table[self.region[rows]]
         return freeze(found)
 
@@ -151,7 +151,7 @@ class TopologicalMap(Plotted):
         Raises
         ------
         InputError
-            A name that is neither a place nor a class.
+            A name is neither a place nor a class.
         """
         wanted = set(names)
         for name in sorted(wanted.difference(self.label_names)):
@@ -169,10 +169,10 @@ class TopologicalMap(Plotted):
 
     @cached_property
     def _windows(self) -> NDArray[np.int64]:
-        """(R + 1, 2, 2) first and last row, and column, of each number; without importing SciPy."""
+        """(R + 1, 2, 2) first and last row, and column, of each id; without SciPy's import time."""
         n = int(self.region.max(initial=0)) + 1
         first, last = np.full((n, 2), max(self.grid.shape)), np.full((n, 2), -1)
-        for top in range(0, len(self.region), _ROWS_AT_ONCE):  # no list of a huge map's cells
+        for top in range(0, len(self.region), _ROWS_AT_ONCE):  # saves a list of all cells
             band = self.region[top : top + _ROWS_AT_ONCE]
             cells = np.argwhere(band > 0)
             number = band[tuple(cells.T)]
@@ -187,7 +187,7 @@ class TopologicalMap(Plotted):
         return slice(rows[0], rows[1] + 1), slice(columns[0], columns[1] + 1)
 
     def cells(self, key: int | str) -> NDArray[np.int64]:
-        """(n, 2) row and column of the cells of a region: of a doorway, those that lead through."""
+        """(n, 2) row and column of the cells of a region; of a doorway, of its passage."""
         region = self.place(key)
         rows, columns = self.window(region.id)
         inside = self.region[rows, columns] == region.id
@@ -250,9 +250,9 @@ class TopologicalMap(Plotted):
     def place_graph(self) -> "nx.MultiGraph[int]":
         """Rooms, corridors and other places as nodes; doorways and open passages as edges.
 
-        Each doorway joins every pair of places that it touches by an edge with its id as
+        A doorway is an edge between every pair of places that it touches, with its id as
         ``doorway``, its anchor as ``x_m`` and ``y_m``, and the narrower of its two passages as
-        ``width_m``; ``doorway`` is 0 if two places touch without a doorway. Adjacent doorways count
+        ``width_m``. ``doorway`` is 0 if two places touch without a doorway. Adjacent doorways count
         as one, with the smallest id.
         """
         import networkx as nx
@@ -304,7 +304,7 @@ class TopologicalMap(Plotted):
         return ax
 
     def to_networkx(self) -> "nx.Graph[int]":
-        """A copy of :attr:`graph`, which may be changed."""
+        """A mutable copy of :attr:`graph`."""
         return self.graph.copy()
 
     def to_geojson(self) -> dict[str, Any]:

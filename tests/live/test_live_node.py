@@ -267,7 +267,7 @@ def test_what_is_wrong_is_said_once_in_plain_words() -> None:
     path = drive(1)[:40]
     robot = Robot()
     robot.take(driven(path))
-    assert robot.said == ["no map on /map yet: places are told by the scans alone"]
+    assert robot.said == ["no map on /map yet: places are estimated from scans only"]
 
     robot = Robot()
     robot.take(driven(path[:3]), clock_s=float(path.times_s[0]) + 60.0)
