@@ -353,10 +353,16 @@ def checks_of(function: Any) -> tuple[tuple[str, ...], dict[str, Check]]:
     parameters = inspect.signature(function).parameters.values()
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     named = [
-        item for item in parameters if item.kind not in (item.VAR_KEYWORD, item.VAR_POSITIONAL)
+        parameter
+        for parameter in parameters
+        if parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
     ]
-    checks = {item.name: check_of(hints[item.name]) for item in named if item.name in hints}
-    for item in named:
-        if item.default is None and item.name in checks:
-            checks[item.name] = either((is_none, checks[item.name]))
-    return tuple(item.name for item in named if item.kind in kinds), checks
+    checks = {
+        parameter.name: check_of(hints[parameter.name])
+        for parameter in named
+        if parameter.name in hints
+    }
+    for parameter in named:
+        if parameter.default is None and parameter.name in checks:
+            checks[parameter.name] = either((is_none, checks[parameter.name]))
+    return tuple(parameter.name for parameter in named if parameter.kind in kinds), checks

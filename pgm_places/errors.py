@@ -155,8 +155,8 @@ def nearest_name(name: str, known: Sequence[str], *, never: Container[str] = ())
     """
     import difflib
 
-    listed = [item for item in known if len(item) <= _LONGEST_NAME][:_MOST_NAMES]
-    offered = [item for item in listed if item not in never]
+    listed = [candidate for candidate in known if len(candidate) <= _LONGEST_NAME][:_MOST_NAMES]
+    offered = [candidate for candidate in listed if candidate not in never]
     close = difflib.get_close_matches(name[:_LONGEST_NAME], offered, n=1, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     more = f" and {len(known) - len(listed)} more" if len(listed) < len(known) else ""

@@ -48,9 +48,9 @@ _PARAMETER = re.compile(r"^(\w[\w, ]*)(?: : ([^\n]*))?\n((?: +[^\n]*\n?)+)", re.
 
 def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
     """The fields of a class that a user may set: all except fitted attributes."""
-    for item in dataclasses.fields(cls):
-        if item.init and not item.metadata.get("learned"):
-            yield item
+    for field in dataclasses.fields(cls):
+        if field.init and not field.metadata.get("learned"):
+            yield field
 
 
 def option_values(item: Any) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _hints(cls: Any) -> dict[str, Any]:
         hints = typing.get_type_hints(cls, include_extras=True)
     except NameError:  # names that another package imports for type checkers only
         hints = {}
-    return {item.name: hints.get(item.name, Any) for item in option_fields(cls)}
+    return {field.name: hints.get(field.name, Any) for field in option_fields(cls)}
 
 
 def option_lines(cls: type[Any]) -> dict[str, str]:
@@ -163,10 +163,10 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
         if key not in hints:
             hint = nearest_name(str(key), list(hints), never=values)
             raise ConfigError(f"unknown key {quoted(_at(path, key))}. {hint}")
-    for item in option_fields(cls):
-        required = item.default is dataclasses.MISSING is item.default_factory
-        if required and item.name not in values:
-            raise ConfigError(f"{_at(path, item.name)!r} is missing")
+    for field in option_fields(cls):
+        required = field.default is dataclasses.MISSING is field.default_factory
+        if required and field.name not in values:
+            raise ConfigError(f"{_at(path, field.name)!r} is missing")
     built = {key: _nested(hints[key], value, _at(path, key)) for key, value in values.items()}
     try:
         return cls(**{key: check_option(key, hints[key], value) for key, value in built.items()})

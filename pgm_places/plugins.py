@@ -88,7 +88,7 @@ class Registry:
         cls = self.find(name)
         known = list(option_hints(cls))
         options = dict(options or {})
-        arrays = [item.name for item in dataclasses.fields(cls) if item.metadata.get("given")]
+        arrays = [field.name for field in dataclasses.fields(cls) if field.metadata.get("given")]
         array_options = {key: options.pop(key) for key in arrays if key in options}
         for old, now in self.former.get(name, {}).items():
             if old in options and now not in options:

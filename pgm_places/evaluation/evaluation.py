@@ -114,8 +114,12 @@ class Evaluation:
                     f"evaluations of different labels cannot be merged: {list(names)} and "
                     f"{list(other.label_names)}"
                 )
-        confusion = np.sum([item.confusion for item in evaluations], axis=0)
-        tables = [item.reliability for item in evaluations if item.reliability is not None]
+        confusion = np.sum([evaluation.confusion for evaluation in evaluations], axis=0)
+        tables = [
+            evaluation.reliability
+            for evaluation in evaluations
+            if evaluation.reliability is not None
+        ]
         pooled = None
         if len(tables) == len(evaluations) and len({len(table.count) for table in tables}) == 1:
             pooled = Reliability(

@@ -68,17 +68,19 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
     """
     if isinstance(features, str):
         raise ConfigError(f"features must be a list, got the text {quoted(features)}; write [it]")
-    built = tuple(FEATURES.build(item) if isinstance(item, str) else item for item in features)
-    for item in built:
-        if isinstance(item, ScanFeature) == isinstance(item, MapFeature):
+    built = tuple(
+        FEATURES.build(feature) if isinstance(feature, str) else feature for feature in features
+    )
+    for feature in built:
+        if isinstance(feature, ScanFeature) == isinstance(feature, MapFeature):
             raise ConfigError(
                 "a feature must have column_names and either of_scans or of_cells, got "
-                f"{quoted(item)}"
+                f"{quoted(feature)}"
             )
-        if isinstance(item.column_names, str) or not item.column_names:
+        if isinstance(feature.column_names, str) or not feature.column_names:
             raise ConfigError(
-                f"column_names of {_kind(item)} must be a list of names, got "
-                f"{quoted(item.column_names)}"
+                f"column_names of {_kind(feature)} must be a list of names, got "
+                f"{quoted(feature.column_names)}"
             )
     counts = Counter(column_names(built))
     if twice := sorted(name for name, count in counts.items() if count > 1):
@@ -90,12 +92,15 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
 
 def n_columns(own: Sequence[Any]) -> int:
     """The number of columns: the laser's and those of custom features."""
-    return N_LASER + sum(len(item.column_names) for item in own)
+    return N_LASER + sum(len(feature.column_names) for feature in own)
 
 
 def column_names(own: Sequence[Any]) -> tuple[str, ...]:
     """The names of all columns, in order."""
-    return (*laser_feature_names(), *(str(name) for item in own for name in item.column_names))
+    return (
+        *laser_feature_names(),
+        *(str(name) for feature in own for name in feature.column_names),
+    )
 
 
 def values_on_map(
@@ -111,12 +116,12 @@ def values_on_map(
     InputError
         A feature returned another shape, or a value that is not finite.
     """
-    found = {}
+    by_index = {}
     for place, (item, chosen) in enumerate(_wanted(own, columns)):
         if len(chosen) and isinstance(item, MapFeature):
             cells = np.asarray(cells_rc, np.int64)  # 16 bytes a cell: only if needed
-            found[place] = _checked(item, "of_cells", item.of_cells(grid, cells), len(cells))
-    return found
+            by_index[place] = _checked(item, "of_cells", item.of_cells(grid, cells), len(cells))
+    return by_index
 
 
 def feature_values(
@@ -170,12 +175,12 @@ def _wanted(
 ) -> list[tuple[Any, NDArray[np.int64]]]:
     """Each feature with the numbers of its requested columns."""
     pairs, first = [], N_LASER
-    for item in own:
-        numbers = np.arange(len(item.column_names))
+    for feature in own:
+        numbers = np.arange(len(feature.column_names))
         if columns is not None:
             numbers = numbers[np.isin(numbers + first, columns)]
-        pairs.append((item, numbers))
-        first += len(item.column_names)
+        pairs.append((feature, numbers))
+        first += len(feature.column_names)
     return pairs
 
 

@@ -31,8 +31,8 @@ def counted(parts: Iterable[NDArray[np.integer]]) -> tuple[NDArray[np.int64], ND
     >>> [array.tolist() for array in counted([np.array([3, 1, 3]), np.array([1, 1])])]
     [[1, 3], [3, 2]]
     """
-    found = [np.unique(part, return_counts=True) for part in parts]
-    values, counts = (np.concatenate(part) for part in zip(*found, strict=True))
+    pairs = [np.unique(part, return_counts=True) for part in parts]
+    values, counts = (np.concatenate(part) for part in zip(*pairs, strict=True))
     numbers, of = np.unique(values, return_inverse=True)
     cells = np.bincount(of.reshape(-1), counts, len(numbers))
     return numbers.astype(np.int64), cells.astype(np.int64)

@@ -45,8 +45,8 @@ class Cliques:
             A set is empty, or names a node twice or a node outside the graph.
         """
         members: list[NDArray[np.int64]] = []
-        for number, nodes in enumerate(sets):
-            name = f"cliques[{number}]"
+        for index, nodes in enumerate(sets):
+            name = f"cliques[{index}]"
             part = integer_array(name, nodes, ("M",), low=0, high=max(n_nodes, 1))
             if not len(part) or len(np.unique(part)) != len(part):
                 raise InputError(
@@ -101,8 +101,8 @@ class Cliques:
     def beside(parts: Sequence["Cliques"], starts: ArrayLike) -> "Cliques":
         """The sets of several graphs in their union; ``starts`` are the graphs' first nodes."""
         begin = np.asarray(starts, np.int64)
-        members = [part.members + first for part, first in zip(parts, begin, strict=True)]
-        sizes = np.concatenate([part.sizes for part in parts])
+        members = [cliques.members + first for cliques, first in zip(parts, begin, strict=True)]
+        sizes = np.concatenate([cliques.sizes for cliques in parts])
         return Cliques(frozen_copy(np.concatenate(members)), frozen_copy(np.cumsum([0, *sizes])))
 
 

@@ -69,13 +69,13 @@ def traits_of(method: Any) -> Traits:
     declared = getattr(method, "traits", None)
     if isinstance(declared, Traits):
         return declared
-    for item in fields(Traits):
-        if hasattr(method, item.name):
+    for trait in fields(Traits):
+        if hasattr(method, trait.name):
             cls = method if isinstance(method, type) else type(method)
-            value = getattr(method, item.name)
+            value = getattr(method, trait.name)
             raise ConfigError(
-                f"{cls.__name__} declares {item.name} by itself; declare "
-                f"traits: ClassVar[Traits] = Traits({item.name}={value!r}) instead"
+                f"{cls.__name__} declares {trait.name} by itself; declare "
+                f"traits: ClassVar[Traits] = Traits({trait.name}={value!r}) instead"
             )
     return Traits()
 

@@ -66,8 +66,8 @@ class FactorGraph:
                 f"got {len(scopes)} scopes but {len(tables)} tables; give one for each"
             )
         checked = [
-            _factor(number, scope, table, sizes)
-            for number, (scope, table) in enumerate(zip(scopes, tables, strict=True))
+            _factor(index, scope, table, sizes)
+            for index, (scope, table) in enumerate(zip(scopes, tables, strict=True))
         ]
         set_frozen(self, n_labels=sizes, scopes=tuple(scope for scope, _ in checked))
         set_frozen(self, tables=tuple(frozen_copy(table) for _, table in checked))
@@ -148,7 +148,7 @@ class FactorGraph:
         """
         nodes = [np.zeros(size) for size in self.n_labels]
         pairs: dict[tuple[int, int], Array] = {}
-        for number, (scope, table) in enumerate(zip(self.scopes, self.tables, strict=True)):
+        for index, (scope, table) in enumerate(zip(self.scopes, self.tables, strict=True)):
             if len(scope) == 1:
                 nodes[scope[0]] = nodes[scope[0]] + table
             elif len(scope) == 2:
@@ -157,7 +157,7 @@ class FactorGraph:
                 allowed = np.argwhere(table > -np.inf)
                 if len(allowed) > MOST_STATES:
                     raise InputError(
-                        f"factor {number} of {len(scope)} nodes allows {len(allowed)} labellings, "
+                        f"factor {index} of {len(scope)} nodes allows {len(allowed)} labellings, "
                         f"more than the {MOST_STATES} for which it can become a node; use 'exact'"
                     )
                 for place, node in enumerate(scope):

@@ -301,9 +301,9 @@ def normalized_entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64
     if n_labels < 2:
         return np.zeros(len(beliefs))
     share = np.empty(len(beliefs))
-    for part in row_blocks(len(beliefs), _NODES_AT_ONCE):
-        positive = np.clip(beliefs[part].astype(np.float64), np.finfo(np.float64).tiny, 1.0)
-        share[part] = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
+    for rows in row_blocks(len(beliefs), _NODES_AT_ONCE):
+        positive = np.clip(beliefs[rows].astype(np.float64), np.finfo(np.float64).tiny, 1.0)
+        share[rows] = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
     return np.clip(share, 0.0, 1.0, out=share)
 
 

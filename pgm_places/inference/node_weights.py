@@ -45,9 +45,9 @@ def weights_of(
             f"{len(sample_weight)}; an entry is a number or one weight per node"
         )
     parts = []
-    for number, (given, size) in enumerate(zip(sample_weight, sizes, strict=True)):
-        name = f"sample_weight[{number}]"
-        weights = finite_array(name, given, () if np.ndim(given) == 0 else (size,))
+    for index, (entry, size) in enumerate(zip(sample_weight, sizes, strict=True)):
+        name = f"sample_weight[{index}]"
+        weights = finite_array(name, entry, () if np.ndim(entry) == 0 else (size,))
         if weights.min(initial=0.0) < 0:
             raise InputError(f"{name} must be at least 0, got {weights.min():g}")
         parts.append(np.broadcast_to(weights, (size,)))

@@ -216,6 +216,6 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
 def _picked(table: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """(N,) the entry of each row (N, K) in ``columns`` (N,), with few temporary arrays."""
     picked = np.empty(len(table))
-    for part in _checks.row_blocks(len(table)):
-        picked[part] = np.take_along_axis(table[part], columns[part, np.newaxis], axis=1)[:, 0]
+    for rows in _checks.row_blocks(len(table)):
+        picked[rows] = np.take_along_axis(table[rows], columns[rows, np.newaxis], axis=1)[:, 0]
     return picked

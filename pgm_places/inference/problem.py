@@ -361,8 +361,8 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     if not isinstance(problems, Iterable) or isinstance(problems, np.ndarray):
         raise InputError(f"problems must be a list of LabelingProblem, got {quoted(problems)}")
     listed = list(problems)
-    for number, problem in enumerate(listed):
-        _checks.require_type(f"problems[{number}]", problem, LabelingProblem)
+    for index, problem in enumerate(listed):
+        _checks.require_type(f"problems[{index}]", problem, LabelingProblem)
     return listed
 
 

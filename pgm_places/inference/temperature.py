@@ -126,9 +126,10 @@ def calibrated(
     if getattr(backend, "temperature", None) != "auto" or not backend.gives_beliefs:
         return backend
     pairs = [
-        (item, _unknown(item, labels)) for item, labels in labelled_problems(problems, labelings)
+        (example, _unknown(example, labels))
+        for example, labels in labelled_problems(problems, labelings)
     ]
-    pairs = [(item, truth) for item, truth in pairs if (truth >= 0).any()]
+    pairs = [(example, truth) for example, truth in pairs if (truth >= 0).any()]
     if not pairs:
         return backend
     beliefs = [backend.infer(problem).beliefs for problem, _ in pairs]

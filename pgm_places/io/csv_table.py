@@ -68,8 +68,8 @@ class CsvTable:
         error
             The number of fields differs from the header, or a field is not a finite number.
         """
-        for number, row in enumerate(self._rows, 1):
-            where = f"{self.path}, row {number} after the header"
+        for row_number, row in enumerate(self._rows, 1):
+            where = f"{self.path}, row {row_number} after the header"
             if len(row) != len(self.names):
                 raise self._error(
                     f"{where}: {len(row)} fields, but there are {len(self.names)} columns"
@@ -96,19 +96,19 @@ class CsvTable:
         values = array("d")
         columns: list[list[str]] = [[] for _ in texts]
         once: dict[str, str] = {}
-        number = 0
-        for number, (found, row) in enumerate(self.rows(numbers), 1):
-            if number * (len(numbers) + len(texts)) > MAX_VALUES:
+        row_number = 0
+        for row_number, (row_values, row) in enumerate(self.rows(numbers), 1):
+            if row_number * (len(numbers) + len(texts)) > MAX_VALUES:
                 raise self._error(
-                    f"{self.path}, row {number} after the header: more than {MAX_VALUES} "
+                    f"{self.path}, row {row_number} after the header: more than {MAX_VALUES} "
                     "values; split the table"
                 )
-            values.extend(found)
+            values.extend(row_values)
             for fields, column in zip(columns, texts, strict=True):
                 fields.append(once.setdefault(row[column], row[column]))
-        if number == 0:
+        if row_number == 0:
             raise self._error(f"{self.path} has column names but no rows")
-        return np.frombuffer(values, np.float64).reshape(number, -1), columns
+        return np.frombuffer(values, np.float64).reshape(row_number, -1), columns
 
 
 def plain_number(text: str) -> float:

@@ -248,15 +248,15 @@ def _block_labels(
     n_labels = len(precedence)
     central = _central(labels, factor, shape)
     unlabelled = block_areas(labels == -1, factor, shape)
-    best, found = np.zeros(shape, np.int64), np.full(shape, -1, np.int64)
+    best, chosen = np.zeros(shape, np.int64), np.full(shape, -1, np.int64)
     for k in range(n_labels):
         area = block_areas(labels == k, factor, shape)
         at_centre = (central == k).sum(axis=0)
         # Orders by area, then by the 0 to 4 cells at the centre, then by precedence.
         order = (area * 5 + at_centre) * n_labels + precedence[k]
         better = (area > 0) & (area >= unlabelled) & (order >= best)
-        best[better], found[better] = order[better], k
-    return found
+        best[better], chosen[better] = order[better], k
+    return chosen
 
 
 def _central(

@@ -67,10 +67,10 @@ class Components:
         """
         array = np.asarray(values)
         table = np.append(array, array.dtype.type(fill))  # index -1 is the last entry
-        found = np.empty(self.piece.shape, table.dtype) if out is None else out
-        for rows in bands_of_rows(found.shape):  # NumPy looks up by 64-bit copies of the numbers
-            found[rows] = table[self.piece[rows]]
-        return found
+        painted = np.empty(self.piece.shape, table.dtype) if out is None else out
+        for rows in bands_of_rows(painted.shape):  # NumPy looks up by 64-bit copies of the numbers
+            painted[rows] = table[self.piece[rows]]
+        return painted
 
     def windows(self) -> list[tuple[slice, slice]]:
         """The bounding box of each piece, as slices of rows and columns."""

@@ -120,13 +120,13 @@ class LabelledMap(Plotted):
 def require_examples(maps: list[LabelledMap], label_names: tuple[str, ...]) -> None:
     """Raise LabelError unless every label has at least one cell in some map."""
     counts = np.zeros(len(label_names), np.int64)
-    for item in maps:
-        labels = item.labels[item.labelled_cells]
-        require_names(item.name, labels, label_names)
+    for known in maps:
+        labels = known.labels[known.labelled_cells]
+        require_names(known.name, labels, label_names)
         counts += np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if count == 0]
     if missing:
-        where = ", ".join(item.name for item in maps)
+        where = ", ".join(known.name for known in maps)
         raise LabelError(
             f"no training cell is labelled {' or '.join(map(repr, missing))} in {where}; "
             "label some, widen the window, or take the name out of [labels] names"

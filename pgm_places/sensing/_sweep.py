@@ -127,8 +127,8 @@ def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
     """All beams in groups, few but enough for the threads."""
     groups = []
     parts = max(1, ceil(n_threads * _GROUPS_PER_THREAD / 8))
-    for number, octant in enumerate(OCTANTS):
-        begin, end = (int(i) for i in np.searchsorted(beams.octant, (number, number + 1)))
+    for index, octant in enumerate(OCTANTS):
+        begin, end = (int(i) for i in np.searchsorted(beams.octant, (index, index + 1)))
         if begin == end:
             continue
         n_groups = max(ceil((end - begin) / _LONGEST_GROUP), min(parts, end - begin))

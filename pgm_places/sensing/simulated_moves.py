@@ -71,17 +71,17 @@ def simulate_moves(
     if not (isfinite(high) and 0 <= low <= high):
         raise InputError(f"step_m must be a range of metres from 0 up, got {step_m}")
     require_at_least("n_runs", n_runs, 1)
-    sizes = np.array([int(item.labelled_cells.sum()) for item in maps], np.int64)
+    sizes = np.array([int(known.labelled_cells.sum()) for known in maps], np.int64)
     if not sizes.sum():
         raise InputError("simulated runs need a labelled free cell to start from; there is none")
     rng = np.random.default_rng(seed)
     shares = rng.multinomial(n_runs, sizes / sizes.sum())
     counts = np.zeros((n_labels, n_labels), np.int64)
-    for item, share in zip(maps, shares, strict=True):
-        starts, ends = _runs(item, int(share), (low, high), rng)
+    for known, share in zip(maps, shares, strict=True):
+        starts, ends = _runs(known, int(share), (low, high), rng)
         if starts.size and max(starts.max(), ends.max()) >= n_labels:
             raise InputError(
-                f"{item.name}: label index {max(starts.max(), ends.max())} but there are only "
+                f"{known.name}: label index {max(starts.max(), ends.max())} but there are only "
                 f"{n_labels} labels"
             )
         np.add.at(counts, (starts, ends), 1)

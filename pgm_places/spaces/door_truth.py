@@ -190,7 +190,7 @@ def unmatched_doors(
     grid = gates.segmentation.watershed.grid
     doors = _doors(label_raster("labels", labels, grid.shape), grid, doorway)
     alone = np.setdiff1d(np.arange(doors.count), match.door)
-    return tuple(_rectangle(np.argwhere(doors.piece == number), grid) for number in alone)
+    return tuple(_rectangle(np.argwhere(doors.piece == piece), grid) for piece in alone)
 
 
 def true_doors(known: LabelledMap, doorway: int) -> tuple[Gate, ...]:

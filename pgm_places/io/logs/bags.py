@@ -356,10 +356,10 @@ def _read_tree(bag: _Bag) -> FrameTree:
     entries: dict[tuple[str, str], list[tuple[float, float, float, float, bool]]] = {}
     static: dict[tuple[str, str], bool] = {}
     for topic, recorded_ns, message in bag.messages(*bag.of_type(_TRANSFORMS)):
-        for item in message.transforms:
-            edge = (item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/"))
-            place = planar(item.transform.translation, item.transform.rotation)
-            entries.setdefault(edge, []).append((stamp_s(item, recorded_ns), *place))
+        for stamped in message.transforms:
+            edge = (stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/"))
+            place = planar(stamped.transform.translation, stamped.transform.rotation)
+            entries.setdefault(edge, []).append((stamp_s(stamped, recorded_ns), *place))
             static[edge] = topic.endswith("static")
     tracks = {
         edge: PoseTrack.from_entries(values, is_static=static[edge])

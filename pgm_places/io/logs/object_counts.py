@@ -59,11 +59,11 @@ def _from_json(source: Path) -> ObjectCounts:
     if not isinstance(content, list):
         raise LogError(f"{source} must hold {shape}, got {type(content).__name__}")
     columns: dict[str, int] = {}
-    for number, record in enumerate(content, start=1):
+    for row_number, record in enumerate(content, start=1):
         counts = record.get("counts") if isinstance(record, dict) else None
         if not isinstance(counts, dict) or TIME not in record:
             raise LogError(
-                f"{source}, record {number}: the file must hold {shape}, got {quoted(record)}"
+                f"{source}, record {row_number}: the file must hold {shape}, got {quoted(record)}"
             )
         for name in counts:
             columns.setdefault(name, len(columns))
@@ -152,13 +152,13 @@ def read_detection_bag(
 
 
 def _connections(path: Path | str, bag: Any, topics: Sequence[str]) -> list[Any]:
-    there = [item for item in bag.connections if item.msgtype in KINDS]
-    listed = ", ".join(sorted({item.topic for item in there})) or "none"
-    missing = sorted(set(topics) - {item.topic for item in there})
+    there = [connection for connection in bag.connections if connection.msgtype in KINDS]
+    listed = ", ".join(sorted({connection.topic for connection in there})) or "none"
+    missing = sorted(set(topics) - {connection.topic for connection in there})
     if missing or not there:
         wanted = f"the topic {missing[0]}" if missing else "a topic"
         raise LogError(f"{path} lacks {wanted} of type {KINDS[0]}; topics of that type: {listed}")
-    return [item for item in there if not topics or item.topic in topics]
+    return [connection for connection in there if not topics or connection.topic in topics]
 
 
 def _message(path: Path | str, bag: Any, connection: Any, raw: bytes) -> Any:

@@ -139,7 +139,7 @@ def _ignored(file: YamlFile) -> list[int]:
         return []
     listed = file.value("ignore")
     items = listed if isinstance(listed, list) else [listed]
-    return [file.as_integer(item, "key 'ignore'", low=0, high=255) for item in items]
+    return [file.as_integer(value, "key 'ignore'", low=0, high=255) for value in items]
 
 
 def _check_values(file: YamlFile, values: dict[str, int], ignored: list[int]) -> None:

@@ -229,7 +229,7 @@ def load_regions(
     names = [str(name) for name in label_names]
     regions = read_regions(path, line_width_m=line_width_m)
     labels = [_label(path, region, names, classes) for region in regions]
-    unlabelled = {item.code for item, label in zip(regions, labels, strict=True) if label < 0}
+    unlabelled = {drawn.code for drawn, label in zip(regions, labels, strict=True) if label < 0}
     if unlabelled:
         _log.info("%s: classes without a label: %s", path, ", ".join(sorted(unlabelled)))
     raster = np.full(grid.shape, -1, np.int16)

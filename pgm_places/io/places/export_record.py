@@ -63,8 +63,10 @@ def record_exports(stage: Path, folder: Path, requests: Sequence[ExportRequest])
     A request replaces an earlier one of the same format and output folder in the ``folder`` of the
     places.
     """
-    new = {(item.to, item.out) for item in requests}
-    others = (item for item in recorded_exports(folder) if (item.to, item.out) not in new)
+    new = {(request.to, request.out) for request in requests}
+    others = (
+        request for request in recorded_exports(folder) if (request.to, request.out) not in new
+    )
     requests = [*others, *requests]
     record = {"format": FORMAT, "schema": SCHEMA, "exports": [*map(plain_values, requests)]}
     path = stage / EXPORTS_FILE

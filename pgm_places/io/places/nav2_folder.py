@@ -117,7 +117,7 @@ def _edges(
     for edge in routes.edges:
         metadata = {**_place(topology, edge.region), "clearance_m": round(edge.clearance_m, DIGITS)}
         places = [topology.place(routes.nodes[k].region) for k in (edge.first, edge.second)]
-        known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
+        known = [speeds_m_s.get(place.name, speeds_m_s.get(place.label)) for place in places]
         # Floats: Nav2 keeps the type of a number in the file, and only accepts floats here.
         if limits := [float(value) for value in known if value is not None]:
             metadata["abs_speed_limit"] = min(limits)
@@ -146,7 +146,11 @@ def _door_width_m(topology: TopologicalMap, number: int) -> float | None:
     if topology.place(number).label != topology.doorway_label:
         return None
     return min(
-        (item.width_m for item in topology.connections if number in (item.first, item.second)),
+        (
+            connection.width_m
+            for connection in topology.connections
+            if number in (connection.first, connection.second)
+        ),
         default=None,
     )
 

@@ -118,11 +118,11 @@ def _doorways(folder: Path, record: dict[str, Any]) -> Doorways:
     gates = items_of(_GateRecord, record, "gates")
     numbers = raster.read_numbers(folder / Path(GATES_FILE).name)
     grid, place = raster.grid(numbers > 0), numbers - 1
-    for k, item in enumerate(gates):
-        _require_on_map(f"gates[{k}]", item.gate, grid)
-    probability = np.array([item.probability for item in gates], np.float64)
+    for k, gate_record in enumerate(gates):
+        _require_on_map(f"gates[{k}]", gate_record.gate, grid)
+    probability = np.array([gate_record.probability for gate_record in gates], np.float64)
     place = place.astype(number_type(int(place.max()) + 1))
-    return Doorways(grid, tuple(item.gate for item in gates), probability, place)
+    return Doorways(grid, tuple(gate_record.gate for gate_record in gates), probability, place)
 
 
 def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:

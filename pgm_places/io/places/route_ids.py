@@ -97,8 +97,8 @@ def _matches(routes: RouteGraph, earlier: EarlierIds) -> Iterator[tuple[int, int
         for points in ([node.point_m for node in routes.nodes], list(earlier.nodes.values()))
     ]
     near = trees[0].sparse_distance_matrix(trees[1], SAME_M, output_type="ndarray")
-    for item in near[np.lexsort((near["j"], near["i"], near["v"]))]:
-        yield int(item["i"]), numbers[int(item["j"])]
+    for match in near[np.lexsort((near["j"], near["i"], near["v"]))]:
+        yield int(match["i"]), numbers[int(match["j"])]
 
 
 def _unused(first: int, taken: set[int]) -> Iterator[int]:

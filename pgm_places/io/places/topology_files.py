@@ -356,7 +356,7 @@ def check_table(topology: TopologicalMap) -> str:
     in the table's folder, ``finer_label``: ``hall`` if a corridor is more likely a hall, else the
     label, and ``hall``: the probability of a hall, if halls are shown as corridors.
     """
-    count = {item.place.id: item.count for item in split_candidates(topology)}
+    count = {candidate.place.id: candidate.count for candidate in split_candidates(topology)}
     rows: list[Iterable[object]] = [_COLUMNS]
     for check in places_to_check(topology):
         place, second = check.place, check.second_probability
