@@ -230,7 +230,7 @@ class AssociativeMarkovNetwork(LinearModel):
         seconds = time.perf_counter() - start
         record = learning_record(task, solution, len(examples), seconds, options, reason)
         other = "" if options.learner == "qp" else ", learner='qp'"
-        warn_of_gap(record, self.scale, _REMEDIES.format(other))
+        warn_of_gap(record, self.scale, _REMEDIES.format(other), has_offset=alike)
         weights_now = solution.weights / of_weights
         node_weights, edge_weights = task.split(weights_now)
         return replace(

@@ -36,7 +36,7 @@ REASONS = (
 """Why a learner was taken; records hold their places here, so new ones come last."""
 
 NEGLIGIBLE = 1e-4
-"""A gap so small against C is none: beside an offset, the least objective may be 0."""
+"""Gap in shares of C that is ignored beside an offset, where the optimum may be 0."""
 
 LARGE_GAP = 0.1
 """A certified gap above this is warned of: the weights may label badly."""
@@ -125,12 +125,14 @@ class LearningRecord:
         return named
 
 
-def warn_of_gap(record: LearningRecord, scale: str, remedies: str) -> None:
-    """Say that learning ended too early, or that better weights may well exist; and what to do."""
+def warn_of_gap(
+    record: LearningRecord, scale: str, remedies: str, *, has_offset: bool = False
+) -> None:
+    """Warn that learning ended early or that better weights may exist, with a remedy."""
     gap = record.certified_gap
     rescale = "take scale='auto', after which the units of features do not matter"
     reached = record.certified_objective or record.objective
-    if reached - record.lower_bound <= NEGLIGIBLE * record.penalty:
+    if has_offset and reached - record.lower_bound <= NEGLIGIBLE * record.penalty:
         return
     if record.status != "stalled":
         if gap is not None and gap > LARGE_GAP and record.status not in _NO_GAP:

@@ -626,7 +626,7 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     hidden = [np.where(np.arange(64) % 9 == 0, -1, truth) for truth in truths]
     with pytest.raises(InputError, match="warm_start cannot be combined"):
         replace(before, unlabelled="hidden").fit(problems, hidden)
-    with pytest.raises(InputError, match="warm_start is for learner 'cutting-plane', got 'qp'"):
+    with pytest.raises(InputError, match="warm_start needs learner='cutting-plane', got 'qp'"):
         replace(before, learner="qp").fit(problems, truths)
     other = replace(problems[0], edge_features=np.ones((problems[0].graph.n_edges, 1)))
     with pytest.raises(InputError, match="labels and features that the model has learned"):
