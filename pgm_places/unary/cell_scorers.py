@@ -11,18 +11,18 @@ from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
 _CELLS_PER_TASK = 1024
-"""Cells whose columns of both kinds are put side by side at a time, by one thread."""
+"""Number of cells whose laser and space columns one thread concatenates at a time."""
 
 
 class LaserScorer:
-    """The list on laser and custom features: takes them block by block, and holds its scores.
+    """Scores by the list on laser and custom features, block by block.
 
     Attributes
     ----------
     unary : str
-        What its scores are called.
+        Name of its scores.
     columns : (n,) int64
-        The laser and custom columns that it looks at, ascending.
+        The laser and custom columns that it uses, ascending.
     scores : (N, K) float64 or float32
         The scores of the nodes.
     """
@@ -45,7 +45,7 @@ class LaserScorer:
         self.scores[nodes, : self.n_scores] = self._of(values)
 
     def score_cached(self, table: CachedFeatures, nodes: NDArray[np.int64]) -> None:
-        """Score some nodes of a table, as :meth:`take` does, where they are not known."""
+        """Score some nodes of a table, where scores are not cached."""
 
         def score(some: NDArray[np.int64]) -> NDArray[np.float64]:
             return self._of(table.take(nodes[some], self.expected))
@@ -60,10 +60,10 @@ class LaserScorer:
 
 
 class ContextScorer(LaserScorer):
-    """The votes that the list with context casts on laser and custom features.
+    """Votes of the list with context on laser and custom features.
 
-    It waits for the scores all around; its stumps on the scans vote now, so that the scans'
-    features need not be kept.
+    Votes on context follow once all scores are known; stumps on scans vote at once, so that the
+    features of scans need not be stored.
     """
 
     unary = "context"
@@ -74,7 +74,7 @@ class ContextScorer(LaserScorer):
         self.columns = np.asarray(self.columns[self.columns < n_own], np.int64)
 
     def set_columns(self, columns: NDArray[np.int64]) -> None:
-        """Say which columns the blocks will have."""
+        """Set the columns of later blocks."""
         self.expected, self.part = columns, self.fitted.part(columns)
 
     def _of(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -82,7 +82,7 @@ class ContextScorer(LaserScorer):
 
 
 class SpaceScorer:
-    """The list that also sees the spaces around cells."""
+    """Scores by the list with space features."""
 
     unary = "space"
 
@@ -109,11 +109,11 @@ class SpaceScorer:
         self.hall = np.empty(layout.n_nodes, np.float32) if with_halls else None
 
     def set_columns(self, columns: NDArray[np.int64]) -> None:
-        """Say which columns the blocks will have."""
+        """Set the columns of later blocks."""
         self.places = np.searchsorted(columns, self.columns)
 
     def score_block(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
-        """Score some nodes, doorways weighed by their gates."""
+        """Score some nodes, with doorways weighted by gates."""
 
         def score(some: slice) -> None:
             self.scores[nodes[some]] = self._scores(nodes[some], values[some])
@@ -131,7 +131,7 @@ class SpaceScorer:
         run_parts(score, len(nodes), _CELLS_PER_TASK)
 
     def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(n, K) what the list says of a few nodes, on one thread; notes which are halls."""
+        """(n, K) scores of a few nodes, on one thread; stores their probabilities of halls."""
         n_own = len(self.places)
         both = np.empty((len(nodes), n_own + len(self.of_spaces)), np.float32)
         both[:, :n_own] = values if n_own == values.shape[1] else values[:, self.places]
@@ -139,7 +139,7 @@ class SpaceScorer:
         return self._weighed(nodes, aligned_log_proba(self.part, both, self._n_classes, 1))
 
     def _kept(self, table: CachedFeatures, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n, K) what the list said, or says, of a few nodes, halls and gates aside."""
+        """(n, K) cached or new scores of a few nodes, before halls and gates."""
         spaces = np.empty((len(nodes), len(self.of_spaces)), np.float32)
         self.features.write(nodes, self.of_spaces, spaces)
 
@@ -154,7 +154,7 @@ class SpaceScorer:
         return self.n_labels + (self.corridor is not None)
 
     def _weighed(self, nodes: NDArray[np.int64], found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, K) the scores with halls among corridors, which are noted, and gates."""
+        """(n, K) the scores with halls added to corridors, and gate weights."""
         if self.corridor is not None:
             found, share = without_halls(found, self.corridor)
             if self.hall is not None:
@@ -170,7 +170,7 @@ CellList = LaserScorer | SpaceScorer
 def aligned_log_proba(
     fitted: BoostedList, values: NDArray[np.float32], n_labels: int, n_threads: int | None = None
 ) -> NDArray[np.float64]:
-    """(N, K) log z with one column per label index, also for labels the list never saw."""
+    """(N, K) log z with one column per label index, also for labels that the list does not have."""
     with thread_limit(n_threads):
         return on_labels(fitted, fitted.log_histogram(values), n_labels)
 
@@ -178,7 +178,7 @@ def aligned_log_proba(
 def without_halls(
     log_z: NDArray[np.float64], corridor: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, K) log z with the last of its K + 1 classes, halls, among corridors; and their share.
+    """(N, K) log z with the last of K + 1 classes, halls, added to corridors; and their share.
 
     The share (N,) is the probability that circulation is a hall.
     """

@@ -1,4 +1,4 @@
-"""The choice of the unary by how well each labels cells that its lists have not seen."""
+"""Choice of the unary by held-out balanced accuracy."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,17 +16,16 @@ HeldOut = Literal["buildings", "blocks"]
 
 @dataclass(frozen=True)
 class UnaryChoice:
-    """The unary chosen on training data, and what each scored there.
+    """The unary chosen on training data, and the held-out score of each candidate.
 
     Parameters
     ----------
     unary : str
         ``laser``, ``context``, ``laser+space``, ``space`` or ``floor``.
     scores : mapping of str to float
-        Balanced accuracy, 0 to 1, of each on cells that its lists have not seen: the mean over
-        buildings or blocks.
+        Held-out balanced accuracy of each, 0 to 1: the mean over buildings or blocks.
     held_out : {"buildings", "blocks"}
-        What its lists have not seen: the building of a cell, or its contiguous block.
+        What is held out: the building of a cell, or its contiguous block.
     """
 
     unary: str
@@ -71,7 +70,7 @@ class UnaryChoice:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """The choice that a manifest holds.
+        """The choice in a manifest.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Door lines: from wall to wall where networks see a doorway, though no passage narrows there."""
+"""Door lines: lines from wall to wall at doorways that networks detect without a gate candidate."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ from pgm_places.spaces.gates import Gates, chord_directions
 _DOORWAY = LABELS.index("doorway")
 
 _LIKELY = 0.5
-"""Cells with a higher probability of a doorway are one blob where they touch."""
+"""Adjacent cells with a higher probability of a doorway form a blob."""
 
 _SURE = 0.9
 """The least mean probability along a line; chosen on buildings held out (docs/notes/tried.md)."""
@@ -24,34 +24,34 @@ _LEAST_M2 = 0.06
 """Smaller blobs are specks."""
 
 _LEAST_WIDTH_M, _MOST_WIDTH_M = 0.4, 2.5
-"""Nobody passes a narrower line, and wider ones are hardly ever doorways."""
+"""Shortest and longest line (m): shorter ones cannot be passed, longer ones are rarely doorways."""
 
 _MARGIN_M, _THROUGH = 0.1, 0.3
-"""A line is no news if so much of it runs through the rectangle of a gate with a margin."""
+"""A line is dropped if a larger share of it lies in the enlarged rectangle of a gate."""
 
 _POINTS = 12
-"""Lines are tried through so many cells of a blob: its likeliest."""
+"""Number of the most probable cells of a blob through which lines are tried."""
 
 _PER_WIDTH_M = 0.02
-"""What a metre of a line costs, so that of equally sure ones the shortest is taken."""
+"""Penalty per metre, so that of equally probable lines the shortest wins."""
 
 _NEXT = np.array([[0, 1], [1, -1], [1, 0], [1, 1]])
 
 
 def door_lines(gates: Gates, seen: FloorScores) -> NDArray[np.int64]:
-    """(n, 2) row and column of the cells on lines at which there is a doorway, but no candidate.
+    """(n, 2) row and column of cells on lines at doorways without a gate candidate.
 
-    Cells of 0.1 m that networks take for a doorway rather than not, and that touch, are one blob.
-    Through each, the line from wall to wall along which they are surest, on average, is taken if
-    that is at least 0.9, if it is 0.4 to 2.5 m long, and if no candidate is there. Cells of a
-    line share sides, as :meth:`Segmentation.of` wants its cuts.
+    Adjacent cells of 0.1 m with a doorway probability above one half form a blob. In each blob, the
+    line from wall to wall with the highest mean probability is selected if the mean is at least
+    0.9, if it is 0.4 to 2.5 m long, and if no candidate is there. Consecutive cells of a line share
+    sides, as :meth:`Segmentation.of` requires.
 
     Parameters
     ----------
     gates : Gates
         The candidates where passages narrow.
     seen : FloorScores
-        What networks make of the map.
+        The networks' scores of the map.
     """
     grid = gates.segmentation.watershed.grid
     pairs = [np.empty((0, 2), np.int64)]
@@ -171,7 +171,7 @@ class _Rays:
 
 
 def _cells_on(line: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """(n, 2) the cells of a line, one beyond either end, sharing sides."""
+    """(n, 2) the cells of a line and one beyond each end; consecutive cells share sides."""
     step = (line[-1] - line[0]) / (len(line) - 1)
     steps = np.arange(-3 * 4, (len(line) + 2) * 4 + 1)[:, np.newaxis] / 4
     cells = np.rint(line[0] + steps * step).astype(np.int64)

@@ -13,11 +13,10 @@ T = TypeVar("T", bound=np.generic)
 
 
 class CachedFeatures:
-    """Rows of features that stay in place while maps change, with the scores that follow from them.
+    """Rows of features that stay in place while maps change, with cached scores.
 
-    A cell keeps its row for as long as its scan is the same; a list is asked again only about rows
-    that have been written since, or where something beside the row has changed. A table belongs to
-    one model, as it does not know what a list looks like.
+    A cell keeps its row while its scan does not change. A list rescores only rows that were written
+    since, or whose additional inputs have changed. A table belongs to one model.
 
     Parameters
     ----------
@@ -29,7 +28,7 @@ class CachedFeatures:
     values : (R, C) float32
         More rows than cells, as a rule.
     row_of : (N,) int64
-        The row of each node of the map that was looked at last.
+        The row of each node of the last map.
     """
 
     def __init__(self, columns: NDArray[np.int64]) -> None:
@@ -43,14 +42,14 @@ class CachedFeatures:
 
     @classmethod
     def of_cells(cls, values: NDArray[np.float32]) -> Self:
-        """Of one map: the laser and custom features (N, C) of its nodes, which are not copied."""
+        """A table of one map, with the laser and custom features (N, C) of its nodes."""
         table = cls(np.arange(values.shape[1]))
         table.values, table.row_of = values, np.arange(len(values))
         table._written = np.ones(len(values), np.int64)
         return table
 
     def for_model(self) -> Self:
-        """The same rows for another model; what networks have seen is known to it, too."""
+        """The rows for another model, together with the cached scores of networks."""
         table = type(self)(self.columns)
         table.values, table.row_of, table._written = self.values, self.row_of, self._written
         table._seen = self._seen
@@ -58,13 +57,13 @@ class CachedFeatures:
 
     @property
     def n_rows(self) -> int:
-        """R."""
+        """R, the number of rows."""
         return len(self.values)
 
     def assign(self, kept_row: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Give every node a row: its own (N,) from before, or a free one where that is -1.
+        """Assign a row to every node: its previous row (N,), or a free one for -1.
 
-        The nodes with free rows are returned; :meth:`write` is to follow for each of them.
+        Returns the nodes with free rows, which :meth:`write` must fill.
         """
         is_free = np.ones(self.n_rows, np.bool_)
         is_free[kept_row[kept_row >= 0]] = False
@@ -79,19 +78,19 @@ class CachedFeatures:
         return fresh
 
     def write(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
-        """The features (n, C) of some nodes."""
+        """Write the features (n, C) of some nodes."""
         rows = self.row_of[nodes]
         self.values[rows] = values
         self._n_writings += 1
         self._written[rows] = self._n_writings
 
     def take(self, nodes: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(n, F) some of the columns of nodes."""
+        """(n, F) some columns of nodes."""
         places = np.searchsorted(self.columns, columns)
         return self.values[self.row_of[nodes][:, np.newaxis], places]
 
     def prepare(self, name: str, n_beside: int, n_scores: int) -> None:
-        """Make room for what the list of that name says; :meth:`scores` may then run in threads."""
+        """Allocate the cache of a named list; :meth:`scores` may then run in threads."""
         said = self._said.get(name)
         if said is None or said.kind != (n_beside, n_scores):
             said = self._said[name] = _CachedScores(n_beside, n_scores)
@@ -104,18 +103,18 @@ class CachedFeatures:
         beside: NDArray[np.float32],
         score: Callable[[NDArray[np.int64]], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
-        """(n, K) what a list says of nodes: ``score`` is called with the positions it is new for.
+        """(n, K) a list's scores of nodes; ``score`` is called for outdated ones.
 
         Parameters
         ----------
         name : str
-            Of the list, as it was prepared.
+            Name of the list, as passed to :meth:`prepare`.
         nodes : (n,) int64
         beside : (n, B) float32
-            What the list looks at beside the row.
+            Inputs of the list in addition to the row.
         score : callable
-            From positions (m,) among ``nodes`` to scores (m, K), each by its own row and what is
-            beside it.
+            From positions (m,) in ``nodes`` to scores (m, K); each depends on its row and its
+            additional inputs only.
         """
         said, rows = self._said[name], self.row_of[nodes]
         stale = said.version[rows] != self._written[rows]
@@ -150,7 +149,7 @@ class _CachedScores:
         self.version = np.empty(0, np.int64)
 
     def grow(self, n_rows: int) -> None:
-        """Room for so many rows."""
+        """Allocate a number of rows."""
         first = len(self.scores)
         if first < n_rows:
             self.beside, self.scores = _grown(self.beside, n_rows), _grown(self.scores, n_rows)
@@ -163,7 +162,7 @@ def _same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
 
 
 def _grown(values: NDArray[T], n_rows: int) -> NDArray[T]:
-    """The rows, with zeros behind them."""
+    """The rows, extended with zeros."""
     grown = np.zeros((n_rows, *values.shape[1:]), values.dtype)
     grown[: len(values)] = values
     return grown

@@ -1,4 +1,4 @@
-"""Features of the cells of maps, block by block, and where they may be kept between trainings."""
+"""Feature tables of the cells of maps, computed block by block, and cached between trainings."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Protocol
@@ -17,8 +17,8 @@ Block = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Numbers of cells, and their features (n, F)."""
 
 _SCANS_AT_ONCE = 8_192
-"""Scans whose features are held at a time: ten megabytes of all columns, which the next scans find
-again; for much larger arrays the system gives new pages each time, and clears them."""
+"""Scans whose features are in memory at a time: ten megabytes, which are reused for the next scans.
+Much larger arrays get new pages each time, which the system has to clear."""
 
 
 def iter_features(
@@ -29,7 +29,7 @@ def iter_features(
     columns: NDArray[np.int64] | None = None,
 ) -> Iterator[Block]:
     """Laser and custom features of the cells in a mask (H, W), numbered in row-major order."""
-    # The cells of a huge map are not listed without need.
+    # Avoid listing the cells of a huge map.
     of_cells = values_on_map(own, grid, np.argwhere(mask), columns) if own else {}
     for block in iter_cast(grid, sensor, mask=mask):
         for some in row_blocks(len(block.nodes), _SCANS_AT_ONCE):
@@ -40,9 +40,9 @@ def iter_features(
 
 
 class FeatureTables(Protocol):
-    """Tables of the laser features of some cells of maps, by keys that say what they depend on.
+    """Cache of tables of laser features, by keys of their inputs.
 
-    :class:`pgm_places.experiment.feature_cache.FeatureCache` keeps them as files.
+    :class:`pgm_places.experiment.feature_cache.FeatureCache` stores them as files.
     """
 
     def key(self, item: LabelledMap, sensor: Sensor, mask: NDArray[np.bool_]) -> str:
@@ -50,13 +50,13 @@ class FeatureTables(Protocol):
         ...
 
     def kept(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
-        """The table (N, F) of that key, None where there is none of this shape."""
+        """The table (N, F) of a key, or None without one of this shape."""
         ...
 
     def check_space(self, shapes: Sequence[tuple[int, int]]) -> None:
-        """Called before tables of these shapes are kept; an OutputError if there is no room."""
+        """Raise OutputError if there is no space for tables of these shapes."""
         ...
 
     def keep(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
-        """Keep a table, given as rows by their numbers, some at a time."""
+        """Store a table, passed in blocks of rows with their indices."""
         ...

@@ -27,7 +27,7 @@ from pgm_places.unary.local_space_features import square_around
 _LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
 
 _WIDE_M, _WIDE_LOG_ODDS = 2.0, 2.5
-"""What wider gates must be surer than to be doorways; chosen on buildings held out
+"""Log-odds that wider gates must exceed to be doorways; chosen on held-out buildings
 (docs/notes/tried.md)."""
 
 _HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")
@@ -35,22 +35,22 @@ _HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")
 
 @dataclass(frozen=True, eq=False)
 class FloorModel:
-    """Networks that see the whole floor, and how much they count beside the lists.
+    """Floor networks, and their weights relative to the lists.
 
     Parameters
     ----------
     networks : tuple of FloorNetwork
     columns : tuple of K int
-        The networks' score of each label: see :func:`columns_of`; -1 for a label that they do not
-        know, whose score is that of the list.
+        The networks' output for each label: see :func:`columns_of`; -1 for a label that they do
+        not support, which keeps the score of the list.
     views_per_network : int
-        From how many sides each network looks at a map.
+        Number of orientations in which each network views a map.
     share : float
-        Weight of the networks' log-odds against those of the list with spaces.
+        Weight of the networks' log-odds relative to those of the list with spaces.
     doorway_share : float
-        The same for doorways.
+        This weight for doorways.
     gate_share : float
-        Weight of the networks' log-odds of a doorway at a gate against those of the list of gates.
+        Weight of the networks' log-odds of a doorway at a gate, relative to the list of gates.
     """
 
     networks: tuple[FloorNetwork, ...] = field(repr=False)
@@ -61,7 +61,7 @@ class FloorModel:
     gate_share: float = 0.4
 
     def scores(self, grid: OccupancyGrid) -> FloorScores:
-        """What the networks make of a map."""
+        """The networks' scores of a map."""
         views = views_of(len(self.networks), self.views_per_network)
         return floor_scores(grid, self.networks, views)
 
@@ -74,7 +74,7 @@ class FloorModel:
 
     @property
     def _by_column(self) -> NDArray[np.int64]:
-        """(K,) the labels in the networks' order, so that sums do not depend on their numbers."""
+        """(K,) the labels in the networks' order, so that sums do not depend on their indices."""
         return np.argsort(self.columns, kind="stable")
 
     def mean(self, log_z: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -99,11 +99,11 @@ class FloorModel:
     def judged(
         self, seen: FloorScores, gates: Gates, probability: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(G,) how likely gates are doorways, by their list and by the networks.
+        """(G,) probabilities that gates are doorways, by their list and the networks.
 
-        The networks' word on a gate is the probability of a doorway that a fifth of the cells in
-        its rectangle exceed, at least 0.4 m deep. At cuts it is the only one: the list knows gates
-        where passages narrow. Gates over 2 m wide, few of which are doorways, lose 2.5 of their
+        The networks' probability of a gate is the doorway probability that a fifth of the cells in
+        its rectangle, at least 0.4 m deep, exceed. It is used alone at cuts, as the list is trained
+        on narrowing passages. Gates over 2 m wide, few of which are doorways, lose 2.5 of their
         log-odds.
         """
         share = np.where(gates.at_cuts, 1.0, self.gate_share)
@@ -120,20 +120,20 @@ class FloorModel:
 
 @dataclass(frozen=True, eq=False)
 class FloorJudge:
-    """The networks' say in the gates of a map.
+    """Judgement of the gates of a map by the networks.
 
     Parameters
     ----------
     model : FloorModel
     seen : FloorScores
-        What the networks make of the map.
+        The networks' scores of the map.
     """
 
     model: FloorModel
     seen: FloorScores
 
     def cuts(self, gates: Gates) -> NDArray[np.int64]:
-        """(n, 2) cells of lines where networks see a doorway though nothing narrows."""
+        """(n, 2) cells of door lines."""
         return door_lines(gates, self.seen)
 
     def judged(self, gates: Gates, probability: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -147,12 +147,12 @@ def _log_odds(probability: ArrayLike) -> NDArray[np.float64]:
 
 
 def columns_of(label_names: Sequence[str]) -> tuple[int, ...]:
-    """(K,) the networks' score of each of these labels; halls are among the corridors.
+    """(K,) the networks' output for each of these labels; halls count as corridors.
 
     Raises
     ------
     ConfigError
-        One of the names is none of theirs, or corridor or room is missing.
+        A name is no label of the networks, or corridor or room is missing.
     """
     if {"corridor", "room"} <= set(label_names) <= {"corridor", "room", "doorway"}:
         return tuple(LABELS.index(name) for name in label_names)
@@ -200,22 +200,22 @@ def _mean_probability(
 
 
 _REACH_M = 16.0
-"""Half the side of the square that the networks see: about as far as they look."""
+"""Half the side (m) of the square around the robot: about the networks' receptive field."""
 
 _EVERY_M = 0.5
-"""They look again after so much way; steps in between look up their position."""
+"""Distance travelled (m) between evaluations; steps in between look up their position."""
 
 
 class LocalFloor:
     """Floor-network scores along a robot's path.
 
-    They take turns, so that a look takes no longer than that of one, and the steps of a few metres
-    hear all of them.
+    One network is evaluated at a time, in turn, which limits the delay; over a few metres all of
+    them contribute.
 
     Parameters
     ----------
     source : LocalMap or OccupancyGrid
-        What the robot has mapped so far, or a map of its own, in the frame of the poses.
+        The rolling map of the robot, or a known map, in the frame of the poses.
     model : FloorModel
     """
 
@@ -233,17 +233,17 @@ class LocalFloor:
         return len(self._model.columns)
 
     def along(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(T, K) log-probabilities at the poses (T, 3) of a way."""
+        """(T, K) log-probabilities at the poses (T, 3) of a path."""
         return self.rows([self.at(pose[:2]) for pose in poses])
 
     def rows(self, seen: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(T, K) what was seen at T steps, one by one, as an array."""
+        """(T, K) the log-probabilities of T steps as an array."""
         return np.array(seen, np.float64).reshape(len(seen), self.n_labels)
 
     def at(self, position_m: ArrayLike) -> NDArray[np.float64]:
-        """(K,) log-probabilities at a position (2,); nan where the map does not reach.
+        """(K,) log-probabilities at a position (2,); nan off the map.
 
-        Positions are those of a way, one after the other.
+        Positions must follow a path.
         """
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
@@ -261,9 +261,9 @@ class LocalFloor:
 def with_local_floor(
     log_z: NDArray[np.float64], seen: NDArray[np.float64], model: FloorModel
 ) -> NDArray[np.float64]:
-    """(..., K) the weighted mean of the log-odds of the list and of what networks saw at steps.
+    """(..., K) the weighted mean of the log-odds of the list and of the networks at steps.
 
-    Steps at which they saw nothing (nan) keep the list's; see
+    Steps without network scores (nan) keep those of the list; see
     :func:`pgm_places.unary.floor_model.with_floor`.
     """
     return np.where(np.isnan(seen), log_z, model.mean(log_z, np.nan_to_num(seen)))

@@ -1,4 +1,4 @@
-"""Halls: lobbies, foyers and waiting areas, told apart from the other circulation of a building."""
+"""Halls: lobbies, foyers and waiting areas, as a label apart from corridors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ HALL, CORRIDOR, ROOM = "hall", "corridor", "room"
 
 @dataclass(frozen=True)
 class HallNames:
-    """The labels of a training set that names halls, and those that are left when it does not.
+    """The labels of a training set with halls, and the labels with halls folded into corridors.
 
     A hall is circulation that is more than a corridor: whatever tells a corridor from a room is
     learned from both together, and a further list tells halls from corridors. Labelling halls as
@@ -25,7 +25,7 @@ class HallNames:
     Parameters
     ----------
     names : tuple of str
-        With the hall, wherever it stands.
+        All labels, the hall among them.
     """
 
     names: tuple[str, ...]
@@ -37,27 +37,27 @@ class HallNames:
 
     @property
     def folded(self) -> tuple[str, ...]:
-        """The labels without the hall."""
+        """The labels without hall."""
         return tuple(name for name in self.names if name != HALL)
 
     def shown(self, halls: HallsAs) -> tuple[str, ...]:
-        """The labels of a result: the folded ones, followed by the hall if it is one of them."""
+        """The labels of a result: the folded ones, followed by hall if it is shown."""
         return (*self.folded, HALL) if halls == "hall" else self.folded
 
     def fold(self, item: LabelledMap, halls: HallsAs = "corridor") -> LabelledMap:
-        """The map with its halls labelled so, and the labels numbered as ``shown`` has them."""
+        """The map with relabelled halls, and the labels numbered as in ``shown``."""
         kept = [halls if name == HALL else name for name in self.names]
         number = [self.shown(halls).index(name) for name in kept]
-        # The entry after the last serves -1, "no label".
+        # The entry after the last is looked up by -1, "no label".
         return replace(item, labels=np.array([*number, -1], np.int16)[item.labels])
 
     def are_halls(self, item: LabelledMap) -> NDArray[np.bool_]:
-        """(N,) which of a map's labelled cells are halls."""
+        """(N,) mask of a map's labelled cells that are halls."""
         mask = item.labelled_cells
         return np.asarray(item.labels[mask] == self.names.index(HALL))
 
     def split(self, labeling: Labeling, share: NDArray[np.float32], halls: HallsAs) -> Labeling:
-        """A labelling by the folded labels in which halls are what they are to be labelled as.
+        """A labelling with halls labelled as chosen, from a labelling by the folded labels.
 
         Parameters
         ----------

@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 
 @dataclass(frozen=True, eq=False)
 class Halls:
-    """Which circulation is a hall.
+    """The cells of circulation that are halls.
 
     Parameters
     ----------
@@ -59,11 +59,11 @@ class LearnedUnary:
     truths : list of (n,) int64
         Label index of the examples of each map.
     laser : list of (n, K) float64
-        What laser lists say of them.
+        Their scores by laser lists.
     scores : list of CellScores or None
-        One per map, in the node order of its graph of labelled cells; only where it was asked for.
+        One per map, in the node order of its graph of labelled cells, if requested.
     choice : UnaryChoice or None
-        The unary that was chosen, where there was a choice.
+        The chosen unary, if there were candidates.
     """
 
     model: UnaryModel
@@ -75,7 +75,7 @@ class LearnedUnary:
 
 @dataclass(frozen=True, eq=False)
 class UnaryLearner:
-    """How a unary model is learned: the list on scans, then those in context and with spaces.
+    """Training of a unary model: the list on scans, then the lists with context and spaces.
 
     Parameters
     ----------
@@ -84,25 +84,25 @@ class UnaryLearner:
     n_labels : int
         K.
     n_node_features : int
-        How many of the features that boosting chose first are handed to structured models.
+        Number of the features chosen first by boosting that structured models receive.
     context_m : tuple of float
         Half-widths in metres of the windows for the list with context; () for none.
     space : SpaceOptions, optional
         The list that also sees segments, gates and places; none by default.
     doorway : int, optional
-        The label of gates, where there is one.
+        The label of gates, if there is one.
     halls : Halls, optional
         Which labelled cells are halls, to tell them from other corridors.
     floor : FloorModel, optional
-        Networks that see the whole floor, and have not seen these maps.
+        Floor networks that were not trained on these maps.
     candidates : tuple of str
         Unaries to choose one from by held-out scores (:mod:`pgm_places.unary.choice`); () for no
         choice.
     wanted : collection of str
-        Unaries that the model is to have, whichever of the candidates is chosen.
+        Unaries that the model must have, for any choice of the candidates.
     learn_on : {"in-sample", "out-of-fold"}
-        Whether the returned scores come from the fitted lists, or from lists that did not see the
-        building that a cell lies in, or its contiguous block where there is only one building.
+        Whether the returned scores come from the fitted lists, or from lists that were not trained
+        on the building of a cell, or on its contiguous block if there is only one building.
     n_folds : int
         Folds for out-of-fold scores: number of blocks, or maximum number of groups of buildings.
     max_examples_per_map : int, optional
@@ -112,7 +112,7 @@ class UnaryLearner:
     with_scores : bool
         Whether all labelled cells are scored, to train structured methods on.
     feature_cache : FeatureTables, optional
-        Where laser features of the maps are kept; not used with custom features, whose code may
+        Cache of the laser features of the maps; not used with custom features, whose code may
         change.
     """
 
@@ -176,7 +176,7 @@ class UnaryLearner:
         )
 
     def _kept(self, choice: UnaryChoice | None) -> set[str]:
-        """The scores that the model is to give."""
+        """The scores that the model must provide."""
         chosen = () if choice is None else (choice.unary,)
         kept = {"laser", *made_from({*self.wanted, *chosen})}
         return kept - {
@@ -186,7 +186,7 @@ class UnaryLearner:
         }
 
     def _choice(self, stages: Stages) -> UnaryChoice:
-        """The candidate that is best by held-out scores of whole buildings, or blocks of one."""
+        """The best candidate by held-out scores of buildings, or of blocks of one building."""
         cells, buildings = stages.cells, map_buildings(stages.cells.maps)
         names = sorted({*buildings})
         several = len(names) > 1
@@ -200,26 +200,26 @@ class UnaryLearner:
 
     @property
     def _from_held_out(self) -> bool:
-        """Whether scores come from lists that have not seen a cell."""
+        """Whether scores are held-out scores."""
         return self.learn_on == "out-of-fold"
 
     @property
     def _mixes(self) -> bool:
-        """Whether the mean of two lists may be wanted, for which both are calibrated."""
+        """Whether the mean of two lists may be needed, for which both are calibrated."""
         return self.space is not None and MIXED in {*self.wanted, *self.candidates}
 
     @property
     def _holds_out(self) -> bool:
-        """Whether lists on scans are held out: their scores are also what context is made of."""
+        """Whether lists on scans are held out, also for context features from their scores."""
         return self._from_held_out or bool(self.context_m or self.candidates) or self._mixes
 
     @property
     def _holds_out_others(self) -> bool:
-        """Whether the lists that see more than scans are held out."""
+        """Whether the lists with context and spaces are held out."""
         return (self.with_scores and self._from_held_out) or bool(self.candidates) or self._mixes
 
     def _in_context(self, laser: Lists, classifier: "DecisionListClassifier") -> Lists:
-        """The stage of the list that also sees the scores in windows around each cell."""
+        """The stage of the list with context."""
         cells, parts = laser.cells, []
         for m, part in enumerate(cells.by_map(np.exp(laser.scores(held_out=True)))):
             resolution_m = cells.maps[m].grid.resolution_m
@@ -237,7 +237,7 @@ class UnaryLearner:
         )
 
     def _with_spaces(self, options: SpaceOptions, cells: TrainingCells) -> SpaceLists:
-        """The stage of the list that also sees segments, gates and places."""
+        """The stage of the list with segments, gates and places."""
         spaces = learn_spaces(cells, self.doorway)
         if self.halls is not None:
             truth = np.where(self.halls.are_halls, self.n_labels, cells.truth)
@@ -266,7 +266,7 @@ class UnaryLearner:
         by_domain: bool = False,
         n_labels: int | None = None,
     ) -> Lists:
-        """A list fitted on the examples and, if wanted, one for each fold that has not seen it.
+        """A list fitted on the examples and, if needed, a held-out list for each fold.
 
         With ``limit`` it is fitted on at most that many examples of each map; ``by_domain`` it is
         the mean of lists that were fitted without one.
@@ -290,7 +290,7 @@ class UnaryLearner:
         return Lists(fitted, of_fold, cells, n_labels or self.n_labels, extra)
 
     def _scores(self, stages: Stages, model: UnaryModel, kept: set[str]) -> list[CellScores]:
-        """What is known of the labelled cells of each map."""
+        """The scores of the labelled cells of each map."""
         cells = stages.cells
         tables: dict[str, list[NDArray[Any]]] = {
             name: stages.scores(name, held_out=self._from_held_out) for name in kept

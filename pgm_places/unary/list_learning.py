@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
     from pgm_places.models.decision_list import DecisionListClassifier
 
 RAREST_FIRST = "rarest-first"
-"""An order of the list that PlaceLabeler understands besides those of the list itself."""
+"""An order that PlaceLabeler supports in addition to those of the list."""
 
 
 def with_explicit_order(
@@ -34,8 +34,8 @@ def with_explicit_order(
 ) -> "DecisionListClassifier":
     """The list with ``"rarest-first"`` written out as the labels by increasing frequency.
 
-    Asked first, a rare label is separated from everything by one classifier; asked last, it gets
-    what the others leave. The paper's heuristic puts it last, since it is the hardest.
+    As the first label of the list, a rare label is separated from all others by one classifier; as
+    the last, it gets the remaining nodes. The paper's heuristic puts it last, as the hardest label.
     """
     if not (isinstance(classifier.order, str) and classifier.order == RAREST_FIRST):
         return classifier
@@ -46,7 +46,7 @@ def with_explicit_order(
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What lists learn from.
+    """Training examples of lists.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ class Rows:
     truth : (n,) int
         Label index of each row.
     groups : (n,) int or None
-        Number of the fold that a row is held out with.
+        Index of the fold of each row.
     domain : (n,) int or None
-        -1 for rows that all lists learn from, see :func:`fitted_list`.
+        -1 for rows that all lists use; see :func:`fitted_list`.
     """
 
     features: NDArray[np.float32]
@@ -73,10 +73,10 @@ class Rows:
 
 
 def fitted_list(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
-    """The list that learned from all rows, or the mean of those that leave one domain out.
+    """The list fitted on all rows, or the mean of lists that each leave out one domain.
 
-    What one list believes because of where a map comes from, those that have not seen such maps
-    contradict: whole spaces flip between lists, and rarely in most of them at once.
+    Errors due to the source of maps differ between lists with and without this source: the labels
+    of entire spaces flip, but rarely in most lists at once.
     """
     remaining = without_a_domain(rows.truth, rows.domain)
     if len(remaining) > 1:
@@ -93,7 +93,7 @@ def _fitted(unfitted: "DecisionListClassifier", rows: Rows) -> BoostedList:
 def without_a_domain(
     truth: NDArray[np.int64], domain: NDArray[np.int64] | None
 ) -> list[NDArray[np.bool_]]:
-    """The rows that remain without each domain, where all labels do; all rows if that is one."""
+    """The rows without each domain, if all labels remain; all rows if that is one set."""
     everything = np.ones(len(truth), np.bool_)
     if domain is None:
         return [everything]
@@ -106,10 +106,10 @@ def without_a_domain(
 def cross_fitted(
     unfitted: "DecisionListClassifier", rows: Rows, name: str, *, held_out: bool = True
 ) -> tuple[BoostedList, dict[int, BoostedList]]:
-    """The list fitted on all rows and, for each group, one that has not seen it.
+    """The list fitted on all rows and, for each group, a list fitted without it.
 
-    All ask for labels in the same order. With domains, each is the mean of lists that leave one of
-    them out.
+    All have one order of labels. With domains, each is the mean of lists that each leave out one
+    domain.
     """
     with report_stage(name):
         fitted = fitted_list(unfitted, rows)
@@ -146,11 +146,11 @@ def scores_of(
 def with_temperatures(
     fitted: BoostedList, lists: dict[int, BoostedList], rows: Rows
 ) -> tuple[BoostedList, dict[int, BoostedList]]:
-    """A list and those that were held out, with the confidence that the latter justify.
+    """A list and its held-out lists, with temperatures fitted on held-out examples.
 
-    The log-odds of each classifier are multiplied by what makes the held-out examples likeliest
-    (:func:`pgm_places.models.list_training.temperature`). Lists that lack a label, because no other
-    group has it, have no part in this and keep their confidence.
+    The log-odds of each classifier are multiplied by the factor with the largest likelihood of the
+    held-out examples (:func:`pgm_places.models.list_training.temperature`). Lists without a label,
+    because no other group has it, are left out and not changed.
     """
     from pgm_places.models.list_training import temperature
 
@@ -183,13 +183,13 @@ def like(estimator: "DecisionListClassifier", **options: Any) -> "DecisionListCl
     return other
 
 
-# Columns (n, D) beside the cells' own features, for cells by their numbers.
+# Additional columns (n, D) of cells, by their indices.
 Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)
 class Lists:
-    """A list fitted on all examples and, where there are any, lists that have not seen a fold."""
+    """A list fitted on all examples and, if there are folds, a held-out list for each."""
 
     fitted: BoostedList
     of_fold: dict[int, BoostedList]
@@ -198,7 +198,7 @@ class Lists:
     extra: Extra | None
 
     def scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(N, K) log z of all cells, from the fitted list or from those that have not seen them."""
+        """(N, K) log z of all cells, from the fitted list or from held-out lists."""
         return self._held_out_scores if held_out else self._all_scores(held_out=False)
 
     @cached_property
@@ -212,7 +212,7 @@ class Lists:
         return found
 
     def scores_of_examples(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(n, K) the same of the examples."""
+        """(n, K) log z of the examples, from the fitted list or from held-out lists."""
         examples = self.cells.examples
         return self._of(examples, beside_extra(self.cells.features, examples, self.extra), held_out)
 
@@ -227,7 +227,7 @@ class Lists:
 
 @dataclass(frozen=True, eq=False)
 class SpaceLists:
-    """Lists that see spaces, with the gates that weigh what they say of doorways."""
+    """Lists with space features, and the gates that weight their doorway scores."""
 
     lists: Lists
     spaces: LearnedSpaces
@@ -235,11 +235,11 @@ class SpaceLists:
 
     @property
     def model(self) -> SpaceModel:
-        """The model of all that was learned."""
+        """The fitted model."""
         return self.spaces.model(self.lists.fitted, self.corridor)
 
     def scores(self, *, held_out: bool) -> NDArray[np.float64]:
-        """(N, K) log z of all cells, halls among corridors, doorways weighed by their gates."""
+        """(N, K) log z of all cells, with halls added to corridors, and gate weights."""
         log_z = self.lists.scores(held_out=held_out)
         if self.corridor is not None:
             log_z, _ = without_halls(log_z, self.corridor)
@@ -248,7 +248,7 @@ class SpaceLists:
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """The lists that were learned from some cells, and the networks beside them."""
+    """The lists fitted on some cells, and the networks."""
 
     cells: TrainingCells
     laser: Lists
@@ -257,7 +257,7 @@ class Stages:
     floor: FloorModel | None
 
     def scores(self, name: str, *, held_out: bool) -> list[NDArray[np.float64]]:
-        """(n, K) what a unary says of the cells of each map."""
+        """(n, K) a unary's scores of the cells of each map."""
         if name == MIXED:
             laser, space = (self.scores(part, held_out=held_out) for part in ("laser", "space"))
             pairs = zip(laser, space, strict=True)
@@ -273,7 +273,7 @@ class Stages:
 
     @cached_property
     def exponents(self) -> tuple[float, float]:
-        """Of laser and space in their mean, by how likely each makes cells that it has not seen."""
+        """Exponents of laser and space in their mean, from their likelihoods of held-out cells."""
         truths = self.cells.by_map(self.cells.truth)
         hot = [
             likeliest_temperature(
@@ -292,5 +292,5 @@ class Stages:
 def beside_extra(
     values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
 ) -> NDArray[np.float32]:
-    """(n, F) rows of cells with the columns beside them."""
+    """(n, F) rows of cells with additional columns."""
     return values if extra is None else np.concatenate([values, extra(cells)], axis=1)

@@ -12,23 +12,23 @@ from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.trajectories.segments import DistanceTrigger
 
 N_LOCAL_SPACE_FEATURES = len(space_feature_names(RATIOS))
-"""Columns that a step gets from the segments around it."""
+"""Names of a step's columns from the segments around it."""
 
 _CELL_M = 0.1
-"""Finer maps are coarsened to cells about so large, a quarter of the work of 5 cm."""
+"""Cell size (m) to which finer maps are coarsened; a quarter of the work of 5 cm."""
 
 _ANY = 0.01
-"""Share of a coarse cell that must be occupied, else free: no wall vanishes, no glimpse is lost."""
+"""Least occupied share, else least free share, of a coarse cell: thin walls and gaps remain."""
 
 _WHOLE = 1e-6
-"""A number of cells that is so near to a whole one is one."""
+"""Tolerance within which a number of cells is rounded to an integer."""
 
 _EVERY_M = 0.25
-"""The surroundings are divided anew after so much way."""
+"""Distance travelled (m) between segmentations."""
 
 
 class LocalSpaceFeatures:
-    """The features of the segments around a robot on its way.
+    """The features of the segments around a moving robot.
 
     A square of the map around the robot is divided into segments
     (:class:`pgm_places.spaces.segmentation.Segmentation`) after every quarter of a metre; steps in
@@ -37,7 +37,7 @@ class LocalSpaceFeatures:
     Parameters
     ----------
     source : LocalMap or OccupancyGrid
-        What the robot has mapped so far, or a map of its own, in the frame of the poses.
+        The rolling map of the robot, or a known map, in the frame of the poses.
     reach_m : float
         Half the side of the square in metres.
 
@@ -59,9 +59,9 @@ class LocalSpaceFeatures:
         self._features: CellFeatures | None = None
 
     def at(self, position_m: ArrayLike) -> NDArray[np.float32]:
-        """(F,) features of a position (2,), after moving there; 0 where the map does not reach.
+        """(F,) features of a position (2,), after moving there; 0 off the map.
 
-        Positions are those of a way, one after the other.
+        Positions must follow a path.
         """
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:

@@ -36,22 +36,22 @@ from pgm_places.unary.space_model import MapSpaces, SpaceModel
 MIXED = "laser+space"
 
 UNARIES = ("laser", "context", MIXED, "space", "floor")
-"""What a method can be given, by name; the simplest first."""
+"""Names of the unaries, the simplest first."""
 
 
 def made_from(unaries: Collection[str]) -> set[str]:
-    """The scores that some unaries are made from: ``laser+space`` is made from two."""
+    """The scores that some unaries depend on; ``laser+space`` depends on two."""
     single = {name for name in unaries if name != MIXED}
     return single if len(single) == len(unaries) else single | {"laser", "space"}
 
 
 def sees_spaces(unaries: Collection[str]) -> bool:
-    """Whether any of these is made from segments, gates and places."""
+    """Whether any of these unaries depends on segments, gates and places."""
     return not {"space", "floor"}.isdisjoint(made_from(unaries))
 
 
 EVEN = (0.5, 0.5)
-"""Exponents of ``laser`` and ``space`` in their mean, where neither was calibrated."""
+"""Exponents of ``laser`` and ``space`` in their mean, if neither was calibrated."""
 
 LASER_SHARE = 0.55
 """The share of ``laser`` in the mean of calibrated lists, chosen on buildings left out
@@ -63,8 +63,8 @@ def log_mean(
 ) -> NDArray[np.float64]:
     """(N, K) the logarithm of the weighted geometric mean of two distributions, normalised again.
 
-    Where the two disagree, the surer one decides: the logarithmic opinion pool of Genest and
-    Zidek (Combining probability distributions, Statistical Science 1, 1986).
+    Where the two disagree, the more confident one decides: the logarithmic opinion pool of Genest
+    and Zidek (Combining probability distributions, Statistical Science 1, 1986).
     """
     mean = exponents[0] * one + exponents[1] * other
     return np.asarray(mean - np.logaddexp.reduce(mean, axis=1, keepdims=True))
@@ -79,23 +79,23 @@ class CellScores:
     laser : (N, K) float64 or float32, or None
         Logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
     context : (N, K) float64 or None
-        The same from the list that also sees the neighbourhood's z, where there is one.
+        Scores of the list with context, if there is one.
     space : (N, K) float64 or float32, or None
-        The same from the list that also sees segments, gates and places, where there is one.
+        Scores of the list with segments, gates and places, if there is one.
     floor : (N, K) float64 or float32, or None
-        ``space`` and what the floor networks say, as one, where there are networks.
+        ``space`` fused with the floor networks' scores, if there are networks.
     node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
     spaces : MapSpaces or None
-        The segments, gates and places that ``space`` was made from, where they were kept.
+        The segments, gates and places of ``space``, if stored.
     hall : (N,) float32 or None
-        The probability that each node lies in a hall if it is circulation, where that is known.
+        The probability that each node lies in a hall if it is circulation, if known.
     doorways : Doorways or None
-        The accepted gates, where ``spaces`` were not kept.
+        The accepted gates, if ``spaces`` are not stored.
     segments : NodeSegments or None
-        The segments of the finest scale that the nodes lie in, beside ``space``.
+        The segments of the nodes at the finest scale, with ``space``.
     exponents : (float, float)
-        Of ``laser`` and ``space`` in ``laser+space``.
+        Exponents of ``laser`` and ``space`` in ``laser+space``.
     """
 
     laser: NDArray[np.float64] | None = None
@@ -118,7 +118,7 @@ class CellScores:
         Raises
         ------
         InputError
-            They were not asked for.
+            They were not requested.
         """
         if unary == MIXED:
             return log_mean(self.of("laser"), self.of("space"), self.exponents)
@@ -131,17 +131,17 @@ class CellScores:
 
     @property
     def accepted_gates(self) -> Doorways:
-        """The accepted gates, kept or made from the spaces.
+        """The accepted gates, stored or derived from the spaces.
 
         Raises
         ------
         InputError
-            No score was made from spaces.
+            There are no scores with spaces.
         """
         if self.doorways is not None:
             return self.doorways
         if self.spaces is None:
-            raise InputError("these scores were made without spaces, so they know no gates")
+            raise InputError("these scores were made without spaces, so there are no gates")
         return self.spaces.doorways
 
 
@@ -152,7 +152,7 @@ class UnaryModel:
     Parameters
     ----------
     sensor : Sensor
-        How scans are simulated; a model is only good for the sensor it learned with.
+        The simulated sensor; a model is valid only for the sensor of its training.
     classifier : BoostedList
         The list on the 321 laser features, and own features after them.
     n_labels : int
@@ -160,18 +160,18 @@ class UnaryModel:
     node_columns : (D,) int
         Columns handed on as node features.
     context_m : tuple of float
-        Half-widths in metres of the windows whose mean z the second list sees; () for none.
+        Half-widths in metres of the windows of context; () for none.
     context_classifier : BoostedList or None
         The second list, on the same columns followed by context features.
     features : tuple
         Custom features: see :mod:`pgm_places.features.custom`.
     space : SpaceModel or None
-        The list that also sees segments, gates and places.
+        The list with segments, gates and places.
     floor : FloorModel or None
-        Networks that see the whole floor.
+        The floor networks.
     exponents : (float, float)
-        Of the scores ``laser`` and ``space`` in ``laser+space``: their shares over the temperatures
-        that make held-out cells likeliest.
+        Exponents of ``laser`` and ``space`` in ``laser+space``: their shares over the temperatures
+        that maximise the likelihood of held-out cells.
     """
 
     sensor: Sensor
@@ -187,11 +187,11 @@ class UnaryModel:
 
     @property
     def knows_halls(self) -> bool:
-        """Whether it can tell halls from other corridors."""
+        """Whether it distinguishes halls from corridors."""
         return self.space is not None and self.space.corridor is not None
 
     def columns(self, unaries: Collection[str], *, node_features: bool) -> NDArray[np.int64]:
-        """The laser and custom features, ascending, that these scores are made from."""
+        """The laser and custom features, ascending, that these scores need."""
         lists, unaries = [], made_from(unaries)
         if "laser" in unaries or "context" in unaries:
             lists.append(self.classifier)
@@ -227,21 +227,20 @@ class UnaryModel:
         graph : LabelGraph
             Made by ``LabelGraph.from_grid``.
         unaries : collection of str
-            The scores that are wanted, as far as the model has them.
+            The requested scores; scores that the model lacks are skipped.
         with_node_features : bool
-            Whether structured models want features of their own.
+            Whether to compute features for structured models.
         with_halls : bool
-            Whether halls are told apart, if the model can do so, though no score sees spaces.
+            Whether to compute halls, if the model has them, even without scores with spaces.
         single : bool
             Whether single precision will do. Scores in context stay in double.
         with_spaces : bool
             Whether the result holds segments, gates and places. Without them it holds the doorways
             alone, and the rasters of a huge map are freed before its cells are scored.
         known : (H, W) int16, optional
-            Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
+            Observed labels, -1 elsewhere, which decide whether gates on them are doorways.
         own : CachedFeatures, optional
-            The laser and custom features of the nodes that are needed, where they are known from
-            before, and the scores that follow from them.
+            Cached laser and custom features of the nodes, and scores that depend on them.
         """
         layout, n, unaries = graph.grid_layout, graph.n_nodes, made_from(unaries)
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
@@ -271,7 +270,7 @@ class UnaryModel:
             lists.append(around)
             if not with_spaces:
                 spaces = None
-        trim_heap()  # what the spaces took: a huge map needs it for its scores
+        trim_heap()  # memory of the spaces, which a huge map needs for its scores
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
             item.set_columns(needed)
@@ -315,13 +314,13 @@ class UnaryModel:
         )
 
     def gate_judge(self, seen: FloorScores) -> FloorJudge:
-        """How the networks judge gates, together with the list of gates."""
-        assert self.floor is not None  # they have seen a map
+        """The judge of gates that combines the networks and the list of gates."""
+        assert self.floor is not None  # it has scores of a map
         return FloorJudge(self.floor, seen)
 
     def seen(self, grid: OccupancyGrid, own: CachedFeatures | None = None) -> FloorScores:
-        """What the networks make of a map, if a table of it does not know that yet."""
-        assert self.floor is not None  # its scores are asked for
+        """The networks' scores of a map, cached in a table."""
+        assert self.floor is not None  # its scores are requested
         return self.floor.scores(grid) if own is None else own.floor_of(grid, self.floor.scores)
 
     def _add_context(

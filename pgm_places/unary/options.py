@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 PRIOR_WEIGHT = 0.5
 
 HallsAs = Literal["corridor", "room", "hall"]
-"""What a hall is labelled."""
+"""The label given to halls."""
 
 LearnOn = Literal["out-of-fold", "in-sample"]
 NumberOfFolds = Annotated[int, Ge(2), Le(50)]
@@ -76,7 +76,7 @@ class ClassifierOptions(ListOptions):
 
 @dataclass(frozen=True)
 class ContextOptions(Options):
-    """The second list, which also sees the mean scores in windows around each cell.
+    """The list with context: mean scores in windows around each cell.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class ContextOptions(Options):
 
 @dataclass(frozen=True)
 class SpaceOptions(ListOptions):
-    """The list of trees that sees the space around a cell in addition to its scan.
+    """The list of trees with features of the space around a cell in addition to its scan.
 
     It serves the methods with ``unary = "space"``. Its columns are the shape of the segments of
     free space at three scales, and of the places between doorways (docs/gates.md); which openings
@@ -115,7 +115,7 @@ class SpaceOptions(ListOptions):
     max_examples_per_map: NumberOfExamples = 20_000
 
     def classifier(self) -> "DecisionListClassifier":
-        """The unfitted list, which asks for the rarest label first."""
+        """The unfitted list, with the rarest label first."""
         from pgm_places.models.decision_list import DecisionListClassifier
 
         return DecisionListClassifier(
@@ -134,4 +134,4 @@ GATE_OPTIONS: dict[str, Any] = {
     "shrinkage": 0.2,
     "prior_weight": 1.0,
 }
-"""The list that tells doorways from other openings; chosen on buildings held out."""
+"""Options of the list of gates; chosen on held-out buildings."""
