@@ -159,7 +159,7 @@ class Registry:
         return self.built_in.get(name) or self._targets().get(name)
 
     def _targets(self) -> dict[str, str]:
-        from importlib.metadata import entry_points  # it takes a tenth of a short command to import
+        from importlib.metadata import entry_points  # the import takes a tenth of a short command
 
         installed = {point.name: point.value for point in entry_points(group=self.group)}
         return {**installed, **self.built_in}

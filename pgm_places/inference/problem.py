@@ -112,7 +112,7 @@ class LabelingProblem:
             _checks.set_frozen(self, unary=unary, unseen=unseen)
             self._check_allowed()
         elif self.unseen is not None:
-            raise InputError("unseen names nodes whose unary says nothing; there is no unary")
+            raise InputError("unseen marks rows of unary, but the problem has no unary")
         if self.node_features is not None:
             nodes = _checks.feature_rows("node_features", self.node_features, n)
             _checks.set_frozen(self, node_features=nodes)
@@ -385,7 +385,7 @@ def labelled_problems(
     labelings = list(labelings)
     if not problems or len(problems) != len(labelings):
         raise InputError(
-            "learning takes at least one problem and as many labellings, got "
+            "training needs at least one problem and a labelling for each, got "
             f"{len(problems)} problems and {len(labelings)} labelings"
         )
     names = problems[0].label_names

@@ -12,10 +12,10 @@ class EnteredOptions(Options):
     Parameters
     ----------
     disc_radius_m : float
-        Free space that a disc of this radius cannot reach from the largest part was never entered
-        (m); 0 takes all free space as entered.
+        Free space that a disc of this radius (m) cannot reach from the largest part is unreachable;
+        0 makes all free space reachable.
     unentered : bool
-        Label free space that was never entered as well.
+        Label unreachable free space as well.
     """
 
     disc_radius_m: AtLeastZero = 0.2

@@ -319,7 +319,7 @@ def test_bad_problems() -> None:
     problem, truth = a_problem(0.0)
     chain = LabelGraph.from_trajectory(np.zeros((5, 2)))
     on_chain = LabelingProblem(chain, NAMES, unary=np.zeros((5, 3)))
-    with pytest.raises(InputError, match="at least one problem and as many labellings"):
+    with pytest.raises(InputError, match="at least one problem and a labelling for each"):
         Relaxation().fit([problem], [])
     with pytest.raises(InputError, match="nothing to count"):
         Relaxation().fit([problem], [np.full(len(truth), -1)])

@@ -96,7 +96,7 @@ def correct_map(path: Path | str, corrections: Mapping[Correction, float | str])
             raise MapError(
                 f"{yaml_path}: the key {key} does not have its own line; set {key}: {value} by hand"
             )
-        text = json.dumps(value, ensure_ascii=False).encode()  # which YAML reads as it is
+        text = json.dumps(value, ensure_ascii=False).encode()  # a JSON string is a YAML string
         new = line.sub(lambda found, text=text: found[1] + text, new)  # type: ignore[misc]
     original = yaml_path.with_name(yaml_path.name + KEPT_SUFFIX)
     if original.exists() or original.is_symlink():

@@ -262,7 +262,7 @@ class _Words:
         """Indices up to the count that is the next word."""
         count = self.whole(f"the number of {wanted}", below=at_most + 1)
         if count > len(self._words):
-            raise self.wrong(f"says that there are {count} {wanted}, but ends before")
+            raise self.wrong(f"states {count} {wanted}, but ends before")
         return iter(range(count))
 
     def numbers(self, count: int, wanted: str) -> NDArray[np.float64]:
@@ -286,7 +286,7 @@ class _Words:
 
     def end(self) -> None:
         if self._at < len(self._words):
-            raise self.wrong(f"goes on after its last table, with {self._words[self._at][:20]!r}")
+            raise self.wrong(f"continues after its last table with {self._words[self._at][:20]!r}")
 
     def _numbers(self, words: list[str], what: str) -> NDArray[np.float64]:
         try:

@@ -43,9 +43,11 @@ class ExportRequest:
 
     def __post_init__(self) -> None:
         if self.keep_out and self.to not in ("nav2", "nav2-route"):
-            raise InputError(f"the export {self.to!r} takes no --keep-out; nav2 and nav2-route do")
+            raise InputError(
+                f"the export {self.to!r} accepts no --keep-out; nav2 and nav2-route do"
+            )
         if self.map_yaml and self.to not in ("nav2", "map"):
-            raise InputError(f"the export {self.to!r} takes no --map; nav2 and map do")
+            raise InputError(f"the export {self.to!r} accepts no --map; nav2 and map do")
 
     def renamed(self, old: str, new: str) -> Self:
         """The request with another name for a place."""

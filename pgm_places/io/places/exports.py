@@ -207,10 +207,10 @@ def export(
     if to not in known:
         raise InputError(f"there is no export called {to!r}. {nearest_name(to, known)}")
     if values and to not in TYPES:
-        raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(TYPES)}")
+        raise InputError(f"the export {to!r} accepts no values; masks that do: {', '.join(TYPES)}")
     if robot_radius_m is not None and to not in (*OF_RADIUS, "keepout"):
         raise InputError(
-            f"the export {to!r} takes no robot radius; {', '.join(OF_RADIUS)} and keepout do"
+            f"the export {to!r} accepts no robot radius; {', '.join(OF_RADIUS)} and keepout do"
         )
     if to in EXPORTS:
         return EXPORTS[to](folder, topology)

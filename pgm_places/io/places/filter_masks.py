@@ -216,7 +216,7 @@ def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int
         for name, value in values.items():
             if value <= 0:
                 raise InputError(
-                    f"the speed in {name!r} is {value:g}, which Nav2 takes for no limit; give a "
+                    f"the speed in {name!r} is {value:g}, which means no limit for Nav2; give a "
                     "speed above 0, or keep the robot out (--keep-out of 'nav2', or the export "
                     "'keepout')"
                 )
@@ -230,7 +230,7 @@ def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int
         if value != int(value):
             raise InputError(
                 f"the mask's value of {name!r} must be a whole number from 0 to {MOST}, got "
-                f"{value:g}; speed-m-s takes fractions"
+                f"{value:g}; speed-m-s accepts fractions"
             )
     return {name: int(value) for name, value in values.items()}, 1.0
 

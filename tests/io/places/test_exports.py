@@ -157,7 +157,7 @@ def test_speeds_are_metres_per_second_and_never_faster(
 
 def test_a_speed_of_zero_would_be_no_limit(tmp_path: Path) -> None:
     for to in ("speed-m-s", "speed-percent"):
-        with pytest.raises(InputError, match="which Nav2 takes for no limit"):
+        with pytest.raises(InputError, match="which means no limit for Nav2"):
             export(floor_map(), to, tmp_path, values={"room": 0})
     with pytest.raises(InputError, match=r"must be a whole number from 0 to 100, got 2\.5"):
         export(floor_map(), "speed-percent", tmp_path, values={"room": 2.5})
@@ -214,7 +214,7 @@ def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
         export(topology, "nav2-route", tmp_path, robot_radius_m=0.76)
     with pytest.raises(
         InputError,
-        match="the export 'dot' takes no robot radius; nav2-route, lif, coverage and keepout do",
+        match="the export 'dot' accepts no robot radius; nav2-route, lif, coverage and keepout do",
     ):
         export(topology, "dot", tmp_path, robot_radius_m=0.3)
 
