@@ -1,4 +1,4 @@
-"""The generated building: an office floor as a robot would map it, with exact labels."""
+"""Generated buildings: floors as mapped by a simulated robot, with exact labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ LABEL_NAMES = ("corridor", "room", "doorway")
 _CORRIDOR, _ROOM, _DOORWAY, _HALL = range(4)
 
 _MARGIN_CM = 150
-"""Unknown space that is left around a building."""
+"""Width of the unknown space around a building."""
 
 STYLES: tuple[str, ...] = get_args(StyleName)
 """The styles of generated buildings."""
@@ -51,14 +51,14 @@ class LabelledBuilding:
         The map.
     labels : (H, W) int16
         Label index per cell in the grid's order, -1 where the cell has no label: walls, furniture,
-        what was never seen, and stray cells outside or cut off from the rest.
+        unknown cells, and cells outside or disconnected from the rest.
     label_names : tuple of str
         Name of each label index.
     split_column : int
-        The column where the right half begins; both halves hold every label that is found on the
-        map, unless it is too rare.
+        The first column of the right half; both halves contain every label of the map, except
+        very rare ones.
     name : str
-        What to call the building.
+        Name of the building.
     """
 
     grid: OccupancyGrid
@@ -73,7 +73,7 @@ class LabelledBuilding:
 
 @dataclass(frozen=True)
 class _Size:
-    """Lengths in centimetres that tell a whole floor from a small one."""
+    """Lengths in centimetres of full and small floors."""
 
     wing_cm: tuple[int, int]
     height_cm: int
@@ -124,7 +124,7 @@ def generate_building(
         ``"hotel"``, ``"lab"``, ``"mall"``, ``"museum"``, ``"open-plan"``, ``"passage"``,
         ``"ring"``, ``"school"``, ``"suite"``, ``"university"``, with the sizes that real ones have.
     furniture : bool
-        Whether anybody has moved in.
+        Whether the building is furnished.
     slam_noise : bool
         Whether poses and ranges err, panes let rays through, and the map is slightly bent.
     halls : str
@@ -229,7 +229,7 @@ def _draw_wings(
 
 
 def _kinds(dice: Dice, kinds: tuple[str, ...], wings: int) -> list[str]:
-    """A kind per wing, none twice before all have been used."""
+    """A kind per wing; kinds repeat only after all have been used."""
     drawn: list[str] = []
     left: list[str] = []
     while len(drawn) < wings:
@@ -247,7 +247,7 @@ def _open(parts: Sequence[Rect], shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _walls(plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """(H, W) what is solid in the empty building."""
+    """(H, W) mask of the solid cells of the empty building."""
     solid = _open(plan.corridors + plan.rooms + plan.halls, shape)
     for wall in plan.walls:
         solid[wall.slices] = True

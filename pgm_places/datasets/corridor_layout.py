@@ -10,7 +10,7 @@ from pgm_places.datasets.style import Style
 
 @dataclass(frozen=True)
 class Wing:
-    """The place a wing has: columns ``x0`` to ``x1`` of a building ``height`` rows high.
+    """The extent of a wing: columns ``x0`` to ``x1`` of a building ``height`` rows high.
 
     The corridor comes in from the left with its lower edge on row ``corridor_y`` and is
     ``corridor_width`` rows wide; a wall of ``wall`` columns parts the rooms from the wing before.
@@ -30,12 +30,12 @@ class Wing:
 
     @property
     def entrance(self) -> Rect:
-        """The corridor as it comes in."""
+        """The corridor through the full wing."""
         return Rect(self.x0, self.corridor_y, self.x1, self.corridor_y + self.corridor_width)
 
     @property
     def rooms_x0(self) -> int:
-        """Where rooms may begin."""
+        """The first column of rooms."""
         return self.x0 + self.wall
 
     @property

@@ -1,4 +1,4 @@
-"""The demo's files: a generated building in the form of a user's map, and its configuration."""
+"""Demo: writes a generated building as map files, and a configuration."""
 
 from pathlib import Path
 

@@ -18,7 +18,7 @@ T = TypeVar("T", bound=np.generic)
 def shifted(
     dice: Dice, cells: NDArray[np.int8], labels: NDArray[np.int16]
 ) -> tuple[NDArray[np.int8], NDArray[np.int16]]:
-    """Both rasters with columns and rows pushed a little, as a mapper's drift does."""
+    """Both rasters with columns and rows shifted a little, as by a mapper's drift."""
     height, width = cells.shape
     rows, columns = np.indices((height, width), sparse=True)
     rows = np.clip(rows + _parabola(dice, width)[None, :], 0, height - 1)
@@ -27,7 +27,7 @@ def shifted(
 
 
 def _parabola(dice: Dice, length: int) -> NDArray[np.int64]:
-    """(length,) a slow wander around zero, in whole cells: up to 1 % of the length."""
+    """(length,) a slow wave around zero in integer cells: up to 1 % of the length."""
     most = length // 200
     slope, wave = dice.integer(-most, most), dice.integer(-most, most)
     at = np.arange(length, dtype=np.int64) - length // 2
@@ -36,7 +36,7 @@ def _parabola(dice: Dice, length: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Bend:
-    """Where each cell of a bent and turned raster comes from.
+    """A bent and rotated raster, as the source of each of its cells.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Bend:
     columns: NDArray[np.int64]
 
     def apply(self, raster: NDArray[T], outside: int) -> NDArray[T]:
-        """A straight raster, bent; what lies beyond its edges is ``outside``."""
+        """A straight raster, bent; cells beyond its edges are ``outside``."""
         bent = raster[self.rows, self.columns]
         bent[self.rows < 0] = outside
         return bent

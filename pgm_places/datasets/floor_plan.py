@@ -32,7 +32,7 @@ class Rect(NamedTuple):
         return min(self.cut(other).size) > 0
 
     def cut(self, other: "Rect") -> "Rect":
-        """What belongs to both; of no size, or less, where that is nothing."""
+        """The intersection; its size is zero or negative if it is empty."""
         return Rect(*map(max, self[:2], other[:2]), *map(min, self[2:], other[2:]))
 
     def within(self, shape: tuple[int, ...]) -> "Rect":
@@ -44,7 +44,7 @@ class Rect(NamedTuple):
         return Rect(*map(min, self[:2], other[:2]), *map(max, self[2:], other[2:]))
 
     def grown(self, columns: int, rows: int) -> "Rect":
-        """The rectangle with so many more columns and rows on either side."""
+        """The rectangle with a number of further columns and rows on each side."""
         return Rect(self.x0 - columns, self.y0 - rows, self.x1 + columns, self.y1 + rows)
 
     def flipped(self, height: int) -> "Rect":
@@ -52,7 +52,7 @@ class Rect(NamedTuple):
         return Rect(self.x0, height - self.y1, self.x1, height - self.y0)
 
     def moved(self, columns: int, rows: int) -> "Rect":
-        """The rectangle so many columns to the right and rows up."""
+        """The rectangle, a number of columns to the right and rows up."""
         return Rect(self.x0 + columns, self.y0 + rows, self.x1 + columns, self.y1 + rows)
 
 
@@ -75,7 +75,7 @@ class Door:
     has_leaf: bool = True
 
     def region(self, margin: int) -> Rect:
-        """The gap and ``margin`` cells before and behind it: what people call the doorway."""
+        """The doorway: the gap and ``margin`` cells before and behind it."""
         return self.gap.grown(margin * abs(self.inward[0]), margin * abs(self.inward[1]))
 
     def flipped(self, height: int) -> "Door":
@@ -83,13 +83,13 @@ class Door:
         return Door(self.gap.flipped(height), (self.inward[0], -self.inward[1]), self.has_leaf)
 
     def moved(self, columns: int, rows: int) -> "Door":
-        """The door so many columns to the right and rows up."""
+        """The door, a number of columns to the right and rows up."""
         return Door(self.gap.moved(columns, rows), self.inward, self.has_leaf)
 
 
 @dataclass
 class FloorPlan:
-    """Everything that is open between the walls; what no rectangle covers is solid.
+    """The open rectangles of a floor; cells outside all rectangles are solid.
 
     ``halls`` are lobbies and waiting areas, which one passes through to reach several rooms;
     ``walls`` stand across what is open; ``windows`` are stretches of outer wall that a laser may
@@ -104,7 +104,7 @@ class FloorPlan:
     halls: list[Rect] = field(default_factory=list)
 
     def add(self, other: Self) -> None:
-        """Take over the parts of another plan."""
+        """Add the parts of another plan."""
         for mine, theirs in zip(self._parts, other._parts, strict=True):
             mine.extend(theirs)
 
@@ -117,7 +117,7 @@ class FloorPlan:
         return FloorPlan(*([item.flipped(height) for item in items] for items in self._parts))
 
     def moved(self, columns: int, rows: int) -> "FloorPlan":
-        """The plan so many columns to the right and rows up."""
+        """The plan, a number of columns to the right and rows up."""
         return FloorPlan(*([item.moved(columns, rows) for item in items] for items in self._parts))
 
 

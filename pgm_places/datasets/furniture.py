@@ -1,4 +1,4 @@
-"""Furniture as seen by a laser near the floor: legs, boxes, cupboards, door leaves."""
+"""Furniture at the height of a laser: legs, boxes, cupboards, door leaves."""
 
 from collections.abc import Sequence
 from typing import Self
@@ -10,7 +10,7 @@ from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect
 from pgm_places.datasets.portable_random import Dice, MetreScale
 
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
-"""Where a leaf points from its hinge: (across the gap, into the room)."""
+"""Directions of a leaf from its hinge: (across the gap, into the room)."""
 
 
 def hang_doors(dice: Dice, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
@@ -43,7 +43,7 @@ def _hang(dice: Dice, door: Door, solid: NDArray[np.bool_]) -> None:
 
 
 FULL = 1000
-"""The amount of furniture of an office that somebody works in, in thousandths."""
+"""The amount of furniture of an office in use, in thousandths."""
 
 
 def furnish(
@@ -70,7 +70,7 @@ def furnish(
 
 
 class Mover:
-    """Carries pieces into a building, and leaves outside what would block a door."""
+    """Puts pieces into a building, except pieces that would block a door."""
 
     def __init__(self, solid: NDArray[np.bool_], keep_free: NDArray[np.bool_]) -> None:
         self._solid = solid
@@ -78,7 +78,7 @@ class Mover:
 
     @classmethod
     def of_plan(cls, scale: MetreScale, plan: FloorPlan, solid: NDArray[np.bool_]) -> Self:
-        """One who keeps the way through each door of a plan free."""
+        """A mover that keeps the way through each door of a plan free."""
         keep_free = np.zeros_like(solid)
         clear = scale.cells(90)
         for door in plan.doors:
@@ -87,7 +87,7 @@ class Mover:
         return cls(solid, keep_free)
 
     def __call__(self, piece: Rect, room: Rect) -> bool:
-        """Put a piece where it lies in a room; False if it would block a door."""
+        """Draw a piece within a room; False if it would block a door."""
         inside = piece.cut(room)
         if min(inside.size) < 1 or self._keep_free[inside.slices].any():
             return False

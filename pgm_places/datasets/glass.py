@@ -1,4 +1,4 @@
-"""Windows and glass fronts: where laser rays leave a room, and what lies beyond."""
+"""Glass: windows and glass fronts that laser rays pass, and the ground beyond."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,25 +11,25 @@ from pgm_places.datasets.simulated_mapping import wider
 from pgm_places.maps.components import connected_components
 
 BEYOND_CM = 900
-"""So much ground around a building is seen through its windows."""
+"""Width of the ground around a building that is visible through its windows."""
 
 _WALL_CM = 30
-"""Nothing nearer to a building's spaces is open ground: its outer walls stand there."""
+"""Least distance of open ground from a building's spaces, for the outer walls."""
 
 _COURT_M2 = 25
-"""An enclosed piece of ground is a courtyard if it is at least so large."""
+"""Least area of a courtyard."""
 
 _OBSTACLE_M2 = 30
-"""One obstacle stands on so much ground: a parapet, a tree, a car, another house."""
+"""Ground area per obstacle: a parapet, a tree, a car, another house."""
 
 _SHORTEST_CM = 80
-"""No windows in a wall that is shorter."""
+"""Length of the shortest wall with windows."""
 
 
 def open_ground(dice: Dice, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W) the ground outside a building and in its courtyards, less what stands on it.
+    """(H, W) the ground outside a building and in its courtyards, without obstacles on it.
 
-    ``solid`` (H, W) is what is not inside the building.
+    ``solid`` (H, W) is False inside the building.
     """
     beyond = solid & ~wider(~solid, dice.cells(_WALL_CM))
     parts = connected_components(beyond, connectivity=4)
@@ -86,7 +86,7 @@ def _walls(scale: MetreScale, place: Sequence[Rect]) -> Iterator[Frontage]:
 
 
 def _row(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
-    """Where along a wall rays get through its windows: all of a pane, or slits of it."""
+    """Positions along a wall at which rays pass its windows: complete panes, or slits of them."""
     wide = dice.length(60, 200)
     apart = dice.length(40, 350)
     at = dice.integer(dice.cells(10), wide)
@@ -102,7 +102,7 @@ def _row(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
 
 
 def _front(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
-    """Where along a glass front rays get through: all but posts and what reflects."""
+    """Positions along a glass front at which rays pass: all but posts and reflecting parts."""
     at = dice.integer(0, dice.cells(60))
     while at < side.length:
         end = min(side.length, at + dice.length(10, 150))
@@ -113,7 +113,7 @@ def _front(dice: Dice, side: Frontage) -> Iterator[tuple[int, int]]:
 def _open_to(
     gaps: NDArray[np.bool_], there: NDArray[np.bool_], through: Rect, side: Frontage
 ) -> None:
-    """Open what lies before the cells of ``there`` in a piece of wall, line by line."""
+    """Open the cells in front of ``there`` in a piece of wall, line by line."""
     inside = through.within(gaps.shape)
     if min(inside.size) < 1 or inside != through:
         return

@@ -1,4 +1,4 @@
-"""Incomplete mapping: closed doors, and rooms of which the robot saw too little."""
+"""Incomplete mapping: closed doors, and rooms of which the robot mapped too little."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,9 @@ def close_doors(
     is_doorway: NDArray[np.bool_],
     share: int,
 ) -> list[Door]:
-    """Close ``share`` of a thousand doors, in ``solid`` and ``labels`` (H, W); the others.
+    """Close ``share`` of a thousand doors, in ``solid`` and ``labels`` (H, W); the open doors.
 
-    A closed door looks like a wall: what was its doorway belongs to the places on its two sides.
+    A closed door looks like a wall: the cells of its doorway belong to the places on both sides.
     ``doors`` are those of the connected parts of ``is_doorway``, in their order.
     """
     left = []
@@ -70,10 +70,10 @@ def forget_glimpses(
     is_doorway: NDArray[np.bool_],
     least: float,
 ) -> None:
-    """Take the labels off rooms of which less than ``least`` was seen; ``labels`` (H, W).
+    """Remove the labels of rooms of which less than ``least`` is mapped, from ``labels`` (H, W).
 
-    So are those of doorways from one such room to another. ``found`` (H, W) are the cells as
-    mapped, ``is_room`` and ``is_doorway`` where the plan's rooms and doorways are.
+    Labels of doorways between two such rooms are removed, too. ``found`` (H, W) are the mapped
+    cells, ``is_room`` and ``is_doorway`` the masks of the plan's rooms and doorways.
     """
     parts = connected_components(is_room, connectivity=4)
     seen = np.bincount(parts.piece[is_room & (found == FREE)], minlength=len(parts.size))

@@ -14,15 +14,15 @@ _LARGE_M2 = 30
 """Larger rooms are furnished as laboratories and offices are, smaller ones as rooms of homes."""
 
 _AISLE_CM = 90
-"""What is left to walk between a bench and the wall."""
+"""Width of the aisle between a bench and the wall."""
 
 
 def furnish_largely(
     dice: Dice, plan: FloorPlan, solid: NDArray[np.bool_], amounts: Sequence[int]
 ) -> None:
-    """Put large pieces into the rooms of ``solid`` (H, W); the way through each door stays free.
+    """Put large pieces into the rooms of ``solid`` (H, W), without blocking a door.
 
-    ``amounts`` are those in each room, in thousandths of what is usual.
+    ``amounts`` are the amounts in each room, in thousandths of a typical one.
     """
     put = Mover.of_plan(dice.scale, plan, solid)
     for room, amount in zip(plan.rooms, amounts, strict=True):

@@ -23,9 +23,9 @@ class Layout:
     Parameters
     ----------
     corridors, halls : tuple of Rect
-        Spaces that one passes through; together they are connected.
+        Circulation; together they are connected.
     courts : tuple of Rect
-        Where nothing is built.
+        Courtyards, which are not built on.
     large_rooms : tuple of Rect
         Gyms and lecture theatres, a wall away from the end of a corridor.
     """
@@ -41,11 +41,11 @@ class Layout:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of what has been moved to the first quadrant."""
+        """Width and height of a layout in the first quadrant."""
         return max(part.x1 for part in self._parts), max(part.y1 for part in self._parts)
 
     def moved(self, columns: int, rows: int) -> "Layout":
-        """The layout so far to the right and up."""
+        """The layout, moved to the right and up."""
         return Layout(
             *(
                 tuple(part.moved(columns, rows) for part in parts)

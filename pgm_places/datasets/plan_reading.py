@@ -12,11 +12,11 @@ from pgm_places.datasets.portable_random import MetreScale
 from pgm_places.maps.components import connected_components
 
 _LEAST_SIDE_CM, _LEAST_SHARE, _MOST_RECTANGLES = 60, 25, 12
-"""A place is covered by at most so many rectangles of at least that width, none smaller than a
-25th of it."""
+"""Most rectangles that cover a place, and their least width; none is smaller than a 25th of the
+place."""
 
 _LEAST_FILLING = (3, 4)
-"""A doorway that fills less of its own rectangle lies askew, and gets no leaf."""
+"""A doorway that fills a smaller share of its bounding rectangle is oblique, and gets no leaf."""
 
 _WIDEST_LEAF_CM = 130
 """Wider doors have two leaves, which stand open along the walls."""
@@ -24,14 +24,14 @@ _WIDEST_LEAF_CM = 130
 
 @dataclass(frozen=True, eq=False)
 class ReadPlan:
-    """What a labelled plan holds, in cells.
+    """The rooms, passages and doors of a labelled plan, in cells.
 
     Parameters
     ----------
     rooms, passages : tuple of list of Rect
         For each room, and for each corridor or hall, rectangles that cover most of it.
     doors : list of Door
-        Where one passes from one into the other.
+        The doors between them.
     """
 
     rooms: tuple[list[Rect], ...]
@@ -39,7 +39,7 @@ class ReadPlan:
     doors: list[Door]
 
     def floor_plan(self) -> FloorPlan:
-        """All rectangles, whichever place they belong to."""
+        """The rectangles of all places."""
         return FloorPlan(
             corridors=[part for place in self.passages for part in place],
             rooms=[part for place in self.rooms for part in place],

@@ -8,7 +8,7 @@ from pgm_places.maps.occupancy_grid import UNKNOWN
 
 
 def mapped_span(cells: NDArray[np.int8], margin: int) -> slice:
-    """The rows with anything known, and a margin."""
+    """The extent of rows with known cells, with a margin."""
     known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
     return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
 

@@ -14,19 +14,19 @@ from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.datasets.style import OFFICE, Style
 
 _WALL_CM = 15
-"""What is left between rooms that belong to different corridors."""
+"""Thickness of the wall between rooms of different corridors."""
 
 _THIN_WALL_CM = 10
-"""What is left where a room is enlarged."""
+"""Thickness of the wall behind an enlarged room."""
 
 _SHALLOWEST_CM = 290
-"""No row of rooms where there is less depth, walls included."""
+"""Least depth of a row of rooms, walls included."""
 
 _WIDEST_LEAF_CM = 130
 """Wider doors have two leaves, which stand open along the walls."""
 
 _STEP_CM = 120
-"""Where the depth that is left changes by more, another row of rooms begins."""
+"""Change of the available depth at which another row of rooms begins."""
 
 
 def draw_floor(dice: Dice, style: Style, layout: Layout, shape: tuple[int, int]) -> FloorPlan:
@@ -71,13 +71,13 @@ def draw_floor(dice: Dice, style: Style, layout: Layout, shape: tuple[int, int])
 
 
 def _in_cells(scale: MetreScale, part: Rect) -> Rect:
-    """A rectangle given in centimetres; what touches there touches here."""
+    """A rectangle in centimetres as cells; rectangles that touch still do."""
     mm = scale.mm_per_cell
     return Rect(*((20 * cm + mm) // (2 * mm) for cm in part))
 
 
 class Site:
-    """The ground of a floor: which cells are built on.
+    """The ground of a floor, and its occupied cells.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Site:
     shape : (int, int)
         Rows and columns.
     growth_cm : int
-        Rooms are enlarged by at most so much.
+        Greatest enlargement of rooms.
     """
 
     def __init__(
@@ -98,11 +98,11 @@ class Site:
         self._growth = scale.cells(growth_cm)
 
     def take(self, part: Rect) -> None:
-        """Build on these cells."""
+        """Mark cells as built on."""
         self._taken[part.slices] = True
 
     def is_flanked(self, wall: Rect) -> bool:
-        """Whether nothing is open right beyond the two ends of a wall."""
+        """Whether the cells beyond both ends of a wall are closed."""
         columns, rows = wall.size
         longer = wall.grown(1, 0) if columns > rows else wall.grown(0, 1)
         beyond = self._seen(longer)
@@ -125,9 +125,9 @@ class Site:
             start = end
 
     def enlarged(self, dice: Dice, frontage: Frontage, room: Rect, back: int) -> Rect:
-        """The room with what was left over behind and beside it, mostly; its front stays.
+        """The room, mostly enlarged by free space behind and beside it; its front stays.
 
-        Where nothing stands behind it, it ends with the others of its row, ``back`` cells from the
+        If the space behind it is free, it ends with the others of its row, ``back`` cells from the
         corridor.
         """
         _, _, _, depth = frontage.extent(room)
@@ -140,7 +140,7 @@ class Site:
         return room
 
     def _enlarged(self, room: Rect, towards: tuple[int, int], most: int) -> Rect:
-        """The room as far as the next one, or ``most`` cells wider where there is none near."""
+        """The room, extended to the next one, or by ``most`` cells if none is near."""
         (dx, dy), thin, reach = towards, self._thin, self._growth + self._thin
         ahead: Literal[1, -1] = 1 if dx + dy > 0 else -1
         if dx:
@@ -152,21 +152,21 @@ class Site:
         return room if more < 1 else room.joined(side.rect(0, side.length, 0, more))
 
     def _depths(self, side: Frontage, deepest: int) -> NDArray[np.int64]:
-        """(length,) cells that are free behind each cell of a side, less a wall to what follows."""
+        """(length,) free cells behind each cell of a side, less a wall."""
         wall = self._wall
         nearest = self._first_taken(side, wall, deepest + wall)
         around = np.lib.stride_tricks.sliding_window_view(nearest, 2 * wall + 1).min(axis=1)
         return np.asarray(around - wall, np.int64)
 
     def _first_taken(self, side: Frontage, margin: int, depth: int) -> NDArray[np.int64]:
-        """(length + 2 margin,) how far off a side, and beside it, the first taken cell is."""
+        """(length + 2 margin,) distance of the first occupied cell along a side and its margins."""
         strip = self._seen(side.rect(-margin, side.length + margin, 0, depth))
         strip = strip if side.along == "x" else strip.T
         strip = strip if side.side > 0 else strip[::-1]
         return np.where(strip.any(axis=0), strip.argmax(axis=0), depth)
 
     def _seen(self, part: Rect) -> NDArray[np.bool_]:
-        """(rows, columns) what is taken in a rectangle; so is all that lies off the site."""
+        """(rows, columns) occupied cells in a rectangle; cells off the site count as occupied."""
         seen = np.ones(part.size[::-1], bool)
         inside = part.within(self._taken.shape)
         if min(inside.size) > 0:

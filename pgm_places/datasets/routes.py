@@ -15,31 +15,31 @@ from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 
 _PLANNING_CM = 10
-"""Routes are planned on cells about so large."""
+"""Cell size of the planning grid."""
 
 _ROOM_PITCH_CM, _PASSAGE_PITCH_CM = 260, 320
-"""How far apart the places are that the robot goes to."""
+"""Distance between the stops of the robot."""
 
 _STATION_CM = 90
-"""The robot looks around each time it has driven so far."""
+"""Distance driven between scans."""
 
 _AGAIN = 4
-"""Every later route goes to one in so many places in corridors of the other routes as well."""
+"""Later routes also visit one of this number of stops in corridors of the other routes."""
 
 _NEAR_CM = 60
-"""A place beside a piece of furniture is visited from a cell at most so far away."""
+"""Greatest distance from a stop beside furniture to the cell from which it is visited."""
 
 
 @dataclass(frozen=True, eq=False)
 class Routes:
-    """Where the robot looks around.
+    """The positions of the robot's scans.
 
     Parameters
     ----------
     stations : (S, 2) int64
         Columns and rows, in the order of the drive, one route after another.
     route : (S,) int64
-        Which route each belongs to.
+        Route of each station.
     """
 
     stations: NDArray[np.int64]
@@ -63,13 +63,13 @@ def draw_routes(
     scale : Scale
         The size of a cell.
     solid : (H, W) bool
-        What the robot cannot drive through.
+        Obstacles of the robot.
     rooms, passages : list of list of Rect
         The rectangles of each room to enter and of each corridor and hall.
     n_routes : int
-        Into how many routes the places are divided; they overlap in the corridors.
+        Number of routes among which the places are divided; routes overlap in the corridors.
     coverage : float
-        The share of the places to visit; those farthest from the start are left out.
+        The share of the places to visit; the farthest from the start are left out.
     """
     stride = max(1, dice.cells(_PLANNING_CM))
     drivable = np.ascontiguousarray(~crowded(dice.scale, solid)[::stride, ::stride])

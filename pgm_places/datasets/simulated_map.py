@@ -1,4 +1,4 @@
-"""Robot-like maps of labelled plans: the map a robot would have made of a drawn floor."""
+"""Simulated maps: robot-like maps of labelled plans."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 _MARGIN_CM = 100
-"""Unknown space that is left around a map."""
+"""Width of the unknown space around a map."""
 
 _PADDING = 3
 """Cells around the plan: the outermost lose every ray, and a wall may stand at the plan's edge.
@@ -34,7 +34,7 @@ Where there are windows, the ground outside is added.
 """
 
 _KNOT_CM = 600
-"""The drift changes its direction after so much way."""
+"""Distance after which the drift changes its direction."""
 
 
 @public
@@ -46,20 +46,20 @@ def simulate_map(
     options: MapSimulation | None = None,
     resolution_m: float | None = None,
 ) -> LabelledMap:
-    """What a robot would have mapped of a floor that was drawn, with the plan's labels.
+    """A robot-like map of a labelled plan, with the plan's labels.
 
     The plan is scaled and furnished, a robot drives through it with a laser that errs, and its map
-    is bent and turned. A seed gives the same cells on every platform. Train on such maps *beside*
-    the plans that they were made of, not instead of them.
+    is bent and rotated. A seed gives equal cells on every platform. Train on such maps in addition
+    to their plans, not instead of them.
 
     Parameters
     ----------
     plan : LabelledMap
-        A clean map, such as one drawn from CAD, with labels. Its window is kept to.
+        A clean map with labels, such as one drawn from CAD. Only its window is used.
     label_names : sequence of str
         The names of its labels.
     seed : int
-        Which of the maps that may come of the plan; not negative.
+        Seed of the map; not negative.
     options : MapSimulation, optional
         How the maps may differ.
     resolution_m : float, optional
@@ -212,7 +212,7 @@ def _gaps(
     is_passage: NDArray[np.bool_],
     options: MapSimulation,
 ) -> NDArray[np.bool_]:
-    """(H, W) what is solid for the robot and not for its laser."""
+    """(H, W) cells that are solid for the robot but not for its laser."""
     outer, inner = (
         round(1000 * _between(dice, span)) for span in (options.windows, options.glass_fronts)
     )
@@ -271,7 +271,7 @@ def _panes(
 
 
 def _pose_errors(dice: Dice, routes: Routes, most_m: float) -> NDArray[np.int64]:
-    """(S, 2) columns and rows by which the robot errs: a walk that starts over with each route."""
+    """(S, 2) pose errors in columns and rows: a random walk that restarts with each route."""
     most = round(1000 * most_m / dice.scale.mm_per_cell)
     n_stations = len(routes.route)
     steps = dice.integers(-_SELDOM, _SELDOM, 2 * n_stations).reshape(-1, 2)
@@ -287,7 +287,7 @@ def _pose_errors(dice: Dice, routes: Routes, most_m: float) -> NDArray[np.int64]
 
 
 def _slip(dice: Dice, n_stations: int, options: MapSimulation) -> NDArray[np.int64]:
-    """(S, 2) columns and rows by which a part of the drive, from somewhere on, is displaced."""
+    """(S, 2) displacement in columns and rows of the drive from a random station on."""
     most = round(1000 * _between(dice, options.slip_m) / dice.scale.mm_per_cell)
     offsets = np.zeros((n_stations, 2), np.int64)
     if most:

@@ -12,33 +12,33 @@ from pgm_places.datasets.portable_random import Dice, MetreScale
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 SOLID, GLASS, RIM = 1, 2, 4
-"""What a cell is, in bits."""
+"""Bits of the state of a cell."""
 
 HALF_SIDE = 128
-"""Rays go to the edge of a square of so many half-cells around the laser: 8 x this many rays."""
+"""Half the side of the square to whose edge rays go, in half-cells; 8 times as many rays."""
 
 _GLASS_OPACITY = 6
-"""One ray in so many goes through a pane."""
+"""One of this number of rays passes a pane."""
 
 _OCCUPIED_SHARE = 6
-"""A cell counts as occupied where one in so many rays that reached it ended there."""
+"""A cell is occupied if at least one of this number of rays that reached it ended there."""
 
 _REACH_CM = 1400
-"""How far the laser sees."""
+"""Range of the laser."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """Where a robot stopped to look around, and by how much it erred.
+    """The stations of a robot's scans, with pose and range errors.
 
     Parameters
     ----------
     stations : (S, 2) int64
         Columns and rows where the laser is.
     offsets : (S, 2) int64
-        How many columns and rows beside them it takes itself to be.
+        Error of each pose in columns and rows.
     through : (S * R,) int64
-        Steps that each ray may go on behind a pane; 0 where it stops at it.
+        Steps that each ray continues behind a pane; 0 if it stops there.
     late : (S * R,) int64
         Steps by which the end of each ray is reported too far.
     """
@@ -131,7 +131,7 @@ def crowded(scale: MetreScale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def wider(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
-    """The mask and all cells that are reached from it in so many steps to the four sides."""
+    """The mask, dilated by a number of steps to the four sides."""
     return np.asarray(binary_dilation(mask, iterations=steps))
 
 
@@ -163,7 +163,7 @@ def _range_errors(dice: Dice, n_rays: int) -> NDArray[np.int64]:
 
 
 def budgets(dice: Dice, n_rays: int, opacity: int = _GLASS_OPACITY) -> NDArray[np.int64]:
-    """(R,) steps that each ray may go on behind a pane; all but one in ``opacity`` stop at it."""
+    """(R,) steps that each ray continues behind a pane; all but one in ``opacity`` stop there."""
     passes = dice.integers(1, opacity, n_rays) == 1
     far = dice.integers(0, dice.cells(110), n_rays)
     return np.where(passes, far * far // dice.cells(110) + 2, 0)

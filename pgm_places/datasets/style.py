@@ -55,30 +55,30 @@ class Style:
     large_room_cm : ((int, int), (int, int)) or None
         Length and width of a gym or a lecture theatre at a corridor's end, if there may be one.
     inner_rooms : (int, int)
-        How many rooms of so many have a washroom or a store inside.
+        Share of rooms with a washroom or a store, as (numerator, denominator).
     side_doors : (int, int)
-        How many rooms of so many have a door to the one before them.
+        Share of rooms with a door to the previous one, as (numerator, denominator).
     length_percent : (int, int)
         Length of the corridors, in per cent of that of the wings.
     doors_apart_cm : int or None
         The distance between the doors of a large room; one or two doors by default.
     back_rooms : (int, int) or None
-        How many large rooms of so many have smaller ones along their back wall; none by default.
+        Share of large rooms with smaller ones at their back wall, as a fraction; none by default.
     vacant : (int, int)
-        How many rooms of so many are left out: shafts, staircases, rooms that stayed locked.
+        Share of rooms left out (shafts, staircases, locked rooms), as (numerator, denominator).
     openings : (int, int) or None
-        How many doors to the corridor of so many are cased openings without leaves; none by
-        default.
+        Share of doors to the corridor that are cased openings without leaves, as a fraction; none
+        by default.
     opening_cm : (int, int)
         Width of such openings; less where the room is narrower.
     pilasters : (int, int) or None
-        How many corridors of so many have pilasters, with alcoves between them; none by default.
+        Share of corridors with pilasters and alcoves between them, as a fraction; none by default.
     growth_cm : int
-        Rooms are enlarged by at most so much into space that is left over.
+        Greatest enlargement of rooms into free space.
     large_furniture : int
         Amount of furniture that looks like walls, in thousandths.
     doorway_margin_cm : int
-        How far a doorway reaches before and behind its wall.
+        Reach of a doorway before and behind its wall.
     """
 
     corridor_cm: Span = (165, 250)

@@ -1,4 +1,4 @@
-"""The unary model of scans: from completed scans to the boosted list's scores of each."""
+"""Unary model of scans: scores of completed scans by a boosted list."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -35,7 +35,7 @@ __all__ = [
 
 
 class Observations(NamedTuple):
-    """What is seen at one step, or at the T steps of a trajectory.
+    """The inputs of the unary model at one step, or at the T steps of a trajectory.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Observations(NamedTuple):
     spaces : (F,) or (T, F) float32
         Features of the segments around, or no columns.
     floor : (K,) or (T, K) float64, or None
-        Log-probabilities of the floor networks, if they look.
+        Log-probabilities of the floor networks, if used.
     """
 
     circles_m: NDArray[np.float32]
@@ -53,7 +53,7 @@ class Observations(NamedTuple):
 
 
 class ScanObserver:
-    """Completes the scans of one robot, and describes the spaces around it if asked to.
+    """Completes the scans of one robot, and computes features of the spaces around it if enabled.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class ScanObserver:
         Half the side of the square that is divided into segments, of the known map or of the
         rolling one; 0 for none.
     floor : FloorModel, optional
-        Networks that look at the same map.
+        Networks that are evaluated on this map.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ScanObserver:
         return self._completion.geometry
 
     def add(self, pose: NDArray[np.float64], ranges_m: ArrayLike) -> Observations:
-        """What is seen after one more scan (M,) taken at a pose (3,)."""
+        """The observations after one more scan (M,) at a pose (3,)."""
         circle = self._completion.add(pose, ranges_m)
         around, floor = self._surroundings, self._floor
         return Observations(
@@ -96,7 +96,7 @@ class ScanObserver:
         )
 
     def along(self, poses: NDArray[np.float64], ranges_m: NDArray[np.float32]) -> Observations:
-        """What is seen at each of the poses (T, 3) with its scan (T, M), one after the other."""
+        """The observations at each of the poses (T, 3) with its scan (T, M), in order."""
         if self._surroundings is None and self._floor is None:
             circles = self._completion.complete(poses, ranges_m)
             return Observations(circles, np.empty((len(circles), 0), np.float32))
@@ -114,7 +114,7 @@ class ScanObserver:
 def surroundings_along(
     source: LocalSpaceFeatures | None, poses: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """(T, F) features at the poses (T, 3) of a way; without surroundings, no columns."""
+    """(T, F) space features at the poses (T, 3) of a path; no columns if disabled."""
     if source is None:
         return np.empty((len(poses), 0), np.float32)
     found = np.array([source.at(pose[:2]) for pose in poses], np.float32)
@@ -123,12 +123,12 @@ def surroundings_along(
 
 @dataclass(frozen=True)
 class BeamOptions:
-    """How the scans of a robot become the beams that the features expect.
+    """Options of the conversion of a robot's scans into the beams of the features.
 
     Parameters
     ----------
     missing : {"local-map", "known-map", "mirror", "max-range"}
-        Where beams come from that the laser does not have: see
+        Source of the beams that the laser lacks: see
         :class:`pgm_places.sensing.scan_completion.ScanCompletion`.
     all_from_map : bool
         Take every beam from the map.
@@ -162,21 +162,21 @@ class BeamOptions:
         known_map: OccupancyGrid | None = None,
         floor: FloorModel | None = None,
     ) -> ScanObserver:
-        """What sees the surroundings of one robot, with a fresh :meth:`circle`.
+        """A new observer of one robot, with a new :meth:`circle`.
 
         Raises
         ------
         InputError
             As :meth:`circle`.
         ConfigError
-            Networks are to look, but no map is built.
+            Networks are used, but no map is built.
         """
         if floor is not None:
             self.check_builds_map("the floor networks look at one")
         return ScanObserver(self.circle(geometry, sensor, known_map), self.spaces_m, floor)
 
     def check_builds_map(self, why: str) -> None:
-        """Refuse beams for which no map around the robot is kept."""
+        """Raise an error if no map around the robot is built for these beams."""
         if self.missing not in ("local-map", "known-map"):
             raise ConfigError(
                 f"missing = {self.missing!r} builds no map, but {why}; use 'local-map' or "
@@ -186,12 +186,12 @@ class BeamOptions:
     def circle(
         self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
     ) -> ScanCompletion:
-        """A fresh completion for one robot; a known map is used only if ``missing`` asks for it.
+        """A new completion for one robot; a known map is used only if ``missing`` requires it.
 
         Raises
         ------
         InputError
-            ``missing`` asks for a known map and there is none.
+            ``missing`` requires a known map and there is none.
         """
         if self.missing == "known-map" and known_map is None:
             raise InputError(
@@ -216,7 +216,7 @@ class BeamOptions:
 
 @dataclass(frozen=True, eq=False)
 class ScanModel:
-    """A boosted list on the features of a scan, and on columns from elsewhere after them.
+    """A boosted list on the features of a scan, followed by additional columns.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class ScanModel:
     n_labels : int
         K.
     sensor : Sensor
-        Beams and reach that the list learned with.
+        Beams and range of the training scans.
     extra_names : tuple of D str
         Columns after all others, such as counts of objects seen by a camera.
     features : tuple
@@ -241,7 +241,7 @@ class ScanModel:
     features: tuple[Any, ...] = ()
     sees_spaces: bool = False
     needed: NDArray[np.int64] = field(init=False, repr=False)
-    """The columns that the list looks at, ascending."""
+    """The columns that the list uses, ascending."""
     short_list: BoostedList = field(init=False, repr=False)
     """The list for matrices of those columns alone."""
 
@@ -297,7 +297,7 @@ class ScanModel:
 
 
 class ScanScorer:
-    """What a model says of one scan after the other: the bits of :meth:`ScanModel.log_proba`.
+    """Scores scans one by one, bitwise equal to :meth:`ScanModel.log_proba`.
 
     Reuses buffers; not thread-safe.
     """
@@ -338,9 +338,9 @@ def observed_along(
     known_map: OccupancyGrid | None = None,
     floor: FloorModel | None = None,
 ) -> Observations:
-    """What a robot sees at each step of a trajectory.
+    """The observations at each step of a trajectory.
 
-    A trajectory without scans takes them all from the known map.
+    For a trajectory without scans, all beams are cast in the known map.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def observed_along(
 
 
 def check_scan_features(features: Sequence[Any]) -> None:
-    """Refuse features that only a map's cells have."""
+    """Raise an error for features that only cells of maps have."""
     for item in features:
         if isinstance(item, MapFeature):
             raise InputError(

@@ -1,4 +1,4 @@
-"""Training on the spaces of maps: which gates are doorways, and the features of spaces per cell."""
+"""Space learning: the list of gates of training maps, and the space features of their cells."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from pgm_places.unary.training_cells import TrainingCells
 
 @dataclass(frozen=True, eq=False)
 class LearnedSpaces:
-    """The spaces of training maps, from gates that were judged by lists which had not seen them.
+    """The spaces of training maps, with gates judged by held-out lists.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class LearnedSpaces:
     spaces : list of MapSpaces
         One per map.
     gates : BoostedList or None
-        The list that learned from all gates.
+        The list fitted on all gates.
     doorway : int or None
         The label of doorways.
     """
@@ -38,7 +38,7 @@ class LearnedSpaces:
     doorway: int | None
 
     def columns(self, some: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(n, F) what some cells see of their spaces."""
+        """(n, F) space features of some cells."""
         table = np.empty((len(some), space_model.N_SPACE_COLUMNS), np.float32)
         starts = np.cumsum([0, *self.cells.sizes])
         number = np.searchsorted(starts, some, side="right") - 1
@@ -49,14 +49,14 @@ class LearnedSpaces:
         return table
 
     def scores(self, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, K) the scores of all cells, those of doorways weighed by the gates."""
+        """(N, K) the scores of all cells, with doorways weighted by gates."""
         if self.gates is None or self.doorway is None:
             return log_z
         at_gate = [spaces.at_gates(self.cells.layout(m)) for m, spaces in enumerate(self.spaces)]
         return space_model.with_gates(log_z, np.concatenate(at_gate), self.doorway)
 
     def model(self, classifier: BoostedList, corridor: int | None) -> SpaceModel:
-        """The model of all that was learned; ``corridor`` is the label that halls belong to."""
+        """The fitted model; ``corridor`` is the label that includes halls."""
         return SpaceModel(classifier, self.gates, self.doorway, corridor)
 
 
@@ -77,7 +77,7 @@ def learn_spaces(cells: TrainingCells, doorway: int | None) -> LearnedSpaces:
 def _learn_gates(
     cells: TrainingCells, gates: list[Gates], doorway: int
 ) -> tuple[BoostedList | None, list[NDArray[np.float64]]]:
-    """The list of all gates, and (G,) what lists say that were learned without a gate's fold."""
+    """The list of all gates, and (G,) held-out probabilities."""
     matches = [
         match_doors(item, known.labels, doorway)
         for item, known in zip(gates, cells.maps, strict=True)
@@ -105,7 +105,7 @@ def gate_list(
     fold: NDArray[np.int64],
     seen: NDArray[np.bool_],
 ) -> BoostedList | None:
-    """The list learned from some gates; None where all of them are doorways, or none is.
+    """The list fitted on some gates; None if all of them are doorways, or none is.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def gate_list(
     truth : (G,) int64
         1 for doorways, else 0.
     fold : (G,) int64
-        What is held out together to calibrate the probabilities; these are as boosting gives them
-        where fewer than three folds are seen.
+        Folds for calibrating the probabilities; with fewer than three folds, they are not
+        calibrated.
     seen : (G,) bool
         The gates to learn from.
     """

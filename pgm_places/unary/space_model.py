@@ -1,4 +1,4 @@
-"""The spaces of a map as features of its cells: segments, gates, and the places between them."""
+"""Space model: features of cells from segments, gates and places, and scores with them."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -20,15 +20,15 @@ from pgm_places.spaces.segmentation import RATIOS, Segmentation
 from pgm_places.unary.floor_model import FloorJudge
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
-"""Columns that cells get from segments and places."""
+"""Names of the space features of cells."""
 
 _REACH_M = 0.6
-"""A doorway's label reaches at least so far before and behind its gate."""
+"""Least reach of a doorway's label before and behind its gate (m)."""
 
 _BESIDE_M = 0.1
 
 _GATES_AT_ONCE = 256
-"""Gates whose cells are listed together."""
+"""Number of gates whose cells are listed at a time."""
 
 _GAIN, _FLOOR = 1.2, 0.02
 """A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
@@ -44,13 +44,13 @@ class MapSpaces:
     gates : Gates
         The candidates.
     probability : (G,) float64
-        Of being a doorway.
+        Probability of being a doorway.
     places : Places
-        Between those that are one rather than not.
+        Places between the accepted gates.
     features : CellFeatures
-        Columns of any cell.
+        Space features of the cells.
     known_gates : tuple of Gate
-        Doorways that are known to be where there is no candidate.
+        Observed doorways without a candidate.
     """
 
     gates: Gates
@@ -63,25 +63,25 @@ class MapSpaces:
     def of(
         cls, gates: Gates, probability: NDArray[np.float64], known_gates: tuple[Gate, ...] = ()
     ) -> Self:
-        """Those that follow from the probabilities of a map's gates."""
+        """The spaces of a map with given probabilities of its gates."""
         places = places_between(gates, probability)
         features = CellFeatures.of(gates.segmentation, places)
         return cls(gates, probability, places, features, known_gates)
 
     @property
     def doorways(self) -> Doorways:
-        """The accepted gates, those known to be doorways among them, and the places they part."""
+        """The accepted gates, observed doorways included, and the places that they separate."""
         return Doorways.of(self.places, self.probability).with_known(self.known_gates)
 
     def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
-        """(N,) the largest probability of the gates that each node lies at, 0 for none."""
+        """(N,) the largest probability of the gates at each node, 0 for none."""
         return self.nodes_at_gates(layout).of(np.arange(layout.n_nodes))
 
     def nodes_at_gates(self, layout: GridLayout) -> "AtGates":
         """The nodes of a layout that lie at gates.
 
-        A node lies at a gate where it is in its rectangle, 0.1 m wider at either end and at least
-        0.6 m deep on either side.
+        A node lies at a gate if it is in its rectangle, extended by 0.1 m at both ends and to a
+        depth of at least 0.6 m on both sides.
         """
         node, gate = self.nodes_and_gates(layout).T
         probability = self.probability[gate]
@@ -90,7 +90,7 @@ class MapSpaces:
         return AtGates(kept, probability[order][first].astype(np.float32))
 
     def nodes_and_gates(self, layout: GridLayout) -> NDArray[np.int64]:
-        """(M, 2) each node of a layout that lies at a gate, and that gate; gate after gate."""
+        """(M, 2) pairs of a node and a gate at which it lies, gate by gate."""
         pairs = [np.empty((0, 2), np.int64)]
         for first in range(0, len(self.gates), _GATES_AT_ONCE):
             some = range(first, min(first + _GATES_AT_ONCE, len(self.gates)))
@@ -109,21 +109,21 @@ class MapSpaces:
 
 @dataclass(frozen=True, eq=False)
 class AtGates:
-    """The few nodes that lie at gates, so that nothing is kept for all the others.
+    """The nodes that lie at gates, stored sparsely.
 
     Parameters
     ----------
     node : (M,) int64
         Ascending.
     strength : (M,) float32
-        The largest probability of the gates that each lies at.
+        The largest probability of the gates at each node.
     """
 
     node: NDArray[np.int64]
     strength: NDArray[np.float32]
 
     def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(n,) the strength at some nodes, 0 for those at no gate."""
+        """(n,) the strength at some nodes, 0 away from gates."""
         if not len(self.node):
             return np.zeros(len(nodes), np.float32)
         place = np.minimum(np.searchsorted(self.node, nodes), len(self.node) - 1)
@@ -132,20 +132,20 @@ class AtGates:
 
 @dataclass(frozen=True, eq=False)
 class SpaceModel:
-    """A list that sees the spaces around cells, and one that tells doorways from other gates.
+    """A list with space features, and a list that distinguishes doorways from other gates.
 
     Parameters
     ----------
     classifier : BoostedList
-        On laser and custom columns, followed by those of spaces.
+        On laser and custom columns, followed by space features.
     gates : BoostedList or None
-        On the features of gates: 1 for doorways, else 0. None where training had none to learn
-        from; no gate is a doorway then.
+        On the features of gates: 1 for doorways, else 0. None if training had no examples; then no
+        gate is a doorway.
     doorway : int or None
         The label of doorways, where there is one.
     corridor : int or None
-        The label that halls belong to, where the classifier tells them apart as one more class,
-        after all labels.
+        The label that includes halls, if the classifier has halls as one more class after all
+        labels.
     """
 
     classifier: BoostedList
@@ -160,9 +160,9 @@ class SpaceModel:
         known: NDArray[np.int16] | None = None,
         judge: FloorJudge | None = None,
     ) -> MapSpaces:
-        """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover.
+        """The spaces of a map; observed labels (H, W), -1 for none, decide the gates they cover.
 
-        ``judge`` adds candidates, and has a further say in the probabilities of the others.
+        ``judge`` adds candidates, and contributes to the probabilities of the others.
         """
         return self.judged_candidates(gate_candidates(Segmentation.of(grid)), known, judge)
 
@@ -172,16 +172,16 @@ class SpaceModel:
         known: NDArray[np.int16] | None = None,
         judge: FloorJudge | None = None,
     ) -> MapSpaces:
-        """The spaces between the candidates of a map, known labels judging those they cover.
+        """The spaces between the candidates of a map, with observed labels for covered gates.
 
-        A gate that matches a known doorway is one, a gate at least half of whose cells have other
-        known labels is none; a known doorway without any gate becomes one.
+        A gate that matches an observed doorway is a doorway. A gate with other observed labels on
+        at least half of its cells is none. An observed doorway without a gate becomes one.
         """
         heard = None if self.gates is None else judge
         if heard is not None and len(cuts := heard.cuts(candidates)):
             segmentation = candidates.segmentation
             grid, ratios = segmentation.watershed.grid, segmentation.ratios
-            del candidates, segmentation  # nobody holds two segmentations of a huge map
+            del candidates, segmentation  # frees the segmentation of a huge map
             candidates = gate_candidates(Segmentation.of(grid, ratios, cuts))
         probability = gate_probabilities(self.gates, gate_features(candidates))
         if heard is not None:
@@ -195,14 +195,14 @@ class SpaceModel:
         return MapSpaces.of(candidates, judged, others)
 
     def nodes_at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
-        """The nodes of a layout at gates; None where scores are not weighed by gates."""
+        """The nodes of a layout at gates; None if gates have no effect on scores."""
         if self.gates is None or self.doorway is None:
             return None
         return spaces.nodes_at_gates(layout)
 
 
 def gate_probabilities(gates: BoostedList | None, features: ArrayLike) -> NDArray[np.float64]:
-    """(G,) how likely each gate is a doorway, by its features; 0 where there is no list."""
+    """(G,) the probability that each gate is a doorway, by its features; 0 without a list."""
     values = np.asarray(features, np.float32)
     if gates is None or not len(values):
         return np.zeros(len(values))
@@ -210,7 +210,7 @@ def gate_probabilities(gates: BoostedList | None, features: ArrayLike) -> NDArra
 
 
 def gate_log_odds(probability: float) -> float:
-    """What a gate of that probability at a cell adds to the log-odds of a doorway there."""
+    """The contribution of a gate of a probability to the log-odds of a doorway at its cells."""
     return float(np.log(max(_GAIN * probability, _FLOOR)))
 
 
@@ -227,7 +227,7 @@ def with_gates(
 
 
 def log_sum(log_z: NDArray[np.float64], last: int) -> NDArray[np.float64]:
-    """(N,) logarithm of the sum of bins (N, K), rounded alike however the labels are numbered.
+    """(N,) logarithm of the sum of bins (N, K), with rounding independent of the label order.
 
     The label ``last`` is added last, the others from the smallest on.
     """

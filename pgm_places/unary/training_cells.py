@@ -1,4 +1,4 @@
-"""The labelled cells of maps: the training examples, and all cells in blocks."""
+"""Training cells: the labelled cells of maps, as examples and in blocks."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,24 +25,24 @@ _AT_ONCE = 65_536
 class TrainingCells:
     """All labelled cells of maps, numbered map after map in node order, and which are examples.
 
-    Where every cell is an example the features of all are kept; where examples are a choice, those
-    of the other cells are computed whenever they are wanted, so that memory grows with the choice.
+    If all cells are examples, all features are in memory. If examples are a sample, features of
+    other cells are computed on demand, so that memory grows with the sample only.
 
     Parameters
     ----------
     maps : tuple of LabelledMap
     sensor : Sensor
-        What the laser features are simulated with.
+        The simulated sensor.
     own : tuple
         Custom features: see :mod:`pgm_places.features.custom`.
     truth, groups : (N,) int64
-        Label index of each cell, and the number of the fold that it is held out with.
+        Label index of each cell, and the index of its fold.
     chosen : (N,) bool
         The examples.
     features : (n, F) float32
         Laser and custom features of the examples.
     feature_cache : FeatureTables, optional
-        Where features are kept: those of all cells where all are wanted, else of the examples.
+        Cache of the features of all cells if all are needed, else of the examples.
     """
 
     maps: tuple[LabelledMap, ...]
@@ -67,10 +67,10 @@ class TrainingCells:
         wants_all: bool = False,
         feature_cache: FeatureTables | None = None,
     ) -> Self:
-        """Those of some maps, with at most ``limit`` examples of each, drawn from the seed.
+        """The cells of some maps, with at most ``limit`` examples of each, drawn from the seed.
 
-        Which cells of a map are drawn does not depend on the other maps. ``wants_all`` says that
-        :meth:`blocks` will be asked for, so that a cache should hold all cells.
+        The drawn cells of a map do not depend on the other maps. ``wants_all`` announces a call of
+        :meth:`blocks`, so that the cache stores all cells.
         """
         masks = [item.labelled_cells for item in maps]
         truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
@@ -95,18 +95,18 @@ class TrainingCells:
 
     @property
     def domain(self) -> NDArray[np.int64]:
-        """(N,) the number of each cell's domain, -1 on maps that name none."""
+        """(N,) the index of each cell's domain, -1 on maps without a domain."""
         names = sorted({item.domain for item in self.maps if item.domain is not None})
         number = [-1 if item.domain is None else names.index(item.domain) for item in self.maps]
         return np.repeat(number, self.sizes).astype(np.int64)
 
     @property
     def examples(self) -> NDArray[np.int64]:
-        """(n,) numbers of the examples, ascending."""
+        """(n,) indices of the examples, ascending."""
         return np.flatnonzero(self.chosen)
 
     def some_examples(self, limit: int, seed: int = 0) -> NDArray[np.int64]:
-        """Which of the examples to take for at most ``limit`` of each map, drawn from the seed."""
+        """(n,) indices of at most ``limit`` examples of each map, drawn from the seed."""
         ends = np.cumsum(self.sizes)[:-1]
         sizes = [int(part.sum()) for part in np.split(self.chosen, ends)]
         return np.flatnonzero(_chosen(sizes, limit, seed))
@@ -143,8 +143,8 @@ def training_features(
 ) -> NDArray[np.float32]:
     """(N, F) laser and custom features of cells, map after map in node order.
 
-    By default of all labelled cells; ``masks`` (H, W) names others. A cache is to hold those of
-    ``kept`` (H, W), of which these are some.
+    By default of all labelled cells, else of the cells in ``masks`` (H, W). A cache stores the
+    cells in ``kept`` (H, W), which contain these.
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     if feature_cache is not None:
@@ -190,7 +190,7 @@ def _map_features(
 def _kept(
     item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]] | None:
-    """A mask (H, W) that holds all cells of this one, and the table (N, F) of its cells."""
+    """A mask (H, W) that contains this one, and the table (N, F) of its cells."""
     for hold in (item.labelled_cells, mask):
         table = cache.kept(cache.key(item, sensor, hold), _shape(hold))
         if table is not None:
@@ -199,7 +199,7 @@ def _kept(
 
 
 def _keep(item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables) -> None:
-    """See to it that the cache has the features of the cells in a mask of a map."""
+    """Store the features of the cells in a mask of a map in the cache."""
     if _kept(item, mask, sensor, cache) is not None:
         return
     key, shape = cache.key(item, sensor, mask), _shape(mask)
@@ -213,21 +213,21 @@ def _shape(mask: NDArray[np.bool_]) -> tuple[int, int]:
 
 
 def _chosen(sizes: Sequence[int], limit: int | None, seed: int) -> NDArray[np.bool_]:
-    """(N,) the examples: all, or at most ``limit`` of each map by chance."""
+    """(N,) mask of the examples: all, or a random sample of at most ``limit`` of each map."""
     if limit is None or max(sizes) <= limit:
         return np.ones(sum(sizes), np.bool_)
-    # Each map begins anew: with other maps beside it, the same of its cells are drawn, and kept.
+    # A generator per map: the drawn, and cached, cells do not depend on the other maps.
     return np.concatenate([np.random.default_rng(seed).permutation(n) < limit for n in sizes])
 
 
 def _split_mask(
     masks: Sequence[NDArray[np.bool_]], chosen: NDArray[np.bool_]
 ) -> list[NDArray[np.bool_]]:
-    """Of each map's cells those that are chosen."""
+    """The selected cells as a mask of each map."""
     parts = np.split(chosen, np.cumsum([int(mask.sum()) for mask in masks])[:-1])
-    found = []
+    split = []
     for mask, part in zip(masks, parts, strict=True):
         examples = np.zeros(mask.shape, np.bool_)
         examples[mask] = part
-        found.append(examples)
-    return found
+        split.append(examples)
+    return split

@@ -22,7 +22,7 @@ OPENCV_CASCADES = {
 }
 """The paper's objects whose cascades come with OpenCV."""
 
-# Cascades of things seen from one side: they look at the mirrored image as well.
+# Cascades of profiles, which are also applied to the mirrored image.
 ONE_SIDED = ("haarcascade_profileface.xml",)
 
 
@@ -68,7 +68,7 @@ class CascadeDetector:
 
     @classmethod
     def of_people(cls, further: Mapping[str, Path | str] | None = None, **options: Any) -> Self:
-        """The four cascades of people that come with OpenCV, and further ones of your own.
+        """The four cascades of people that come with OpenCV, and further ones.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class CascadeDetector:
         return tuple(self.files)
 
     def count(self, observation: Sequence[ArrayLike]) -> NDArray[np.int64]:
-        """(D,) objects of each class in the images of a panorama together.
+        """(D,) total number of objects of each class in the images of a panorama.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class CascadeDetector:
         Raises
         ------
         InputError
-            Something is no image of bytes.
+            An image is not an array of bytes.
         """
         counts = np.zeros(len(self._cascades), np.int64)
         for image in observation:

@@ -12,9 +12,9 @@ from pgm_places._checks import finite_array, integer_array, require_at_least, se
 from pgm_places.errors import InputError
 
 N_IMAGES = 8
-"""Images of one observation in the paper: a panorama."""
+"""Number of images of one observation in the paper, a panorama."""
 
-# No count is larger: whatever says so is damaged.
+# Larger counts are treated as damage.
 MOST = 1 << 31
 
 PAPER_OBJECTS = (
@@ -30,8 +30,8 @@ Observation = TypeVar("Observation", contravariant=True)
 class Detector(Protocol[Observation]):
     """Anything that counts objects in an observation.
 
-    An observation is what the detector looks at: the images of a panorama for one that sees, a
-    pose for one that is simulated.
+    An observation is the input of the detector: the images of a panorama, or the pose for a
+    simulated detector.
     """
 
     @property
@@ -40,7 +40,7 @@ class Detector(Protocol[Observation]):
         ...
 
     def count(self, observation: Observation) -> NDArray[np.int64]:
-        """(D,) how many of each class it finds: f_o(v), summed over all images of v (sec. 4.1)."""
+        """(D,) counts of each class: f_o(v), summed over all images of v (sec. 4.1)."""
         ...
 
 
@@ -53,7 +53,7 @@ def count_objects(
     ----------
     detector : Detector
     observations : iterable
-        What the detector looks at, one after the other; only one is held at a time.
+        Inputs of the detector, of which only one is in memory at a time.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class ObjectCounts:
     Parameters
     ----------
     times_s : (T,) float
-        When each observation was made; put in order here.
+        Time of each observation; sorted here.
     counts : (T, D) int
         Objects of each class in each observation, at least 0.
     object_names : tuple of D str
@@ -141,10 +141,9 @@ class ObjectCounts:
         times_s : (S,) float
             Times of the steps, on the same clock.
         within_s : float
-            Where no observation is so near in time, nothing was seen: zeros.
+            Steps without an observation within this time get zeros.
         object_names : sequence of str, optional
-            The columns wanted, such as those that a model learned with; one that this record does
-            not have is zero throughout.
+            The columns to return, such as those of a model; columns that are not recorded are 0.
 
         Raises
         ------
