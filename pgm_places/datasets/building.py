@@ -257,10 +257,8 @@ def _walls(plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _truth(margin: int, plan: FloorPlan, shape: tuple[int, int], hall: int) -> NDArray[np.int16]:
-    """(H, W) label of each cell of the empty building, -1 in walls; ``hall`` is that of halls.
-
-    A doorway reaches ``margin`` cells before and behind its wall.
-    """
+    """(H, W) label of each cell of the empty building, -1 in walls; ``hall`` is that of halls."""
+    # A doorway reaches margin cells before and behind its wall.
     labels = np.full(shape, -1, np.int16)
     for label, parts in ((_ROOM, plan.rooms), (_CORRIDOR, plan.corridors), (hall, plan.halls)):
         for part in parts:

@@ -89,10 +89,8 @@ def pushed(
 
 
 def _tangent(angle: float) -> float:
-    """The tangent of at most pi / 8 in either direction, to 1e-6, by its series.
-
-    ``math.tan`` is the platform's, and may differ in its last bit.
-    """
+    """The tangent of at most pi / 8 in either direction, to 1e-6, by its series."""
+    # math.tan is the platform's, and may differ in its last bit.
     square = angle * angle
     terms = (1 / 3, 2 / 15, 17 / 315, 62 / 2835, 1382 / 155925)
     factor, power = 1.0, square

@@ -224,10 +224,8 @@ def _pilasters(dice: Dice, corridor: Rect, plan: FloorPlan) -> list[Rect]:
 
 
 def _add_inner_rooms(dice: Dice, style: Style, frontage: Frontage, row: FloorPlan) -> None:
-    """Give some rooms of a row a washroom or a store in a corner.
-
-    Leaves that would close it, or are wider than a door's, are taken off their hinges.
-    """
+    """Give some rooms of a row a washroom or a store in a corner."""
+    # Leaves that would close it, or are wider than a door's, are taken off their hinges.
     inner, widest = FloorPlan(), dice.cells(_WIDEST_LEAF_CM)
     bare = [door for door in row.doors if max(door.gap.size) > widest]
     for room in row.rooms:

@@ -143,10 +143,7 @@ def _between(dice: Dice, limits: tuple[float, float]) -> float:
 def _resampled(
     dice: Dice, plan: LabelledMap, options: MapSimulation, resolution_m: float | None
 ) -> tuple[NDArray[np.int8], NDArray[np.int16], float]:
-    """Cells and labels of the scaled plan with other cells, a margin around them, and their side.
-
-    A cell is that of the plan at its centre; no occupied cell of the plan gets lost.
-    """
+    """Cells and labels of the scaled plan, resampled, with a margin; and the side of a cell."""
     larger, factor = _between(dice, options.scale), _between(dice, options.cell)
     if resolution_m is None:
         resolution_m = plan.grid.resolution_m * larger * factor

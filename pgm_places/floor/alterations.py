@@ -69,10 +69,7 @@ def hang_passage_doors(piece: Piece, rng: np.random.Generator) -> None:
 
 
 def _across(free: NDArray[np.bool_], point: Point) -> Point | None:
-    """(2, 2) the ends of the shortest line across a passage at a point; None off passages.
-
-    A passage extends for two metres, or to unknown space, on both sides of the line.
-    """
+    """(2, 2) the ends of the shortest line across a passage at a point; None off passages."""
     ways = np.stack([np.sin(_TURNS), np.cos(_TURNS)], axis=1)
     reach = np.array([[_reach(free, point, sign * way) for sign in (1, -1)] for way in ways])
     width = reach.sum(axis=1)

@@ -80,11 +80,9 @@ def tensorflow_scores(
 
 
 def _loss(scores: Any, shares: Any) -> tuple[Any, Any]:
-    """Weighted cross entropy, and accuracy.
-
-    Within a crop, a label has the weight of the square root of its inverse frequency, at most 5; a
-    crop has the weight of the square root of its labelled cells.
-    """
+    """Weighted cross entropy, and accuracy."""
+    # Within a crop, a label has the weight of the square root of its inverse frequency, at most 5;
+    # a crop has the weight of the square root of its labelled cells.
     log_p = tf.nn.log_softmax(tf.cast(scores, tf.float32))
     circulation = tf.reduce_logsumexp(tf.gather(log_p, [0, 3], axis=-1), axis=-1)
     coarse = tf.stack([circulation, log_p[..., 1], log_p[..., 2]], axis=-1)

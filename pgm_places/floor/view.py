@@ -140,10 +140,7 @@ class _Piece:
     def scores(
         self, networks: Sequence[FloorNetwork], views: Sequence[View]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself.
-
-        Views are added in a fixed order.
-        """
+        """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself."""
         by_view: list[NDArray[np.float32] | None] = [None] * len(views)
 
         def look(task: int) -> None:
@@ -196,9 +193,7 @@ def _normalised(scores: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(h, w) distance of the cells in the mask to the nearest cell outside, in cells.
-
-    Cells beyond the raster count as outside, hence a frame.
-    """
+    """(h, w) distance of the cells in the mask to the nearest cell outside, in cells."""
+    # Cells beyond the raster count as outside, hence a frame.
     squared = squared_clearance(np.pad(~mask, FARTHEST))
     return np.sqrt(squared[FARTHEST:-FARTHEST, FARTHEST:-FARTHEST], dtype=np.float32)

@@ -177,12 +177,10 @@ class GrowingFeatures:
 def _changed(
     old: OccupancyGrid, new: OccupancyGrid, shift: NDArray[np.int64], sensor: Sensor
 ) -> tuple[NDArray[np.int64], int]:
-    """(M, 2) changed cells that a beam of the old map can enter first; number of changed cells.
-
-    A cell has changed if it blocks beams in one of the maps only; space outside a map blocks
-    beams. A beam first enters a changed cell from an adjacent cell that was open and has not
-    changed, so other changed cells are left out. Rows and columns are those of the new map.
-    """
+    """(M, 2) changed cells that a beam of the old map can enter first; number of changed cells."""
+    # A cell has changed if it blocks beams in one of the maps only; space outside a map blocks
+    # beams. A beam first enters a changed cell from an adjacent cell that was open and has not
+    # changed, so other changed cells are left out. Rows and columns are those of the new map.
     low = np.minimum(shift, 0)
     shape = tuple(np.maximum(shift + old.shape, new.shape) - low)
     before, after = (
@@ -195,10 +193,7 @@ def _changed(
 
 
 def _squares(cells_rc: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(M, 3) rows and columns of the centres of squares that cover cells, and half diagonals.
-
-    The squares are small if few cells have changed, and larger if many have.
-    """
+    """(M, 3) rows and columns of the centres of squares that cover cells, and half diagonals."""
     side = SQUARE
     while True:
         corners = np.unique(cells_rc // side, axis=0) * side

@@ -200,10 +200,8 @@ def _canvas(
     strong: int | None = None,
     averaged: bool = False,
 ) -> Canvas:
-    """The view, painted band by band, shrunk, striped and flipped to have y upwards.
-
-    ``shown`` gives an index into ``own_colours`` for each cell of a window, or -1.
-    """
+    """The view, painted band by band, shrunk, striped and flipped to have y upwards."""
+    # shown gives an index into own_colours for each cell of a window, or -1.
     colours = (*_GROUND, *own_colours)
     height, width = view.shape
     picture = np.empty((height, width), np.uint8)

@@ -161,10 +161,8 @@ class Drawing:
         colour: str,
         paint: Callable[["ImageDraw.ImageDraw", _Scaling], None],
     ) -> None:
-        """Fill a mask with a colour; ``paint`` draws the mask within ``reach`` of the points.
-
-        ``paint`` is given the map from positions on the picture to positions on the mask.
-        """
+        """Fill a mask with a colour; ``paint`` draws the mask within ``reach`` of the points."""
+        # paint is given the map from positions on the picture to positions on the mask.
         from PIL import Image, ImageDraw
 
         if not len(points):

@@ -354,10 +354,7 @@ class Painting:
         return Repaint.of_runs(self.labels, runs, int(label))
 
     def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names, Cuts, bool]:
-        """The change back from the present state to that after the first entries.
-
-        The later steps are undone one by one.
-        """
+        """The change back from the present state to that after the first entries."""
         if not 0 <= revision <= self.revision:
             raise InputError(f"no revision {revision}")
         labels, classes, names = self.labels.copy(), self.classes, self.names

@@ -106,10 +106,8 @@ def serve(pool: SessionPool, *, port: int = 0, on_address: Callable[[str], None]
 
 
 def _listening_again(kept: Path) -> socket.socket:
-    """A listener on the port in a file if it is free, else on any; its port is saved in the file.
-
-    With the same port, open pages of the last studio can show the address of the new one.
-    """
+    """A listener on the port in a file if it is free, else on any, whose port is then saved."""
+    # With the same port, open pages of the last studio can show the address of the new one.
     try:
         with os.fdopen(open_own(kept, os.O_RDONLY), encoding="ascii") as file:
             port = int(file.read(_LONGEST_PORT))

@@ -226,10 +226,7 @@ def doorways_along(lines: Sequence[Line], grid: OccupancyGrid, limits: Limits) -
 
 
 def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDArray[np.int64]:
-    """Runs of the free cells at most ``reach`` from lines (n, 4): starts, then ends.
-
-    Time grows with the rows that each line passes; memory is that of a few rows of the map.
-    """
+    """Runs of the free cells at most ``reach`` from lines (n, 4): starts, then ends."""
     low = np.minimum(lines[:, :2], lines[:, 2:]) - reach
     high = np.maximum(lines[:, :2], lines[:, 2:]) + reach
     first, last = _clipped(low.min(axis=0), grid.shape), _clipped(high.max(axis=0) + 1, grid.shape)

@@ -208,12 +208,10 @@ class InteractiveLabeler:
         return CellTable(used, Sensor())
 
     def _rows(self, labeler: PlaceLabeler) -> CachedFeatures | None:
-        """The cells' features with the cached scores of a labeler; None for a huge map.
-
-        The given labeler rescores only cells whose segments, places or gates have changed. A
-        further trained labeler rescores all cells, but the floor networks, which paint does not
-        train, are evaluated once.
-        """
+        """The cells' features with the cached scores of a labeler; None for a huge map."""
+        # The given labeler rescores only cells whose segments, places or gates have changed. A
+        # further trained labeler rescores all cells, but the floor networks, which paint does not
+        # train, are evaluated once.
         own = self._table.all()
         if own is None:
             return None

@@ -146,11 +146,9 @@ class _Rows:
         return self.values[np.searchsorted(self.selection.both, nodes)]
 
     def with_halls(self, fitted: BoostedList, hall: int, shown: int, corridor: int) -> "_Rows":
-        """The labels as numbered by a list with halls, which come before all new classes.
-
-        Painted corridors count as halls where the list prefers halls, unless halls are painted
-        themselves (``shown``).
-        """
+        """The labels as numbered by a list with halls, which come before all new classes."""
+        # Painted corridors count as halls where the list prefers halls, unless halls are painted
+        # themselves (shown).
         labels = self.selection.labels
         shifted = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
         shifted[labels == shown] = hall

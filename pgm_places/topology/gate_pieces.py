@@ -130,14 +130,10 @@ class _Division:
         return log
 
     def number_places(self, place: Numbers) -> None:
-        """Number the places of labelled cells outside gates, -1 elsewhere.
-
-        The numbers are written into ``place`` if they fit.
-
-        Pieces that only rectangles separate form one place. Exceptions are places of at least
-        ``min_area_m2`` that a leak beside a gate connects: their border is at the narrowest point,
-        not along rectangles.
-        """
+        """Number the places of labelled cells outside gates, -1 elsewhere."""
+        # The numbers are written into place if they fit. Pieces that only rectangles separate form
+        # one place. Exceptions are places of at least min_area_m2 that a leak beside a gate
+        # connects: their border is at the narrowest point, not along rectangles.
         labels = self.labels
         grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
         parted = connected_components((labels >= 0) & (self.gate < 0)).piece
@@ -198,11 +194,9 @@ def _on_free_cells(labels: NDArray[np.int16], grid: OccupancyGrid) -> NDArray[np
 
 
 def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways) -> Numbers:
-    """(H, W) index of the gate at each labelled cell, -1 for none.
-
-    Rectangles extend one cell into the walls and are thick enough that no diagonal step between
-    cells passes them.
-    """
+    """(H, W) index of the gate at each labelled cell, -1 for none."""
+    # Rectangles extend one cell into the walls and are thick enough that no diagonal step between
+    # cells passes them.
     found: Numbers = np.full(grid.shape, -1, number_type(len(doorways)))
     side = grid.resolution_m
     edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, whatever its heading

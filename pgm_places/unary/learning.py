@@ -266,11 +266,9 @@ class UnaryLearner:
         by_domain: bool = False,
         n_labels: int | None = None,
     ) -> Lists:
-        """A list fitted on the examples and, if needed, a held-out list for each fold.
-
-        With ``limit`` it is fitted on at most that many examples of each map; ``by_domain`` it is
-        the mean of lists that were fitted without one.
-        """
+        """A list fitted on the examples and, if needed, a held-out list for each fold."""
+        # With limit it is fitted on at most that many examples of each map; by_domain it is the
+        # mean of lists that were fitted without one.
         some = slice(None) if limit is None else cells.some_examples(limit, unfitted.seed)
         examples = cells.examples[some]
         rows = list_learning.Rows(
