@@ -19,7 +19,7 @@ from pgm_places.errors import InputError, quoted
 from pgm_places.io.input_file import as_unreadable, open_input
 
 MAX_VALUES = 20_000_000
-"""The maximum of numbers in a table: 160 MB."""
+"""The largest number of values in a table: 160 MB."""
 _MAX_NAME = 200
 _MAX_COLUMNS = 10_000
 _MAX_LINE = 1 << 20

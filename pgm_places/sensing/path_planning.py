@@ -14,7 +14,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 # On finer maps, only every n-th cell is used, so that planning cells have about this size.
 PLANNING_CELL_M = 0.1
 
-# Largest cost factor of metres next to a wall, so that paths stay in the middle.
+# Largest extra cost of a metre next to a wall (1 doubles it), so that paths stay in the middle.
 WALL_COST = 1.0
 
 # Largest distance of a replacement for a position where the robot does not fit.

@@ -16,7 +16,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 GOALS, SCRIPT = "coverage.yaml", "cover_place.py"
 
 _CELLS_OF_MARGIN = np.sqrt(2)
-"""Half the diagonals of a free cell and of an obstacle's cell together, in cells."""
+"""Half the diagonal of a free cell plus half that of an obstacle's cell, in cells."""
 
 _SCRIPT = '''\
 #!/usr/bin/env python3
