@@ -65,7 +65,7 @@ def pushed(
     shape : (int, int)
         Rows and columns of the straight raster.
     knot : int
-        The direction of the wander changes every so many cells.
+        Number of cells after which the direction of the wander changes.
     bend : float
         Slopes are at most so steep: cells sideways for each cell ahead.
     turn_degrees : float

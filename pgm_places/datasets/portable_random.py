@@ -25,7 +25,7 @@ class MetreScale:
 
 
 class Dice:
-    """Whole random numbers from a seed and a stream.
+    """Random integers from a seed and a stream.
 
     Only the raw words of PCG64 are used, whose sequence NumPy guarantees; the methods of
     ``numpy.random.Generator`` may change between versions, and a generated building must not.
@@ -48,7 +48,7 @@ class Dice:
         return low + (word * (high - low + 1) >> _HALF_WORD)
 
     def length(self, low_cm: int, high_cm: int) -> int:
-        """A length of so many whole centimetres, in cells."""
+        """A random length in integer centimetres, as cells."""
         return self.cells(self.integer(low_cm, high_cm))
 
     def chance(self, numerator: int, denominator: int) -> bool:

@@ -15,7 +15,7 @@ from pgm_places.io.staging import as_output_errors, open_own
 
 try:
     import fcntl
-except ImportError:  # Windows: two studios on one folder are not kept apart
+except ImportError:  # Windows has no lock: two studios can open one folder
     fcntl = None  # type: ignore[assignment]
 
 FORMAT, SCHEMA = "pgm-places-studio", 1

@@ -192,7 +192,7 @@ class InteractiveLabeler:
         new = [name for name, n in paint.counts.items() if n and name not in known]
         if new:
             raise LabelError(
-                f"{new[0]!r} is painted, which the labeler does not know ({', '.join(known)}); "
+                f"{new[0]!r} is painted, but is no label of the labeler ({', '.join(known)}); "
                 "teach it"
             )
 

@@ -47,7 +47,7 @@ def pieces_between(
 ) -> GatePieces:
     """The pieces of a map according to its labels and gates.
 
-    The labelled cells in the rectangle of a gate form its doorway, whatever their labels; where
+    The labelled cells in the rectangle of a gate form its doorway, with any labels; where
     rectangles overlap, the more probable gate wins. All others are grouped by place and label:
     cells of one label in two places are two pieces. Cells labelled as doorways but outside all
     gates take the nearest other label of their place.

@@ -18,9 +18,9 @@ HALL, CORRIDOR, ROOM = "hall", "corridor", "room"
 class HallNames:
     """The labels of a training set with halls, and the labels with halls folded into corridors.
 
-    A hall is circulation that is more than a corridor: whatever tells a corridor from a room is
-    learned from both together, and a further list tells halls from corridors. Labelling halls as
-    corridors is therefore as accurate as if nobody had ever told them apart.
+    A hall is circulation other than a corridor. The distinction of corridors from rooms is
+    learned with halls and corridors together, and a further list distinguishes the two. Labelling
+    halls as corridors is therefore as accurate as training without a label of halls.
 
     Parameters
     ----------

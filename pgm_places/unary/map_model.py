@@ -125,7 +125,7 @@ class CellScores:
         values: NDArray[np.float64] | None = getattr(self, unary)
         if values is None:
             raise InputError(
-                f"the scores hold no {unary!r}; ask for those of a method that uses them"
+                f"the scores do not include {unary!r}; request the scores of a method that uses it"
             )
         return values
 

@@ -248,7 +248,7 @@ def test_a_new_class_is_learned_beside_those_that_are_known(halls: str, tmp_path
     paint = pupil.blank()
     for room in rooms[::2]:
         paint = paint.with_cells(first.topology.cells(room.id), "office")
-    with pytest.raises(LabelError, match="'office' is painted, which the labeler does not know"):
+    with pytest.raises(LabelError, match="'office' is painted, but is no label of the labeler"):
         pupil.label(paint)
     found = pupil.teach(paint)
     office = found.label_names.index("office")
