@@ -1,4 +1,4 @@
-"""What a unary is taken for: posteriors, or these without part or all of the labels' prior."""
+"""The unary as evidence: posteriors, or posteriors divided by a power of the labels' prior."""
 
 from typing import Any, Literal, TypeVar
 
@@ -9,14 +9,14 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.options import Probability
 
 Evidence = Literal["posterior", "likelihood"] | Probability
-"""``"posterior"`` is the share 0 of the prior that is divided out, ``"likelihood"`` is 1."""
+"""``"posterior"``, ``"likelihood"``, or the exponent of the prior to divide by (0 and 1)."""
 
 
 Real = TypeVar("Real", bound=np.floating[Any])
 
 
 def divided_share(evidence: str | float) -> float:
-    """The exponent of the prior that is divided out of posteriors.
+    """The exponent of the prior by which posteriors are divided.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a chain's observations say, and how much: chosen on training sequences."""
+"""Observation model and evidence weight of chains, chosen on training sequences."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -17,10 +17,10 @@ from pgm_places.solvers.relaxation import starting_beliefs
 Observation = Literal["posterior", "hard", "soft"]
 
 OBSERVATIONS: tuple[Observation, ...] = ("soft", "hard", "posterior")
-"""Observation models in the order in which they are tried; of equals, the first is taken."""
+"""Observation models in the order of trial; of equals, the first is chosen."""
 
-# Of a transition that was learned to be impossible, where labels are known that prove it wrong: so
-# little that it is taken only there, and enough for floats when multiplied by a belief.
+# Probability in place of a learned 0 if known labels contradict it: too small to matter elsewhere,
+# large enough not to underflow when multiplied by a belief.
 LEAST = 1e-200
 
 
@@ -33,15 +33,15 @@ def log_likelihood(
 ) -> NDArray[np.float64]:
     """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
 
-    Labels that are allowed are alike where the classifier's confusions exclude them all, and where
-    it says nothing of any: where all are forbidden, or those allowed are NaN.
+    Allowed labels have equal likelihoods if the classifier's confusions exclude them all, or if
+    there is no observation: all labels are forbidden, or the allowed ones are NaN.
 
     Parameters
     ----------
     unary : (T, K) float
         Log-probabilities of the labels from the classifier; -inf forbids a label.
     observation : {"posterior", "hard", "soft"}
-        As of :class:`pgm_places.models.hmm.HiddenMarkovModel`.
+        See :class:`pgm_places.models.hmm.HiddenMarkovModel`.
     confusion : (K, K) float
         Probability of the classifier's best label (column) at each true one (row).
     prior : (K,) float
@@ -71,22 +71,22 @@ def log_likelihood(
 
 
 def possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same with the least probability in place of 0, for what evidence says has happened."""
+    """The table with the least probability in place of 0, for transitions that evidence proves."""
     return np.maximum(probabilities, LEAST)
 
 
 WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""Weights of the evidence that are tried."""
+"""Candidates of the evidence weight."""
 
 BALANCES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Exponents of the labels' shares that are tried."""
+"""Candidates of the exponent of the labels' shares."""
 
 SHRINKAGES = (0.0, 0.3, 0.6)
-"""Shares of the labels' shares in transitions that are tried, with ``posterior`` observations."""
+"""Candidates of the shrinkage of transitions, with ``posterior`` observations."""
 
 
 class FittedWeights(NamedTuple):
-    """The best weight of the evidence and exponent of the shares, and what they reach.
+    """The best evidence weight and exponent of the labels' shares, with their scores.
 
     Parameters
     ----------
@@ -112,28 +112,28 @@ def best_weights(
     least_accuracy: float = 0.0,
     is_enough: Callable[[NDArray[np.integer]], bool] | None = None,
 ) -> FittedWeights | None:
-    """The weight of the evidence and the exponent of the shares with the best labels.
+    """The evidence weight and the exponent of the labels' shares with the best labels.
 
-    Best is the mean of accuracy and balanced accuracy over the known steps: accuracy alone would
-    give up what is rare and short, such as doorways, for long runs of what is frequent. Of equals,
-    the largest weight and the least exponent. An exponent above the least one must not cost
-    accuracy: rare labels are named where that is free. Pairs below ``least_accuracy`` are taken
-    only where all are, and then the most accurate one.
+    The criterion is the mean of accuracy and balanced accuracy over the known steps, since accuracy
+    alone sacrifices rare and short labels such as doorways. Of equals, the largest weight and the
+    least exponent win. An exponent above the least one must not reduce accuracy. Pairs below
+    ``least_accuracy`` are chosen only if all are below, and then by accuracy.
 
     Parameters
     ----------
     labels_at : function of a weight, an exponent and a problem
-        The labels (N,) that the model infers with these, in the mode that it will be used in.
+        The labels (N,) that the model infers with these, in the mode of its use.
     problems, labelings
-        Chains with the unaries of a classifier that has not seen them, and the true label index
-        (N,) of each step, -1 where it is unknown.
+        Chains with held-out unaries, and the true label index (N,) of each step, -1 where it is
+        unknown.
     weights, balances : sequence of float
-        What is tried.
+        The candidates.
     node_weights : sequence of (N,) float, optional
-        What each step counts.
+        Weight of each step.
     least_accuracy : float
     is_enough : function of (N,) int, optional
-        Whether the labels of all known steps are good enough to be taken; None if no pair's are.
+        Whether the labels of all known steps are good enough; if no pair's are, the result is
+        None.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
@@ -169,15 +169,15 @@ def fitted_by_mode(
 ) -> dict[str, Any]:
     """The best observation model, weight and exponent of each mode, by name; None if not fitted.
 
-    ``models`` are hidden Markov models with the same options to be fitted, one for each sequence,
-    whose tables were at best counted on other sequences. No mode takes what is less
-    accurate on the sequences than each step by itself, where there is anything else. Viterbi's
-    sequence does not depend on the exponent. Other arguments as of :func:`best_weights`.
+    ``models`` are hidden Markov models with equal options, one for each sequence, preferably with
+    tables counted on other sequences. Choices less accurate than independent steps are avoided if
+    there are others. Viterbi's sequence does not depend on the exponent. For other arguments see
+    :func:`best_weights`.
 
-    Where observation model, weight and shrinkage are all open, a mode must be more accurate than
-    each step by itself beyond chance (:func:`pgm_places.evaluation.paired_lead.is_ahead`), or no
-    less in any stretch; else it takes each step by itself: shrinkage 1, ``posterior`` observations
-    of weight 1.
+    If observation model, weight and shrinkage are all to be fitted, a mode must be significantly
+    more accurate than independent steps (:func:`pgm_places.evaluation.paired_lead.is_ahead`), or no
+    less accurate in any stretch; else it uses independent steps: shrinkage 1, ``posterior``
+    observations of weight 1.
     """
     model, of_problem = models[0], dict(zip(map(id, problems), models, strict=True))
     weight, balance = model.evidence_weight, model.balance
@@ -234,7 +234,7 @@ def fitted_by_mode(
 
 
 def _best_of(tried: Sequence[FittedWeights], least: float) -> FittedWeights | None:
-    """The best of those with a least accuracy, else the most accurate one; of equals the first."""
+    """The best candidate of sufficient accuracy, else the most accurate; of equals the first."""
     if not tried:
         return None
     enough = [item for item in tried if item.accuracy >= least - 1e-9]
@@ -248,11 +248,7 @@ def _alone(
     labelings: Sequence[NDArray[np.int64]],
     node_weights: Sequence[NDArray[np.float64]] | None,
 ) -> tuple[tuple[float, float], Callable[[NDArray[np.integer]], bool]]:
-    """Accuracy and balanced accuracy of the classifier's best labels on the known steps.
-
-    And whether other labels of these steps are right more often, beyond chance, or no less often
-    in any stretch: where the classifier is always right, nothing can be ahead of it.
-    """
+    """Both accuracies of independent steps, and a test whether other labels beat them."""
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
     best = [np.asarray(item.unary, np.float64).argmax(axis=1) for item in problems]
@@ -270,7 +266,7 @@ def _alone(
 
 
 def chosen_observation(model: Any, mode: int) -> Observation:
-    """The observation model of a hidden Markov model in the mode of that number."""
+    """The observation model of a hidden Markov model in the mode of this index."""
     if model.observation != "auto":
         option: Observation = model.observation
         return option
@@ -281,7 +277,7 @@ def chosen_observation(model: Any, mode: int) -> Observation:
 
 
 def words_of_choices(model: Any, mode: int) -> dict[str, str]:
-    """What was chosen on training sequences for the mode of that number, by option."""
+    """The choices on training sequences for the mode of this index, in words by option."""
     if model.fitted_scores is None:
         return {}
     chosen = {}
@@ -308,6 +304,6 @@ def weights_at(
 ) -> NDArray[np.float64] | None:
     """Fitted weights for updates farther apart: they grow with the distance, up to 1.
 
-    Fewer observations say as much per metre. For updates nearer to each other they stay.
+    Fewer observations then have the same weight per metre. For nearer updates weights stay.
     """
     return None if weights is None else np.minimum(weights * max(to_m / from_m, 1.0), 1.0)

@@ -1,4 +1,4 @@
-"""Decoding factors of any order by name: as they are, or as a pairwise model with further nodes."""
+"""Decoding factor graphs by name: directly, or as a pairwise model with auxiliary nodes."""
 
 import time
 from typing import Any
@@ -16,9 +16,9 @@ from pgm_places.models.decoding_task import DecodingAnswer
 from pgm_places.solvers.bucket_tree import Factor
 
 PAIRWISE_ONLY = ("graph-cut", "icm", "mean-field")
-"""Decoders that cannot take factors of order 3 and more: a node of a factor forbids too much."""
+"""Decoders without support for factors of order 3 and more: auxiliary nodes forbid too much."""
 
-# Of the local search that improves what a decoder of the pairwise model has found.
+# Limit of the local search that improves the labelling of a pairwise decoder.
 MAX_SWEEPS = 100
 
 _NONE = "the factors forbid every labelling; allow at least one (no -inf)"
@@ -34,10 +34,10 @@ def decode_factors(
 ) -> Labeling:
     """A labelling of a factor graph by the named decoder, with its score, bound and status.
 
-    ``exact`` takes factors of any order as they are. All others are given a
-    pairwise model (:meth:`~pgm_places.inference.factor_graph.FactorGraph.pairwise`): factors of
-    order 3 and more become nodes of it, which ``lp``, ``trw-s``, ``max-product``, ``sum-product``
-    and decoders that others have added can take, as long as a factor allows 256 labellings at most.
+    ``exact`` works on factors of any order directly. All other decoders get a pairwise model
+    (:meth:`~pgm_places.inference.factor_graph.FactorGraph.pairwise`): factors of order 3 and more
+    become auxiliary nodes, which ``lp``, ``trw-s``, ``max-product``, ``sum-product`` and registered
+    decoders support if each factor allows at most 256 labellings.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ def decode_factors(
     Returns
     -------
     Labeling
-        ``beliefs`` are (N, K) for the most labels K that a node has, 0 for those that one has not.
+        ``beliefs`` are (N, K) for the largest number of labels K, 0 for labels that a node lacks.
 
     Raises
     ------
     ConfigError
-        No such decoder.
+        The decoder is unknown.
     InputError
-        The decoder cannot take these factors: the message says which can.
+        The decoder does not support these factors; the message names decoders that do.
     InfeasibleError
         It is proved that no labelling is allowed.
 
@@ -76,7 +76,7 @@ def decode_factors(
     named_decoder(method)
     if graph.order > 2 and method in PAIRWISE_ONLY:
         raise InputError(
-            f"{method!r} takes no factors of more than two nodes, and one has {graph.order}; use "
+            f"{method!r} supports factors of at most two nodes, and one has {graph.order}; use "
             "'exact', 'trw-s', 'lp', 'max-product' or 'sum-product'"
         )
     whole = graph if known is None else graph.with_known(known)
@@ -119,7 +119,7 @@ def _exact(graph: FactorGraph) -> DecodingAnswer:
 
 
 def _by_pairs(graph: FactorGraph, method: str, certify: bool, limit: int | None) -> DecodingAnswer:
-    """What a decoder finds for the pairwise model, improved node by node where it is not proved."""
+    """The labelling of a pairwise decoder, improved by local search unless proved optimal."""
     pairs, potentials = graph.pairwise()
     if (potentials.unary.max(axis=1, initial=-np.inf) == -np.inf).any():
         raise InfeasibleError(_NONE)
@@ -139,7 +139,7 @@ def _by_pairs(graph: FactorGraph, method: str, certify: bool, limit: int | None)
 
 
 def _improved(graph: FactorGraph, labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The labels after every node has taken its best one given the others, until none changes."""
+    """Iterated conditional modes from these labels."""
     around: list[list[tuple[tuple[int, ...], NDArray[np.float64]]]] = [[] for _ in graph.n_labels]
     for scope, table in zip(graph.scopes, graph.tables, strict=True):
         for node in scope:
@@ -160,13 +160,13 @@ def _improved(graph: FactorGraph, labels: NDArray[np.int64]) -> NDArray[np.int64
 
 
 def _factors(graph: FactorGraph) -> list[Factor]:
-    """The factors, as solvers take them, but for constants."""
+    """The factors as input of solvers, without constants."""
     pairs = zip(graph.scopes, graph.tables, strict=True)
     return [Factor(scope, table) for scope, table in pairs if scope]
 
 
 def _rounding(graph: FactorGraph, total: float) -> float:
-    """How large a gap is nothing but rounding."""
+    """The largest gap that counts as rounding."""
     finite = [table[table > -np.inf] for table in graph.tables]
     ranges = np.array([np.ptp(values) for values in finite if len(values)])
     ranges = ranges[ranges > 0]

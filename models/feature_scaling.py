@@ -1,4 +1,4 @@
-"""How the columns of features are brought to one scale, on which the size of weights is judged."""
+"""Scaling of feature columns, so that regularisation treats their weights alike."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pgm_places.errors import InputError
 Scale = Literal["auto", "deviation", "none"]
 
 CLIP = 5.0
-"""Scaled node features are cut here: a linear model should not hang on single outliers."""
+"""Scaled node features are clipped here, so that a linear model does not depend on outliers."""
 
 # Columns correlated beyond this carry the same information to a linear model.
 SAME_COLUMN = 1.0 - 1e-9
@@ -21,18 +21,18 @@ SAME_COLUMN = 1.0 - 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Standardization:
-    """How columns of node features are chosen and scaled; learned on training nodes.
+    """Selection and scaling of node feature columns, learned on training nodes.
 
     Parameters
     ----------
     n_columns : int
-        Columns of the features it applies to.
+        Columns of the input.
     columns : (D',) int
-        Those kept: neither constant nor a repetition of an earlier one.
+        Selected columns: neither constant nor a repetition of an earlier one.
     mean, scale : (D',) float
-        What is taken off each, and what it is then divided by.
+        Offset to subtract from each, then divisor.
     clip : float
-        Where the result is cut, infinite for nowhere.
+        Limit of the result's magnitude; infinite for none.
     """
 
     n_columns: int
@@ -46,17 +46,16 @@ class Standardization:
 
     @classmethod
     def of(cls, features: NDArray[np.float64], scale: Scale = "auto") -> "Standardization":
-        """The standardisation that (N, D) training features ask for.
+        """The standardisation for (N, D) training features.
 
-        ``deviation`` takes the mean off and divides by the standard deviation; sparse columns are
-        divided only, or they would not be sparse any more. ``auto`` does so but for indicators,
-        dense columns of zeros and ones, which stay as they are, and sparse columns, which are
-        divided by their size (:func:`column_sizes`): rare ones have a tiny deviation, and divided
-        by it they would weigh as much as frequent ones. ``none`` leaves all as they are.
-
-        A column is dropped when it is constant or equal to an earlier one up to shift, scale and
-        sign, because a linear model gains nothing from it and its weights would not be unique. Of
-        sparse columns repetitions stay.
+        ``deviation`` subtracts the mean and divides by the standard deviation; sparse columns are
+        only divided, to stay sparse. ``auto`` does so with two exceptions: indicators (dense
+        columns of zeros and ones) stay unchanged, and sparse columns are divided by their size
+        (:func:`column_sizes`), since division by the tiny deviation of rare columns would give them
+        the weight of frequent ones. ``none`` leaves all columns unchanged. A column is dropped if
+        it is constant or equal to an earlier one up to shift, scale and sign, because a linear
+        model gains nothing from it and its weights would not be unique. Repeated sparse columns
+        stay.
         """
         mean, spread = mean_and_spread(features)
         columns = _informative(features, mean, spread)
@@ -77,7 +76,7 @@ class Standardization:
     def of_all(
         cls, features: Sequence[NDArray[np.float64]], scale: Scale = "auto"
     ) -> "Standardization":
-        """The standardisation of several training problems together.
+        """The common standardisation of several training problems.
 
         Raises
         ------
@@ -92,17 +91,17 @@ class Standardization:
         return cls.of(stacked_rows(features), scale)
 
     def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, D' + 1): kept columns scaled and clipped, then the constant 1.
+        """(N, D' + 1): selected columns scaled and clipped, then the constant 1.
 
         Raises
         ------
         InputError
-            Another number of columns than in training, or sparse features after dense ones.
+            The number of columns differs from training, or features are sparse but were dense.
         """
         if features.shape[1] != self.n_columns:
             raise InputError(
                 f"the model was trained on {self.n_columns} node features, this problem has "
-                f"{features.shape[1]}; make them the same way as for training"
+                f"{features.shape[1]}; compute them as for training"
             )
         if is_sparse(features):
             return self._apply_to_sparse(features)
@@ -114,12 +113,12 @@ class Standardization:
         return out
 
     def _apply_to_sparse(self, features: Any) -> NDArray[np.float64]:
-        """The same, sparse; zeros stay zeros, since the mean of sparse columns is not taken off."""
+        """:meth:`apply` for sparse features; zeros stay zeros, since no mean is subtracted."""
         import scipy.sparse as sp
 
         if self.mean.any():
             raise InputError(
-                "the model was trained on dense node features, whose means it takes off; give "
+                "the model was trained on dense node features, whose means it subtracts; pass "
                 "node_features.toarray(), or train it on sparse ones"
             )
         kept = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
@@ -130,9 +129,9 @@ class Standardization:
 
 
 def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(D,) the root mean square of each column's entries that are not 0; 1 where there are none.
+    """(D,) root mean square of the non-zero entries of each column; 1 without any.
 
-    Divided by it, a column has no unit, zeros are still zeros, and indicators are what they were.
+    Division by it removes the unit, and leaves zeros and indicators unchanged.
 
     Examples
     --------
@@ -144,7 +143,7 @@ def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:
     entries: Any = abs(features)
     peak = _row(entries.max(axis=0))
     peak[peak == 0] = 1.0
-    # Shares of the peak, or the square of a huge entry would be infinite.
+    # Relative to the peak, so that squares of huge entries do not overflow.
     shares = entries.multiply(1.0 / peak) if is_sparse(features) else entries / peak
     squares = _row((shares * shares).sum(axis=0))
     count = np.maximum(_row((entries != 0).sum(axis=0)), 1)
@@ -152,7 +151,7 @@ def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _row(values: Any) -> NDArray[np.float64]:
-    """What SciPy or NumPy makes of columns, as an array (D,)."""
+    """A row by SciPy or NumPy as an array (D,)."""
     dense = values.toarray() if is_sparse(values) else values
     return np.array(dense, np.float64).ravel()
 

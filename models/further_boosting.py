@@ -1,4 +1,4 @@
-"""Boosting goes on: a trained list learns from other examples without forgetting what it knows."""
+"""Continued boosting: further rounds of a trained list on new examples."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
@@ -18,12 +18,12 @@ from pgm_places.options import Seed
 
 @dataclass(frozen=True, eq=False)
 class Examples:
-    """What a list goes on learning from.
+    """New training examples of a list.
 
     Parameters
     ----------
     X : (n, F) float32
-        As many columns as the list knows.
+        Features, with the columns of the list.
     labels : (n,) int64
         Index into the list's classes.
     weights : (n,) float64
@@ -39,7 +39,7 @@ class Examples:
         labels = integer_array("labels", self.labels, (n,), low=0, high=2**15)
         weights = finite_array("weights", self.weights, (n,))
         if not n or (weights <= 0).any():
-            raise InputError("further boosting takes at least one example, all of positive weight")
+            raise InputError("further boosting needs at least one example, all of positive weight")
         set_frozen(self, labels=labels, weights=weights)
 
     def where(self, chosen: NDArray[np.bool_]) -> "Examples":
@@ -57,20 +57,20 @@ class Examples:
 
 @dataclass(frozen=True)
 class FurtherRounds:
-    """How boosting goes on.
+    """Options of the further rounds.
 
     Parameters
     ----------
     n_rounds : int
-        Stumps or trees that each classifier of the list gets in addition.
+        Additional stumps or trees of each classifier of the list.
     max_depth : int
         Levels of these trees; lists of stumps get stumps.
     shrinkage : float
-        Every further vote is multiplied by this.
+        Factor of every further vote.
     feature_share : float
-        Share of the columns that each tree searches, drawn by chance.
+        Share of the columns, drawn at random, that each tree searches.
     seed : int
-        Of what is drawn by chance.
+        Seed of these draws.
     """
 
     n_rounds: Annotated[int, Ge(0), Le(10_000)] = 30
@@ -86,12 +86,12 @@ ROUNDS = FurtherRounds()
 def boosted_further(
     fitted: BoostedList, examples: Examples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
-    """The list with further rounds that were boosted on other examples.
+    """The list with further rounds boosted on new examples.
 
-    What it has learned stays; boosting starts from where its rounds ended, with weights in
-    proportion to ``w / (1 + exp(2 y F))``, where F is half of the calibrated log-odds. The further
-    votes are divided by half of the calibration's slope, so that the confidences are those of the
-    sum. A classifier that sees only one side stays as it is.
+    Its earlier rounds do not change. Boosting starts from their sum, with weights proportional to
+    ``w / (1 + exp(2 y F))``, where F is half of the calibrated log-odds. Further votes are divided
+    by half of the calibration's slope, so that confidences are calibrated for the sum. A classifier
+    with examples of one side only does not change.
 
     Parameters
     ----------
@@ -120,18 +120,18 @@ def boosted_further(
 
 
 def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> Examples:
-    """Examples (n K) of what a list itself says of rows: every class, weighed by its probability.
+    """Examples (n K) with the list's own predictions: every class, weighted by its probability.
 
-    They hold a list where it is. At its own probabilities p the weights of both sides of a
-    classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``: boosting
-    finds nothing to learn from them, until other examples pull the list away.
+    They regularise a list towards its predictions. At its own probabilities p the weights of both
+    sides of a classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``:
+    boosting learns nothing from them until other examples change the list.
 
     Parameters
     ----------
     fitted : BoostedList
     X : (n, F) float32
     weight : float
-        Of all rows together.
+        Total weight of all rows.
     """
     p = np.exp(fitted.log_histogram(X))
     n, k = p.shape
@@ -145,7 +145,7 @@ def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> E
 def with_first_class(
     fitted: BoostedList, label: Any, examples: Examples, rounds: FurtherRounds = ROUNDS
 ) -> BoostedList:
-    """The list with one more class, which is asked for first; all that follows stays.
+    """The list with a new class in first place; the other classifiers do not change.
 
     Parameters
     ----------
@@ -153,13 +153,13 @@ def with_first_class(
     label : int or str
         The new class, larger than all others.
     examples : Examples
-        Labels are indices into ``fitted.classes``; the new class has the number after the last.
+        Labels are indices into ``fitted.classes``; the new class has the next index.
     rounds : FurtherRounds
 
     Raises
     ------
     InputError
-        The class is not larger than the others, or one of both sides has no example.
+        The class is not larger than the others, or one side has no example.
     """
     number = len(fitted.classes)
     if not (label > fitted.classes).all():
@@ -188,7 +188,7 @@ def _rounds(
     rounds: FurtherRounds,
     **more: Any,
 ) -> Any:
-    """Rounds that tell positive classes from negative ones, of trees if those before are."""
+    """Rounds that separate positive from negative classes, of trees if the earlier ones are."""
     depth = 1 if isinstance(like, StrongClassifier) else min(rounds.max_depth, like.depth)
     options = {field.name: getattr(rounds, field.name) for field in fields(FurtherRounds)}
     options |= {"max_depth": depth, "sample_weight": examples.weights} | more

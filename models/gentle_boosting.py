@@ -32,10 +32,10 @@ def boost_trees(
     seed: int = 0,
     on_round: Callable[[int, float], None] | None = None,
 ) -> BoostedTrees:
-    """The sum of trees that tells the positive parts from the negative ones.
+    """A sum of trees that separates positive from negative examples, by gentle AdaBoost.
 
     Gentle AdaBoost: both classes start with half of the weight; each round grows the regression
-    tree f of least weighted squared error sum w (y - f)^2, whose leaves say E_w[y] in [-1, 1],
+    tree f of least weighted squared error sum w (y - f)^2, whose leaves are E_w[y] in [-1, 1],
     adds shrinkage times f to F, and multiplies the weights by exp(-y shrinkage f). Weights are
     rounded to whole multiples of 2**-30 of their sum before they are added up. It stops early when
     the weighted correlation of y and f is below ``tolerance``.
@@ -49,7 +49,7 @@ def boost_trees(
     max_depth : int
         Levels of splits, 2 to 4: trees of at most 4 to 16 leaves.
     shrinkage : float
-        Every tree's vote is multiplied by this.
+        Factor of every tree's vote.
     feature_share : float
         The probability of each feature to take part in a tree, redrawn for every tree from ``seed``
         (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
@@ -58,7 +58,7 @@ def boost_trees(
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
     margin : (rows of X,) float64, optional
-        F of earlier rounds, from which boosting goes on: see
+        F of earlier rounds, which boosting continues: see
         :func:`~pgm_places.models.boosting_rounds.initial_weights`.
     on_round : callable, optional
         Called after each round with the number of rounds so far and the correlation.
@@ -109,7 +109,7 @@ def boosted(
     seed: int,
     **rounds: Any,
 ) -> StrongClassifier | BoostedTrees:
-    """The rounds of stumps for a depth of 1, else those of trees; both take the other options."""
+    """Rounds of stumps for a depth of 1, else of trees."""
     if max_depth == 1:
         return boost(prepared, positive, negative, **rounds)
     rounds |= {"max_depth": max_depth, "feature_share": feature_share, "seed": seed}

@@ -1,4 +1,4 @@
-"""The choice of a learner's options by how they label held-out parts of the training problems."""
+"""Model selection: options of a learner chosen on held-out parts of the training problems."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -11,29 +11,28 @@ from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 
 NODE_CHOICES = ("auto", "logz", "logz+raw", "offset+logz", "offset+logz+raw")
-"""Node features that are compared, of two the simpler first; ``auto`` where there is no choice.
-Learned arrays hold their places here, so new ones come last."""
+"""Node features to compare, simpler ones first; ``auto`` if there is no choice.
+Learned arrays store indices into this tuple, so append new ones."""
 
 LEARNERS = (
     "cutting-plane", "qp", "likelihood", "pseudo-likelihood", "piecewise", "max-margin",
 )  # fmt: skip
-"""Learners by name; learned arrays hold their places here, so new ones come last."""
+"""Learners by name; learned arrays store indices into this tuple, so append new ones."""
 
 TOLERANCE = 0.001
-"""Held-out accuracy that a better balance of the labels may cost."""
+"""Loss of held-out accuracy that is accepted for a better balanced accuracy."""
 
 WORTH = 0.01
-"""By how much a richer set of features must label held-out parts better than a simpler one: its
-weights fit noise where it brings less."""
+"""Gain of the held-out score that a richer set of features needs: with less, it fits noise."""
 
 
 def node_choice(node_features: str) -> int:
-    """The place of node features in :data:`NODE_CHOICES`, 0 for others."""
+    """The index of node features in :data:`NODE_CHOICES`, 0 for others."""
     return NODE_CHOICES.index(node_features) if node_features in NODE_CHOICES else 0
 
 
 class Candidate(NamedTuple):
-    """Options that are compared."""
+    """One combination of options."""
 
     node_features: str
     learner: str
@@ -41,18 +40,18 @@ class Candidate(NamedTuple):
 
 
 Path = Callable[[float], tuple[NDArray[np.int64], NDArray[np.float64]]]
-"""Learns without a part of the nodes at C after C: the labels of that part, and the weights."""
+"""Learns without a part of the nodes, for one C after the other: labels of the part, weights."""
 
 
 class Choice(NamedTuple):
-    """What labels held-out parts best."""
+    """The options that label held-out parts best."""
 
     best: Candidate
     table: NDArray[np.float64]
-    """(P, 5) what was compared, as :func:`choice_record` names it; NaN if nothing could be held
+    """(P, 5) all comparisons, as named by :func:`choice_record`; NaN if nothing could be held
     out."""
     weights: NDArray[np.float64] | None
-    """The mean of the weights that were learned without each part: where learning may begin."""
+    """The mean of the weights learned without each part: a start for learning."""
 
 
 def choose(
@@ -69,34 +68,34 @@ def choose(
 ) -> Choice:
     """The node features, learner and C that label held-out parts best.
 
-    Every part is held out in turn: a model learns on the rest and labels the part alone. Single
-    nodes are never held out, since their neighbours would give them away, nor is a part that has
-    all examples of a label. C rises from the one below the usual, or below the middle, each going
-    on from the one before, until it labels worse by :data:`WORTH`, and falls from there while the
-    least of them labels best. Other learners are compared at the best C, richer features there and
-    one C below. What is chosen is no less accurate than the labels of nodes ``alone`` by more than
-    :data:`TOLERANCE`, and with a C above the usual more accurate by :data:`WORTH`: it gains rare
-    labels at the cost of frequent ones, and new maps repeat that gain less surely.
+    Every part is held out in turn: a model learns on the rest and labels the part. Single nodes are
+    never held out, since their neighbours would reveal their labels, nor is a part with all
+    examples of a label. C rises from the one below the usual (or middle) one, each start being the
+    weights of the last, until the score falls by :data:`WORTH`; then C falls from the start as long
+    as the smallest is best. Other learners are compared at the best C, richer features at the best
+    C and one below. The choice is at most :data:`TOLERANCE` less accurate than the labels of nodes
+    ``alone``. A C above the usual one must be more accurate by :data:`WORTH`: it gains rare labels
+    at the cost of frequent ones, a gain that is less reliable on new maps.
 
     Parameters
     ----------
     labels : (N,) int
         -1 where unknown.
     asked : (N,) bool
-        Whose labels count.
+        Nodes whose labels count.
     parts : (N,) int
-        Which nodes are held out together, -1 where they never are.
+        Part of each node; parts are held out together, -1 is never held out.
     kinds : pair of sequences of str
         Node features, the simpler ones first, and learners.
     penalties : sequence of float
     usual : float
     begin : callable
-        The mask (N,) of a part, node features and a learner -> the path of C.
+        The mask (N,) of a part, node features, a learner -> a function of C.
     alone : (N,) int, optional
-        The labels that a classifier gives nodes without their neighbours.
+        Labels by a classifier of single nodes.
     steps : (N,) bool
-        Steps that are linked to cells. Both scores are means over these and the other nodes: the
-        few steps of a drive count as much as the many cells of its map.
+        Steps that are linked to cells. Both scores are means of the scores of steps and of other
+        nodes, so that the few steps of a drive weigh as much as the many cells of its map.
     """
     held_out = [
         parts == part
@@ -163,9 +162,9 @@ def best_candidate(
 ) -> Candidate:
     """The candidate of the largest mean of accuracy and balanced accuracy on held-out parts.
 
-    The smaller C wins among equals, and richer features only where they bring :data:`WORTH` more.
-    Where there is a ``least`` accuracy for each C, the best of those that reach it is taken, or
-    that of the smallest C where none does.
+    Among equals the smaller C wins; richer features must be better by :data:`WORTH`. With a
+    ``least`` accuracy for each C, the best candidate that reaches it is chosen, or the one of the
+    smallest C if none does.
 
     Examples
     --------
@@ -187,9 +186,9 @@ def best_candidate(
 
 
 def mean_scores(tables: Iterable[NDArray[np.int64] | NDArray[np.float64]]) -> tuple[float, float]:
-    """Accuracy and balanced accuracy: means over the kinds of nodes that there are.
+    """Accuracy and balanced accuracy, averaged over the kinds of nodes that occur.
 
-    ``tables`` (K, K) are counts of truth and label, one for each kind.
+    ``tables`` (K, K) are confusion counts (truth, label), one for each kind.
     """
     some = [table for table in tables if table.any()]
     accuracy = float(np.mean([np.trace(table) / table.sum() for table in some]))
@@ -197,7 +196,7 @@ def mean_scores(tables: Iterable[NDArray[np.int64] | NDArray[np.float64]]) -> tu
 
 
 def _table(scores: Mapping[Candidate, tuple[float, float]]) -> NDArray[np.float64]:
-    """(P, 5) places in :data:`NODE_CHOICES` and :data:`LEARNERS`, C, both scores."""
+    """(P, 5) indices into :data:`NODE_CHOICES` and :data:`LEARNERS`, C, both scores."""
     return np.array(
         [
             (node_choice(each.node_features), LEARNERS.index(each.learner), each.penalty, *both)
@@ -207,7 +206,7 @@ def _table(scores: Mapping[Candidate, tuple[float, float]]) -> NDArray[np.float6
 
 
 def check_choices(table: NDArray[np.float64] | None) -> None:
-    """Refuse the table of a :class:`Choice` that a file has spoiled."""
+    """Raise InputError if the table of a :class:`Choice` from a file is damaged."""
     if table is None:
         return
     if number_array("penalty_search", table).ndim != 2:
@@ -239,7 +238,7 @@ def choice_record(
 
 
 def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
-    """What a model chose, in words by option, from its summary with the ``held_out`` rows."""
+    """A model's choices in words by option, from its summary with the ``held_out`` rows."""
     words: dict[str, str] = {}
     rows = [row for row in summary.get("held_out", []) if row["accuracy"] is not None]
     if rows:

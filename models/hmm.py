@@ -1,4 +1,4 @@
-"""Hidden Markov model: places along a trajectory, with transitions learned from training data."""
+"""Hidden Markov model: labels along a trajectory, with transitions learned from training data."""
 
 import time
 from collections.abc import Sequence
@@ -41,60 +41,60 @@ from pgm_places.solvers.forward import ChainPath
 
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-# From this number of trajectories on, options are chosen on trajectories held out of the tables.
+# From this number of trajectories on, options are chosen on trajectories not counted in the tables.
 FEWEST_DRIVES, FOLDS = 3, 5
 
 
 @dataclass(frozen=True, eq=False)
 class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
-    """Labels the steps of a trajectory: what the classifier says, and which place follows which.
+    """Labels the steps of a trajectory by classifier output and learned transitions.
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
-    transition model, and how often the classifier takes one label for another, are counted on
-    labelled trajectories. Only chains can be labelled: ``LabelGraph.from_trajectory``.
+    transition model and the classifier's confusions are counted on labelled trajectories. Only
+    chains can be labelled: ``LabelGraph.from_trajectory``.
 
     Parameters
     ----------
     mode : {"filter", "smooth", "viterbi"}
         Beliefs from the steps so far, as online; from all steps; or the most probable sequence.
     observation : {"auto", "posterior", "hard", "soft"}
-        The likelihood ``P(z | l)`` of what the classifier says. ``hard`` looks up its best label in
-        the confusions of training (the paper's); ``soft`` averages that over its probabilities z;
-        ``posterior`` is z over the share of each label in training, which trusts z as it is.
-        ``auto`` takes for each mode the one that labels the training sequences best, as
-        ``evidence_weight`` is chosen; ``soft`` without labelled sequences.
+        The likelihood ``P(z | l)`` of the classifier's output. ``hard`` looks up its best label in
+        the confusions of training (the paper's); ``soft`` averages this over its probabilities z;
+        ``posterior`` is z divided by the share of each label in training. ``auto`` chooses, for
+        each mode, the one that labels the training sequences best (see ``evidence_weight``);
+        ``soft`` without labelled sequences.
     start : {"uniform", "learned"}
-        Belief before the first step: the same for all labels (the paper's), or as trajectories
-        began in training.
+        Belief before the first step: uniform (the paper's), or the frequencies of first labels in
+        training.
     smoothing : float
         Added to every count.
     unlabelled : {"dropped", "hidden"}
-        What steps without a label teach: nothing, or what is expected of them, in turn with
-        learning (:func:`pgm_places.models.baum_welch.baum_welch`).
+        Steps without a label are ignored, or learned from by expectation maximisation
+        (:func:`pgm_places.models.baum_welch.baum_welch`).
     evidence_weight : float or "fitted"
-        Exponent of the likelihood, from 0 (observations say nothing) to 1 (the paper's: each is
-        independent of the others, given the labels). Scans a step apart see the same things, and
-        err together; below 1 they count as fewer. ``"fitted"`` takes for each mode the weight with
-        which it labels the sequences given to :meth:`fit` best, which wants unaries of a classifier
-        that has not seen them; 1 where there are no labelled sequences.
+        Exponent of the likelihood, from 0 (observations are ignored) to 1 (the paper's:
+        observations are independent given the labels). Errors of successive scans are correlated; a
+        weight below 1 accounts for that. ``"fitted"`` chooses, for each mode, the weight that
+        labels the training sequences of :meth:`fit` best, which should have held-out unaries; 1
+        without labelled sequences.
     balance : float or "fitted"
-        How much more rare labels count when a step is given one: the label with the largest belief
-        over ``share**balance``, with its share in training. 0 takes the most probable one; 1 asks
-        how much more probable a label is than it is at large, so that doorways, passed in a moment,
-        are named as well. Beliefs stay as they are. ``"fitted"`` is chosen as ``evidence_weight``
-        is, together with it; 0 where there are no labelled sequences. Viterbi's sequence is one
-        answer as a whole, and is not affected.
+        Preference for rare labels in the decision at a step: the label with the largest belief
+        divided by ``share**balance``, with its share in training. 0 chooses the most probable
+        label; 1 compares beliefs with the shares, which also finds short labels such as doorways.
+        Beliefs do not change. ``"fitted"`` is chosen together with ``evidence_weight``; 0 without
+        labelled sequences. Viterbi's sequence is decoded jointly and not affected.
     stay_below_m : float
-        A robot that moved less than this between two steps is taken to be at the same place; needs
-        positions. 0 never does.
+        A robot that moved less than this between two steps counts as standing; needs positions. 0
+        disables this.
     shrinkage : float or "fitted"
-        The share of the labels' shares in every row of the transitions: 1 makes each step
-        independent of the one before. ``"fitted"``: 0, or with both left open, chosen together with
-        ``observation`` and ``evidence_weight``.
+        Weight of the labels' shares mixed into every row of the transitions: 1 makes steps
+        independent. ``"fitted"``: chosen together with ``observation`` and ``evidence_weight`` if
+        both are to be fitted as well, else 0.
     step_length : {"usual", "positions", "given"}
-        One table for every step, or by its length d ``expm(Q d)``, which is the table at the median
-        length in training (0.35 m on simulated runs): distances of positions in metres, or the only
-        column of ``edge_features`` in any unit.
+        ``usual``: one table for every step. Otherwise ``expm(Q d)`` for a step of length d, which
+        is the learned table at the median length in training (0.35 m on simulated runs). Lengths
+        are distances of ``positions`` in metres, or the one column of ``edge_features``
+        (``given``).
 
     Examples
     --------
@@ -132,21 +132,21 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
     prior: NDArray[np.float64] | None = learned()
     """(K,) share of each label in training."""
     stay: NDArray[np.float64] | None = learned()
-    """(K, K) like ``transition``, where the robot stayed; None for the same label again."""
+    """(K, K) transitions where the robot stayed; None for the identity."""
     counted_m: NDArray[np.float64] | None = learned()
-    """(1,) metres between the steps that ``transition`` was counted on; None for simulated runs."""
+    """(1,) step length in metres over which ``transition`` was counted; None for simulated runs."""
     fitted_weights: NDArray[np.float64] | None = learned()
-    """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
+    """(3,) the fitted evidence weight for filter, smooth and viterbi."""
     fitted_balances: NDArray[np.float64] | None = learned()
-    """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
+    """(3,) the fitted exponent of the labels' shares for each mode."""
     fitted_shrinkages: NDArray[np.float64] | None = learned()
-    """(3,) the share of the labels' shares in transitions for each mode, where it is fitted."""
+    """(3,) the fitted shrinkage of transitions for each mode."""
     fitted_observations: NDArray[np.int64] | None = learned()
     """(3,) the observation model for each mode, as an index into ``OBSERVATIONS``."""
     fitted_scores: NDArray[np.float64] | None = learned()
-    """(3, 4) accuracy and balanced accuracy in training: of each mode, and of single steps."""
+    """(3, 4) training accuracy and balanced accuracy of each mode, and of independent steps."""
     learning_curve: NDArray[np.float64] | None = learned()
-    """(R,) objective of Baum-Welch by rounds, where steps without a label were learned from."""
+    """(R,) objective of Baum-Welch by rounds, if unlabelled steps were used."""
 
     def fit(
         self,
@@ -155,21 +155,22 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         *,
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """A new one with the statistics of labelled trajectories.
+        """A new model fitted to labelled trajectories.
 
-        A transition counts where two steps in a row are labelled (and the robot moved), a confusion
-        wherever a step is labelled. A label without any example gets equal probabilities.
-        ``sample_weight`` has for each trajectory what it counts, as a whole or step by step.
+        A transition is counted if two consecutive steps are labelled (and the robot moved), a
+        confusion at each labelled step. A label without examples gets uniform probabilities.
+        ``sample_weight`` has one weight, or one per step, for each trajectory.
 
         Raises
         ------
         InputError
-            No chain, no unary, other labels than in the first problem, or no labelled step at all.
+            A graph is not a chain, there is no unary, labels differ from the first problem, or no
+            step is labelled.
         """
         weights = weights_of(sample_weight, problems)
         learned_now = self._counted(problems, labelings, weights)
         if self.unlabelled == "hidden":
-            from pgm_places.models.baum_welch import with_unlabelled  # labelling does without it
+            from pgm_places.models.baum_welch import with_unlabelled  # not needed for inference
 
             hidden = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
             learned_now = replace(learned_now, **hidden)
@@ -184,7 +185,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         labelings: Sequence[NDArray[np.int64]],
         weights: Sequence[NDArray[np.float64]],
     ) -> Self:
-        """A new one with the statistics of trajectories, and nothing chosen."""
+        """A new model with the counts of trajectories, without fitted options."""
         tables = learned_tables(
             problems,
             labelings,
@@ -202,7 +203,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         labelings: Sequence[NDArray[np.int64]],
         weights: Sequence[NDArray[np.float64]],
     ) -> list[Self]:
-        """For each trajectory the model of others, where there are three or more; else this one."""
+        """For each trajectory a model of other ones if there are enough trajectories; else this."""
         different = list(dict.fromkeys(map(id, problems)))
         if len(different) < FEWEST_DRIVES:
             return [self] * len(problems)
@@ -223,9 +224,9 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         *,
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """A new one with the options that labelled sequences choose, for each mode by itself.
+        """A new model with options chosen on labelled sequences, for each mode separately.
 
-        See :func:`pgm_places.models.evidence_weight.fitted_by_mode`; arguments as of :meth:`fit`.
+        See :func:`pgm_places.models.evidence_weight.fitted_by_mode`; arguments as in :meth:`fit`.
         """
         weights = weights_of(sample_weight, problems)
         return self._with_choices(problems, labelings, weights, [self] * len(problems))
@@ -237,13 +238,13 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         weights: Sequence[NDArray[np.float64]],
         models: Sequence[Self],
     ) -> Self:
-        """A new one with what labels the trajectories best, each of them by its own model."""
+        """A new model with the options that label the trajectories best, each by its own model."""
         if not {"fitted", "auto"} & {self.evidence_weight, self.balance, self.observation}:
             return self
         return replace(self, **fitted_by_mode(models, MODES, problems, labelings, weights))
 
     def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
-        """(T,) the label that each row of beliefs (T, K) is given: see ``balance``."""
+        """(T,) the label chosen for each row of beliefs (T, K): see ``balance``."""
         rows = np.asarray(beliefs, np.float64)
         balance = self._fitted(self.balance, self.fitted_balances, 0.0)
         if balance == 0 or self.prior is None:
@@ -258,21 +259,21 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         stays: ArrayLike | None = None,
         first: ArrayLike | None = None,
     ) -> Self:
-        """A new one with statistics that were counted elsewhere; those not given stay as they are.
+        """A new model with tables from counts; tables without new counts do not change.
 
         Parameters
         ----------
         confusions : (K, K) float, optional
-            How often the classifier's best label was the column where the row was true. Its rows'
-            sums also are the labels' shares.
+            Counts of the classifier's best label (column) by true label (row). Sums of rows are
+            also the labels' shares.
         moves, stays : (K, K) float, optional
-            How often the robot was at the column's label after the row's, having moved or stayed;
+            Counts of the next label (column) by label (row), where the robot moved or stayed;
             for example from :func:`pgm_places.sensing.simulated_moves.simulate_moves`.
         first : (K,) float, optional
-            How often a trajectory began at each label; equal where never given.
+            Counts of the first label of a trajectory; uniform by default.
 
-        ``smoothing`` is added to every count, ``stays`` excepted: what never happened to a robot
-        that stands is not made possible.
+        ``smoothing`` is added to every count except ``stays``, so that label changes of a standing
+        robot stay impossible.
 
         Raises
         ------
@@ -293,26 +294,26 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
     def infer(self, problem: LabelingProblem, *, further: ArrayLike | None = None) -> Labeling:
         """A label per step, with its beliefs unless the mode is ``viterbi``.
 
-        ``info["impossible"]`` names the steps whose observation has probability 0; they are passed
-        over as if nothing had been seen. The score of a Viterbi path is its joint log-probability,
+        ``info["impossible"]`` has the steps whose observation has probability 0; they count as
+        steps without an observation. The score of a Viterbi path is its joint log-probability,
         which is also its bound.
 
-        Labels that are known or forbidden (-inf) in the problem hold whatever was learned: where
-        they contradict transitions of probability 0, these count as 1e-200.
+        Known and forbidden (-inf) labels of the problem are always respected: transitions of
+        probability 0 that contradict them count as 1e-200.
 
         Parameters
         ----------
         problem : LabelingProblem
             A chain.
         further : (T, K) float, optional
-            Log-likelihoods of what else was observed, such as where a step is on a labelled map.
+            Log-likelihoods of other observations, such as the step's position on a labelled map.
 
         Raises
         ------
         NotFittedError
             Before :meth:`fit`.
         InputError
-            Not a chain, no unary, or other labels than learned.
+            The graph is not a chain, there is no unary, or labels differ from training.
         """
         begin = time.perf_counter()
         unary = evident_unary(problem, self.name, observed=True)
@@ -341,10 +342,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
-
-        Labels that are allowed are alike where the classifier's confusions exclude them all.
-        """
+        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden."""
         confusion, prior = self._said
         k = unary.shape[1]
         if len(prior) != k:
@@ -356,22 +354,22 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
 
     @property
     def can_shrink(self) -> bool:
-        """Whether shrinkage may be chosen."""
+        """Whether shrinkage can be fitted."""
         return self.shrinkage == "fitted"
 
     @property
     def shrinkage_used(self) -> float:
-        """The share of the labels' shares in transitions in this mode, as given or as chosen."""
+        """The shrinkage of transitions in this mode, set or fitted."""
         return self._fitted(self.shrinkage, self.fitted_shrinkages, 0.0)
 
     @property
     def observation_model(self) -> Observation:
-        """The observation model of this mode, as given or as chosen."""
+        """The observation model of this mode, set or chosen."""
         return chosen_observation(self, MODES.index(self.mode))
 
     @property
     def choices(self) -> dict[str, str]:
-        """In words, what was chosen on training sequences for this mode, by option."""
+        """The choices on training sequences for this mode, in words by option."""
         return words_of_choices(self, MODES.index(self.mode))
 
     def _fitted(
@@ -380,7 +378,7 @@ class HiddenMarkovModel(LearnedNames, ChainTransitions, Options):
         by_mode: NDArray[np.float64] | None,
         otherwise: float,
     ) -> float:
-        """The option's number, or the one fitted for this mode; ``otherwise`` before a fit."""
+        """The option's value, or the one fitted for this mode; ``otherwise`` before a fit."""
         if option != "fitted":
             return float(option)
         return otherwise if by_mode is None else float(by_mode[MODES.index(self.mode)])

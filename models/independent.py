@@ -1,4 +1,4 @@
-"""No structure: every node takes its own best label, the baseline of every comparison."""
+"""Independent labelling of nodes by their unaries: the baseline without structure."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -24,7 +24,7 @@ class Independent:
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The argmax of the unary at every node; beliefs are the normalised unaries.
 
-        Ties go to the label that more nodes prefer, so that the order of the labels has no part.
+        Ties go to the label that more nodes prefer, so that the order of labels does not matter.
 
         Raises
         ------

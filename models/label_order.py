@@ -1,8 +1,8 @@
-"""The order of labels inside of methods: by frequency, whatever their order in a problem.
+"""Internal order of labels in methods: by frequency, independent of their order in a problem.
 
-Sums of rounded numbers, ties and the moves of a graph cut depend on the order in which labels are
-taken. Learners and decoders take them in an order that follows from the data, so that results do
-not depend on how labels are numbered.
+Rounding of sums, ties and the moves of a graph cut depend on the order of labels. Learners and
+decoders use an order that follows from the data, so that results do not depend on how labels are
+numbered.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
 
 def frequency_order(labelings: Sequence[NDArray[np.integer]], n_labels: int) -> NDArray[np.int64]:
-    """(K,) the labels from the most frequent to the rarest; of equals, the one met first.
+    """(K,) the labels from the most frequent to the rarest; of equals, the first to occur.
 
     Examples
     --------
@@ -39,9 +39,9 @@ def frequency_order(labelings: Sequence[NDArray[np.integer]], n_labels: int) -> 
 
 
 def preference_order(unary: NDArray[np.floating[Any]], names: Sequence[str]) -> NDArray[np.int64]:
-    """(K,) the labels from the one that most nodes prefer by themselves (N, K) to that of fewest.
+    """(K,) the labels by the number of nodes that prefer them, most preferred first.
 
-    A node prefers all labels of its highest score. Equals are in the order of the alphabet.
+    A node prefers all labels of its highest unary (N, K). Equals are in alphabetical order.
 
     Examples
     --------
@@ -58,9 +58,9 @@ def decoded_by_preference(
     names: Sequence[str],
     decoded: Callable[[Potentials, NDArray[np.int64]], Labeling],
 ) -> Labeling:
-    """What a decoder finds with labels in the order of :func:`preference_order`.
+    """Decode with labels in the order of :func:`preference_order`.
 
-    ``decoded`` is given the potentials in that order, and the order (K,).
+    ``decoded`` is called with the potentials in that order, and the order (K,).
     """
     order = preference_order(potentials.unary, names)
     if (order == np.arange(len(order))).all():
@@ -72,9 +72,9 @@ Fit = TypeVar("Fit", bound=Callable[..., Any])
 
 
 def learned_by_frequency(fit: Fit) -> Fit:
-    """A linear model's ``fit`` that is given labels by frequency, and keeps their names.
+    """Decorator of a linear model's ``fit`` that sorts labels by frequency.
 
-    A model that goes on learning (``warm_start``) keeps its order.
+    A warm-started model (``warm_start``) keeps its order.
     """
 
     @wraps(fit)

@@ -1,4 +1,4 @@
-"""Labelled problems as learners take them: labelled parts, what errors cost, what is held out."""
+"""Preparation of labelled problems for learners: labelled parts, losses, validation parts."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -20,9 +20,9 @@ def best_value(
     truth: Sequence[NDArray[np.int64]],
     answers: Sequence[Sequence[NDArray[np.int64]]],
 ) -> tuple[float, NDArray[np.float64]]:
-    """The best value, and (V, 2) every value with its balanced accuracy on all parts together.
+    """The best value, and (V, 2) every value with its balanced accuracy over all parts.
 
-    Among equals the smallest wins. Where no part could be held back it is the first one, with
+    Among equals the smallest wins. If no part could be held out, it is the first value, with
     accuracies of NaN.
 
     Parameters
@@ -31,7 +31,7 @@ def best_value(
     truth : sequence of (N_part,) int
         The true labels of each part.
     answers : V sequences of (N_part,) int
-        The labels that each value gave these parts.
+        The labels of these parts by each value.
 
     Examples
     --------
@@ -53,10 +53,10 @@ def best_value(
 
 WeightRule = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 ClassWeight = WeightRule | Mapping[str, Positive]
-"""What a label costs when it is missed: a rule of its share, or a weight by name, 1 elsewhere."""
+"""Cost of a missed label: a rule by its share, or a weight by name, 1 for other labels."""
 
 MANY = 100
-"""From so many problems on, options are compared on half of the parts alone."""
+"""Number of problems from which on options are compared on half of the parts."""
 
 # A problem and the true label (N,) of every node.
 Example = tuple[LabelingProblem, NDArray[np.int64]]
@@ -68,27 +68,27 @@ CLASS_WEIGHTS: dict[WeightRule, float] = {
     "two-thirds": 2 / 3,
     "inverse": 1.0,
 }
-"""Exponent p: a node of a label that is a share f of the nodes costs f^-p when it is wrong."""
+"""Exponent p: a wrong node of a label with share f of the nodes costs f^-p."""
 
 
 def node_losses(
     labels: NDArray[np.int64], label_names: Sequence[str], class_weight: ClassWeight
 ) -> NDArray[np.float64]:
-    """(N,) what a wrong label costs at each node, with mean 1.
+    """(N,) cost of a wrong label at each node, with mean 1.
 
     Raises
     ------
     LabelError
         A label has no example, so that nothing can be learned about it.
     InputError
-        A weight for a label that there is not.
+        A weight for an unknown label.
     """
     counts = np.bincount(labels, minlength=len(label_names))
     missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
     if missing:
         raise LabelError(
             f"no training map has a node labelled {', '.join(map(repr, missing))}; "
-            "add a map that has one or take the label out of label_names"
+            "add a map that has one or remove the label from label_names"
         )
     if isinstance(class_weight, Mapping):
         for name in class_weight:
@@ -107,7 +107,7 @@ def node_losses(
 def penalties_of(
     C: float | Literal["auto"] | tuple[float, ...], auto: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """The values of C to choose from; one where it is given."""
+    """The candidates of C; a single one if it is set."""
     if C == "auto":
         return auto
     return C if isinstance(C, tuple) else (float(C),)
@@ -119,12 +119,12 @@ def labelled_parts(
     *,
     with_unlabelled: bool = False,
 ) -> list[Example]:
-    """Each problem that has labels, without its unlabelled nodes unless these are wanted.
+    """Each problem with labels, without its unlabelled nodes unless ``with_unlabelled``.
 
     Raises
     ------
     InputError
-        Problems and labellings that do not belong together, or no label at all.
+        Problems and labellings do not match, or there is no label.
     """
     known: list[Example] = []
     for problem, truth in labelled_problems(problems, labelings):
@@ -146,13 +146,13 @@ def labelled_weights(
     *,
     with_unlabelled: bool = False,
 ) -> list[NDArray[np.float64]]:
-    """The weights of the nodes that :func:`labelled_parts` keeps."""
+    """The weights of the nodes in the result of :func:`labelled_parts`."""
     pairs = [(w, np.asarray(t) >= 0) for w, t in zip(weights, labelings, strict=True)]
     return [w if with_unlabelled else w[known] for w, known in pairs if known.any()]
 
 
 def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
-    """(N,) which part each node is held out with: whole problems where there are several."""
+    """(N,) the validation part of each node: its problem, or blocks of a single problem."""
     if len(examples) == 1:
         problem, truth = examples[0]
         return contiguous_parts(problem.graph, n_parts, truth)
@@ -173,7 +173,7 @@ def linked_steps(graph: LabelGraph) -> NDArray[np.bool_]:
 def searched_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
     """(N,) :func:`held_out_parts`, the second half of them -1 (never held out) with many problems.
 
-    Half of :data:`MANY` problems or more is enough to compare a few options by.
+    Half of :data:`MANY` problems or more is enough to compare a few options.
     """
     parts = held_out_parts(examples, n_parts)
     return np.where(parts < max(n_parts // 2, 1), parts, -1) if len(examples) >= MANY else parts

@@ -1,4 +1,4 @@
-"""How learning went, as arrays that are stored with the model."""
+"""Record of learning (status, bounds, times) as an array that is stored with the model."""
 
 import warnings
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ LEARNING_STATUSES = (
     "optimal", "inaccurate", "stalled", "iteration_limit", "time_limit", "stopped",
     "within_tolerance", "oracle_limit", "local_optimum",
 )  # fmt: skip
-"""Words of :class:`~pgm_places.solvers.margin_solution.LearnedWeights`; records hold their places
-here, so new ones come last."""
+"""Status words of :class:`~pgm_places.solvers.margin_solution.LearnedWeights`; records store
+indices into this tuple, so append new ones."""
 
 
 REASONS = (
@@ -33,31 +33,31 @@ REASONS = (
     "likelihoods know no cliques",
     "completes labels that are not known",
 )
-"""Why a learner was taken; records hold their places here, so new ones come last."""
+"""Reasons for the choice of a learner; records store indices, so append new ones."""
 
 NEGLIGIBLE = 1e-4
 """Gap in shares of C that is ignored beside an offset, where the optimum may be 0."""
 
 LARGE_GAP = 0.1
-"""A certified gap above this is warned of: the weights may label badly."""
+"""A certified gap above this causes a warning: the weights may label badly."""
 
 
 @dataclass(frozen=True)
 class LearningRecord:
-    """How learning went.
+    """Status, bounds and cost of learning.
 
     Parameters
     ----------
     status : str
         One of :data:`LEARNING_STATUSES`, as :class:`LearnedWeights` explains them.
     penalty : float
-        C, given or chosen.
+        C, set or chosen.
     objective : float
-        What the learner says it reached; the QP's value is repaired, hence rigorous.
+        The objective by the learner; the QP's is made feasible, hence rigorous.
     lower_bound : float
         No weights reach less (rigorous).
     certified_objective : float or None
-        A rigorous upper bound of what was reached, where it was asked for.
+        A rigorous upper bound of the objective, if requested.
     iterations : float
         Cuts, passes, or the QP solver's iterations.
     seconds, certificate_seconds : float
@@ -65,9 +65,9 @@ class LearningRecord:
     n_nodes, n_edges, n_maps : float
         Size of the training set.
     learner : str or None
-        What learned the weights; None in records of earlier versions.
+        Name of the learner; None in records of earlier versions.
     reason : str or None
-        Why it was this one: a sentence of :data:`REASONS`.
+        Reason for the learner: a sentence of :data:`REASONS`.
     """
 
     status: str
@@ -85,7 +85,7 @@ class LearningRecord:
     reason: str | None = None
 
     def to_array(self) -> NDArray[np.float64]:
-        """The fields in order: words as their places in the lists of this module, None as -1."""
+        """The fields in order: words as indices into the tuples of this module, None as -1."""
         values = {name: getattr(self, name) for name in _FIELDS}
         for name, words in _WORDS.items():
             values[name] = None if values[name] is None else words.index(values[name])
@@ -93,9 +93,9 @@ class LearningRecord:
 
     @classmethod
     def from_array(cls, values: NDArray[np.float64]) -> "LearningRecord":
-        """The record that :meth:`to_array` wrote.
+        """The record stored by :meth:`to_array`.
 
-        Earlier versions called every closed gap optimal; here only a proved one is.
+        Earlier versions stored ``optimal`` for every closed gap; it is read as such only if proved.
         """
         named: dict[str, Any] = dict(zip(_FIELDS, values.tolist(), strict=len(values) == N_RECORD))
         for name, words in _WORDS.items():
@@ -111,13 +111,13 @@ class LearningRecord:
 
     @property
     def certified_gap(self) -> float | None:
-        """(certified objective - lower bound) / certified objective, where there is one."""
+        """(certified objective - lower bound) / certified objective; None without a certificate."""
         if self.certified_objective is None:
             return None
         return relative_gap(self.certified_objective, self.lower_bound)
 
     def summary(self) -> Mapping[str, Any]:
-        """The record by name, with the gap and whole numbers as such."""
+        """The record by name, with the gap, and integers as int."""
         named: dict[str, Any] = {name: getattr(self, name) for name in _FIELDS}
         for name in ("iterations", "n_nodes", "n_edges", "n_maps"):
             named[name] = int(named[name])
@@ -147,13 +147,13 @@ def warn_of_gap(
     remedy = rescale if scale == "none" else f"take a smaller C than {record.penalty:g}"
     warnings.warn(
         f"learning stalled {100 * relative_gap(reached, record.lower_bound):.2g} % above its lower "
-        f"bound: it finds no better weights, and those it has may label badly; {remedy}",
+        f"bound: it finds no better weights, and the current ones may label badly; {remedy}",
         LearningWarning,
         stacklevel=3,
     )
 
 
-# What was ended by hand, and what has no lower bound.
+# Ended by the user, or without a lower bound.
 _NO_GAP = ("stopped", "local_optimum")
 
 _FIELDS = tuple(LearningRecord.__dataclass_fields__)
@@ -163,7 +163,7 @@ N_RECORD = len(_FIELDS)
 """Length of the array of a record."""
 
 LENGTHS = (N_RECORD - 2, N_RECORD)
-"""Those that are read: earlier versions do not say which learner it was."""
+"""Accepted lengths: records of earlier versions lack the learner."""
 
 
 def history_array(history: tuple[LearningStep, ...]) -> NDArray[np.float64]:

@@ -14,23 +14,23 @@ from pgm_places.models.feature_scaling import column_sizes, mean_and_spread
 
 NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
-probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
+probabilities, and the problem's node features; ``auto`` is ``logz`` and ``raw`` if available."""
 
 OFFSET = "offset"
-"""A part that is no feature: the log-probabilities as scores, to which learned ones are added."""
+"""A part that is not a feature: log-probabilities as fixed scores in addition to learned ones."""
 
 EDGE_FEATURES = (
     "auto", "constant", "diagonal", "kind", "unary-difference", "raw-difference", "given",
 )  # fmt: skip
 """Edge features; see :func:`edge_features`."""
 
-# Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
-# column is scaled. In-sample scores are over-confident and lose their order under a higher floor.
+# Floor of log-probabilities, so that impossible labels do not dominate the scaling of a column.
+# In-sample scores are over-confident; a higher floor would lose their order.
 LOG_FLOOR = -15.0
 
 
 def parse_node_features(text: str, *, with_offset: bool = False) -> tuple[str, ...]:
-    """The parts of ``"logz+raw"``; ``offset`` may be one of them where a model has offsets.
+    """The parts of ``"logz+raw"``; ``offset`` is allowed for models with offsets.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
     Raises
     ------
     InputError
-        A part needs the problem's unary or node features, and there are none.
+        A part needs a unary or node features that the problem lacks.
     """
     columns: list[Any] = []
     there = {"logz": problem.unary is not None, "raw": problem.node_features is not None}
@@ -93,19 +93,19 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
 
 
 def node_offset(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64] | None:
-    """(N, K) the scores that are not learned, where ``parts`` have the offset; None otherwise."""
+    """(N, K) fixed scores if ``parts`` include the offset; None otherwise."""
     return _probabilities(problem, OFFSET, logarithm=True) if OFFSET in parts else None
 
 
 def field_features(problem: LabelingProblem, names: str) -> NDArray[np.float64]:
-    """The node features of a field, whose ``auto`` is ``raw`` only where there is no unary."""
+    """The node features of a conditional random field; ``auto`` is ``raw`` only without a unary."""
     alone = problem.unary is None
     parts = parse_node_features(names)
     return node_features(problem, with_auto(parts, {"raw": alone, "logz": not alone}))
 
 
 def with_auto(names: Sequence[str], there: Mapping[str, bool]) -> list[str]:
-    """The names with ``auto`` replaced by those that are there."""
+    """The names with ``auto`` replaced by the available features."""
     if "auto" not in names:
         return list(names)
     present = [name for name, is_there in there.items() if is_there]
@@ -140,8 +140,8 @@ def _width(problem: LabelingProblem, name: str) -> int:
 def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDArray[np.float64]:
     """(F,) the size of each column of :func:`edge_features` over all edges of some problems.
 
-    That is 1 for the columns that are computed here, which are at most 1, and the root mean square
-    of the entries that are not 0 for those given
+    This is 1 for columns computed here, which are at most 1, and the root mean square of the
+    non-zero entries for ``given`` columns
     (:func:`~pgm_places.models.feature_scaling.column_sizes`).
 
     Raises
@@ -164,22 +164,22 @@ def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDA
 
 
 def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
-    """(E, F) edge features, all at least 0 but those ``given``.
+    """(E, F) edge features, all at least 0 except ``given`` ones.
 
     ``constant``
         1 on edges of length one, ``1/sqrt(2)`` on diagonals, so that the price of a border grows
         with its length.
     ``diagonal``
-        1 on diagonal edges, else 0: lets diagonals weigh more than that.
+        1 on diagonal edges, else 0: allows another weight of diagonals.
     ``kind``
         One column for each :class:`~pgm_places.graph.edge_kind.EdgeKind`, 1 on edges of that kind:
-        lets neighbours in a map, successive steps, and links between them weigh differently.
+        allows different weights of neighbours in a map, successive steps, and links between them.
     ``unary-difference``
         1 - TV(p_i, p_j), with the total variation distance of the ends' label probabilities:
-        1 where the classifier says the same at both ends, 0 where it excludes that.
+        1 for equal probabilities at both ends, 0 for disjoint ones.
     ``raw-difference``
         ``exp(-mean |f_i - f_j| / s)`` over node features f in units of their spread over the graph,
-        with s the mean such distance over edges; 1 where the ends look alike.
+        with s the mean of this distance over edges; 1 for equal features.
     ``given``
         The problem's own edge features.
     ``auto``

@@ -1,4 +1,4 @@
-"""What models that are linear in their weights keep of learning, and what follows from it."""
+"""Base class of linear structured models: shared options, learned arrays, record of learning."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -62,49 +62,48 @@ from pgm_places.solvers.set_terms import SetTerms
 @travels
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearModel(LearnedNames):
-    """The options and learned arrays that networks and fields share; a model adds its own.
+    """Options and learned arrays shared by associative networks and conditional random fields.
 
     Parameters
     ----------
     n_validation_blocks : int
-        How many parts are held out in turn to compare several C.
+        Number of parts that are held out in turn to compare several C.
     loss : {"class-weighted", "hamming"} or (K, K) float
-        What a wrong label costs in max-margin learning: plain Hamming counts nodes, so rare labels
-        are given up where they are in doubt; class-weighted costs more for rare labels; a table
-        says what each label (column) costs where another (row) is true, 0 on the diagonal, scaled
-        to mean 1.
+        Cost of a wrong label in max-margin learning. ``hamming`` counts nodes, which sacrifices
+        uncertain rare labels; ``class-weighted`` costs more for rare labels; a table has the cost
+        of each label (column) for each true one (row), 0 on the diagonal, scaled to mean 1.
     class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"} or mapping
         A node of a label with share f of the nodes costs ``f**-p`` with p = 2/3, 1/2, 1/3, 1 or
-        0, or the weight that is given for its label (1 where none is), scaled to mean 1. For the
-        class-weighted loss alone.
+        0, or the weight of its label in the mapping (1 for other labels), scaled to mean 1. Only
+        for the class-weighted loss.
     node_features : str
         Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
-        ``raw`` (the problem's node features). ``auto`` is what there is of ``logz`` and ``raw``;
-        with both, ``raw`` is taken only if it labels held-out parts better by a point. Repeated
-        columns are dropped, the rest is standardised, and a constant is added.
+        ``raw`` (the problem's node features). ``auto`` is ``logz`` and ``raw`` if available; with
+        both, ``raw`` is used only if it labels held-out parts better by a point. Repeated columns
+        are dropped, the rest is standardised, and a constant is added.
     edge_features : tuple of str
         ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
         ``given``; or ``auto``. See :func:`pgm_places.models.linear_features.edge_features`.
     clique_dissent : float
         The share of its nodes, up to a half, that may differ before a set of the problem's
-        ``cliques`` earns nothing. What it earns by label is learned by max margin from a constant
-        and the problem's ``clique_features``; see :mod:`pgm_places.solvers.set_terms`.
+        ``cliques`` earns nothing. Rewards by label are learned by max margin from a constant and
+        the problem's ``clique_features``; see :mod:`pgm_places.solvers.set_terms`.
     learning_tolerance : float
         Relative gap at which learning ends.
     time_limit_s : float, optional
         Learning ends after this many seconds with the best weights so far.
     warm_start : bool
-        Whether ``fit`` of a model that has learned begins at its weights, with its scaling of the
-        features: with a few more problems it takes fewer steps to the same minimum.
+        Whether ``fit`` of a fitted model starts at its weights, with its scaling of the features:
+        with a few more problems it needs fewer steps to the same minimum.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     certify : bool
-        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
+        Whether ``infer`` adds an upper bound of the best score if the decoder has none.
     scale : {"auto", "deviation", "none"}
-        How features are scaled before learning, so that their units do not matter. ``auto``
-        standardises node features and clips them to +-5, but leaves columns of zeros and ones as
-        they are, and divides sparse columns and the given features of edges and cliques by their
-        size; ``deviation`` standardises all node features; ``none`` takes all as they are. See
+        Scaling of features before learning, so that their units do not matter. ``auto``
+        standardises node features and clips them to +-5, but leaves columns of zeros and ones
+        unchanged, and divides sparse columns and the ``given`` features of edges and cliques by
+        their size; ``deviation`` standardises all node features; ``none`` changes none. See
         :class:`pgm_places.models.feature_scaling.Standardization`.
     """
 
@@ -150,7 +149,7 @@ class LinearModel(LearnedNames):
             self._check_learned()
 
     def with_options_in(self, order: NDArray[np.int64]) -> Self:
-        """The model with label ``order[k]`` in place k of a loss that is a table."""
+        """The model with label ``order[k]`` at index k of a loss table."""
         if isinstance(self.loss, str):
             return self
         table = checked_costs(self.loss, len(order))[np.ix_(order, order)]
@@ -158,14 +157,14 @@ class LinearModel(LearnedNames):
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """How learning went, by name: status, C, learner, bounds, gap, seconds, sizes.
+        """The record of learning by name: status, C, learner, bounds, gap, seconds, sizes.
 
-        ``held_out`` holds the options that were compared, with their scores on held-out parts.
+        ``held_out`` has the compared options with their scores on held-out parts.
 
         Raises
         ------
         NotFittedError
-            The model has not learned.
+            The model is not fitted.
         """
         self._learned("node_weights")
         if self.learning is None:
@@ -176,19 +175,19 @@ class LinearModel(LearnedNames):
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """What was chosen on training data, in words by option; {} before learning."""
+        """The choices on training data, in words by option; {} before learning."""
         return {} if self.node_weights is None else choice_words(self.summary)
 
     @property
     def _node_parts(self) -> str:
-        """The node features that were chosen, or those that were asked for."""
+        """The node features, chosen or set."""
         if self.node_choice is None:
             return self.node_features
         chosen = learned_number("node_choice", self.node_choice, 0, len(NODE_CHOICES))
         return NODE_CHOICES[chosen] if chosen else self.node_features
 
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
-        """The node features to compare on held-out parts; more than one where it is ``auto``."""
+        """The node features to compare on held-out parts; more than one for ``auto``."""
         if self._goes_on:
             return (self._node_parts,)
         both = all(p.unary is not None and p.node_features is not None for p in problems)
@@ -196,26 +195,26 @@ class LinearModel(LearnedNames):
 
     @property
     def _goes_on(self) -> bool:
-        """Whether learning begins with what was learned before."""
+        """Whether learning is warm-started from earlier weights."""
         return self.warm_start and self.node_weights is not None
 
     def edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
-        """The edge features of a problem: the chosen ones, or what ``auto`` is there."""
+        """The edge features of a problem, with ``auto`` resolved."""
         return tuple(resolved_edges(problem, self.edge_features))
 
     @in_learned_order
     def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
+        """(C, K) reward per node of a clique whose nodes all have a label.
 
         Raises
         ------
         InputError
-            Cliques in the problem but not in training, or the other way round; or other features.
+            Only one of problem and training has cliques, or their features differ.
         """
         return learned_rewards(problem, self.clique_weights)
 
     def _learned(self, *names: str) -> list[NDArray[Any]]:
-        """Learned arrays by name, all of them there."""
+        """Learned arrays by name; NotFittedError if one is missing."""
         arrays = [getattr(self, name) for name in names]
         if any(array is None for array in arrays):
             raise NotFittedError(
@@ -224,14 +223,14 @@ class LinearModel(LearnedNames):
         return arrays
 
     def _costs(self, n_labels: int) -> NDArray[np.float64] | None:
-        """(K, K) what confusing labels costs, scaled to a mean of 1; None if all cost the same."""
+        """(K, K) costs of confusions, scaled to a mean of 1; None if all are equal."""
         if isinstance(self.loss, str):
             return None
         costs = checked_costs(self.loss, n_labels)
         return costs * (n_labels * (n_labels - 1) / costs.sum())
 
     def _loss_of(self, names: Sequence[str]) -> LossOf:
-        """What a wrong label costs at nodes of given labels."""
+        """Cost of a wrong label at nodes with these true labels."""
         weight = self.class_weight if self.loss == "class-weighted" else "none"
         return lambda labels: node_losses(labels, names, weight)
 
@@ -241,14 +240,14 @@ class LinearModel(LearnedNames):
 
     @abstractmethod
     def _edge_columns(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(E, F) the edge features of a problem, as given."""
+        """(E, F) the edge features of a problem, unscaled."""
 
     @abstractmethod
     def _edge_sizes(self, problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
-        """(F,) by what these are divided while learning."""
+        """(F,) divisors of the edge features during learning."""
 
     def _prepared(self, examples: Sequence[Example], parts: str) -> PreparedProblems:
-        """The training problems side by side, with node features of these ``parts``."""
+        """The training problems as one, with node features of these ``parts``."""
         problems = [problem for problem, _ in examples]
         require_like_cliques(problems)
         raw = [self._node_columns(problem, parts) for problem in problems]
@@ -282,7 +281,7 @@ class LinearModel(LearnedNames):
     def _offset(
         self, problems: Sequence[LabelingProblem], parts: str
     ) -> NDArray[np.float64] | None:
-        """(N, K) the scores of all nodes that are not learned, None without an offset."""
+        """(N, K) fixed scores of all nodes, None without an offset."""
         names = parse_node_features(parts, with_offset=True)
         found = [node_offset(problem, names) for problem in problems]
         return np.concatenate([x for x in found if x is not None]) if OFFSET in names else None
@@ -290,16 +289,7 @@ class LinearModel(LearnedNames):
     def _weights_to_begin_with(
         self, of_edges: str, sizes: NDArray[np.float64], n_labels: int, *, alike: bool = False
     ) -> NDArray[np.float64] | None:
-        """The learned weights, those of nodes first, as the vector that learning goes on from.
-
-        They are multiplied by the sizes (n_weights,) that features are divided by now; None where
-        learning begins anew. Those of edges may be ``alike`` for all labels, and are then one.
-
-        Raises
-        ------
-        InputError
-            The problems to learn from have other labels or features.
-        """
+        """The warm start: a flat vector times ``sizes``, one edge weight if ``alike``; or None."""
         if not self._goes_on:
             return None
         parts = self._learned("node_weights", of_edges)
@@ -308,7 +298,7 @@ class LinearModel(LearnedNames):
         weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
         if len(weights) != len(sizes) or parts[0].shape[1] != n_labels:
             raise InputError(
-                "warm_start needs the labels and features that the model has learned: it has "
+                "warm_start needs problems with the model's labels and features: it has "
                 f"{len(weights)} weights, these problems need {len(sizes)}"
             )
         return weights * sizes
@@ -321,7 +311,7 @@ class LinearModel(LearnedNames):
         return Standardization(int(count[0]), columns, mean, scale, clip)
 
     def _require_labels(self, problem: LabelingProblem) -> None:
-        """Refuse what is no problem, and one with other labels than in training."""
+        """Raise InputError unless this is a problem with the labels of training."""
         [node_weights] = self._learned("node_weights")
         require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
         if problem.n_labels != node_weights.shape[1]:
@@ -333,13 +323,13 @@ class LinearModel(LearnedNames):
     def _decoded(
         self, problem: LabelingProblem, potentials: Potentials, inference: Decoder
     ) -> Labeling:
-        """What a decoder finds, with how learning went in ``info["learning"]``."""
+        """A decoder's labelling, with the record of learning in ``info["learning"]``."""
         rewards = self.clique_rewards(problem)
         labeling = decode_cliques_as(self, problem, potentials, inference, rewards)
         return replace(labeling, info={**labeling.info, "learning": self.summary})
 
     def _check_learned(self) -> None:
-        """Arrays from a file must fit together before anything is computed with them."""
+        """Check that learned arrays, which may come from a file, are consistent."""
         [node_weights] = self._learned("node_weights")
         scaling = self._scaling()
         n_kept = len(scaling.columns)
@@ -363,11 +353,11 @@ class LinearModel(LearnedNames):
 
 
 def require_edge_features(count: int, n_known: int) -> None:
-    """Refuse a problem with another number of edge features than in training."""
+    """Raise InputError if the number of edge features differs from training."""
     if count != n_known:
         raise InputError(
-            f"the model was trained on {n_known} edge features, this problem has {count}; make "
-            "them the same way as for training"
+            f"the model was trained on {n_known} edge features, this problem has {count}; "
+            "compute them as for training"
         )
 
 
@@ -378,7 +368,7 @@ def learned_arrays(
     search: NDArray[np.float64] | None,
     node_parts: str,
 ) -> dict[str, Any]:
-    """What learning leaves beside the weights, by the names of :class:`LinearModel`."""
+    """Learned arrays other than the weights, by the names of :class:`LinearModel`."""
     scaling = ready.scaling
     return {
         "feature_columns": scaling.columns,

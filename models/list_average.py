@@ -9,25 +9,25 @@ from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.strong_classifier import BoostedTrees
 
-_SLOPE = 2.0  # that of equation 7, so that F means what it does in a list that was boosted
+_SLOPE = 2.0  # the slope of equation 7, so that F has the same meaning as in a boosted list
 
 
 def list_average(lists: Sequence[BoostedList]) -> BoostedList:
-    """The list whose log-odds are the mean of those of some lists of trees.
+    """A list whose log-odds are the mean log-odds of several lists of trees.
 
-    F is a sum over trees, so the mean of L classifiers is again one: it has the trees of all, their
-    leaves scaled by 1 / L and by what each list's calibration makes of them.
+    F is a sum over trees, so the mean of L classifiers is again a sum: it has all trees, with
+    leaves scaled by 1 / L and by each list's calibration.
 
     Parameters
     ----------
     lists : sequence of L BoostedList
-        Of trees of one depth, on the same columns, asking for the same classes in the same order.
+        Lists of trees of one depth, on equal columns, with equal classes in equal order.
 
     Returns
     -------
     BoostedList
-        ``log_histogram`` is the geometric mean of the binary confidences, put together by
-        equation 8. A single list is returned as it is.
+        ``log_histogram`` combines the geometric means of the binary confidences by equation 8. A
+        single list is returned unchanged.
 
     Raises
     ------
@@ -36,8 +36,8 @@ def list_average(lists: Sequence[BoostedList]) -> BoostedList:
 
     References
     ----------
-    Breiman, Bagging predictors, Machine Learning 24, 1996; here the lists differ in the maps that
-    they learned from.
+    Breiman, Bagging predictors, Machine Learning 24, 1996; here the lists differ in their training
+    maps.
     """
     first, *others = lists
     if not others:

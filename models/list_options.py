@@ -9,7 +9,7 @@ from pgm_places.options import Options, Seed
 
 @dataclass(frozen=True)
 class BoostingOptions(Options):
-    """What is boosted, for how long, and how boldly.
+    """Options of boosting: weak learners, rounds, shrinkage.
 
     Parameters
     ----------
@@ -22,14 +22,14 @@ class BoostingOptions(Options):
         1 boosts decision stumps by generalised AdaBoost, as the paper does; 2 to 4 boosts
         regression trees with this many levels by gentle AdaBoost.
     shrinkage : float
-        The vote of every stump or tree is multiplied by this; 1 is the paper's. Trees generalise
-        better with about 0.3.
+        Factor of the vote of every stump or tree; 1 is the paper's. Trees generalise better with
+        about 0.3.
     feature_share : float
         Share of the features, redrawn for each tree, among which its splits are searched; stumps
-        always search all. Training takes as much less time.
+        always search all. The time of training is proportional to it.
     seed : int
-        Of what is drawn: the features of each tree and, where fewer examples are taken than there
-        are, these. Stumps on all examples draw nothing.
+        Seed of random draws: the features of each tree, and the examples if only some are used.
+        Stumps on all examples draw nothing.
     """
 
     n_rounds: Annotated[int, Ge(1), Le(100_000)] = 100
@@ -45,21 +45,21 @@ PriorWeight = Annotated[float, Ge(0), Le(2)]
 
 @dataclass(frozen=True)
 class ListOptions(BoostingOptions):
-    """How a decision list is boosted, and what is made of its confidences.
+    """Options of a decision list: boosting, decision rule, calibration.
 
     Parameters
     ----------
     decision : {"list", "argmax"}
-        Predict the first class whose classifier says yes (section 3 of the paper), or the largest
+        Predict the first class with a positive classifier (section 3 of the paper), or the largest
         bin of the histogram z (eq. 8).
     criterion : {"balanced_accuracy", "accuracy"}
         What the exhaustive search for an order maximises.
     calibration : {"none", "platt", "temperature"}
         Confidences by eq. 7, by Platt's scaling of F on held-out examples, or with the log-odds of
-        eq. 7 and ``prior_weight`` multiplied by what makes them as sure as held-out examples are.
+        eq. 7 and ``prior_weight`` times a temperature fitted on held-out examples.
     prior_weight : float
-        How far z follows the frequencies of the labels in training: 0 is eq. 7 as printed, 1 trusts
-        them.
+        Weight of the labels' frequencies in training on z: 0 is eq. 7 as printed, 1 their full
+        log-odds.
     clip : float
         Bins of z are at least this before they are normalised again; 0 for none.
     """

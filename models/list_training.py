@@ -26,7 +26,7 @@ Order = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Folds:
-    """Which fold each example belongs to, and the folds that are held out in turn."""
+    """The fold of each example, and the folds that are held out in turn."""
 
     number: NDArray[np.int64]
     held_out: tuple[int, ...]
@@ -47,16 +47,16 @@ def last_quarters(labels: NDArray[np.int64], n_classes: int) -> Folds:
         members = np.flatnonzero(labels == k)
         if len(members) < 2:
             raise InputError(
-                f"class {k} has {len(members)} example; holding a part out needs at least two"
+                f"class {k} has {len(members)} example; holding out a part needs at least two"
             )
         number[members[len(members) - max(1, len(members) // 4) :]] = 1
     return Folds(number, (1,))
 
 
 def folds_of_groups(groups: NDArray[Any], labels: NDArray[np.int64], n_classes: int) -> Folds:
-    """One fold per group, or five folds of neighbouring groups where there are more.
+    """One fold per group, or five folds of neighbouring groups if there are more.
 
-    Folds without which some class has no example left are never held out.
+    A fold with all examples of some class is never held out.
 
     Raises
     ------
@@ -73,8 +73,8 @@ def folds_of_groups(groups: NDArray[Any], labels: NDArray[np.int64], n_classes: 
     )
     if not held_out:
         raise InputError(
-            f"groups: without any of the {n_folds} folds some class has no example left; "
-            "give smaller groups, or none"
+            f"groups: each of the {n_folds} folds has all examples of some class; "
+            "pass smaller groups, or none"
         )
     return Folds(number, held_out)
 
@@ -83,8 +83,8 @@ def folds_of_groups(groups: NDArray[Any], labels: NDArray[np.int64], n_classes: 
 class ListTraining:
     """The binary classifiers of all lists on one training set, each trained at most once.
 
-    A classifier depends on its class, on the set of classes that come later, and on the fold that
-    is held out, so lists of different orders share most of them; all share one preparation.
+    A classifier depends on its class, on the set of later classes, and on the held-out fold, so
+    lists of different orders share most classifiers; all share one preparation.
     """
 
     X: NDArray[np.float32]
@@ -194,7 +194,7 @@ class ListTraining:
     def tempered(
         self, calibration: NDArray[np.float64], order: Sequence[int]
     ) -> NDArray[np.float64]:
-        """Slopes and offsets (K - 1, 2), both times what held-out scores ask for."""
+        """Slopes and offsets (K - 1, 2), both times a temperature from held-out scores."""
         both = calibration.copy()
         for i, (slope, offset) in enumerate(calibration):
             scores, positive, weights = self._held_out(order, i)
@@ -225,8 +225,8 @@ def prior_calibration(
 ) -> NDArray[np.float64]:
     """(K - 1, 2) slope 2 (eq. 7) and offset of each classifier's confidence.
 
-    The offset is ``prior_weight * log(w+ / w-)`` with the weights of the class and of those later
-    in the list: what Bayes' rule adds to the log-odds learned with ``w+ = w-``.
+    The offset is ``prior_weight * log(w+ / w-)`` with the weights of the class and of later classes
+    of the list: the prior term of Bayes' rule for log-odds learned with ``w+ = w-``.
     """
     carried = np.bincount(labels, weights=weights, minlength=len(order))[list(order)]
     later = np.cumsum(carried[::-1])[::-1][1:]
@@ -245,7 +245,7 @@ def _log_bins(scores: NDArray[np.float64]) -> NDArray[np.float64]:
 def platt(
     scores: NDArray[np.float64], positive: NDArray[np.bool_], weights: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Slope a and offset b of the likeliest expit(a F + b), by Newton's method.
+    """Slope a and offset b of expit(a F + b) by maximum likelihood, with Newton's method.
 
     Targets are smoothed as by Platt, (n+ + 1)/(n+ + 2) and 1/(n- + 2), so that separable scores
     have a finite answer (Platt 1999; Lin, Lin and Weng 2007). Eq. 7, (2, 0), where the scores
@@ -286,7 +286,7 @@ def platt(
 def temperature(
     log_odds: NDArray[np.float64], positive: NDArray[np.bool_], weights: NDArray[np.float64]
 ) -> float:
-    """The factor s of the likeliest expit(s l), at least a thousandth; no decision changes by it.
+    """The factor s of expit(s l) by maximum likelihood, at least 0.001; decisions do not change.
 
     The derivative of the cross entropy, sum of w (expit(s l) - t) l, rises with s: its root is
     enclosed and bisected. Targets t are smoothed as in :func:`platt`; 1 where one of the classes is

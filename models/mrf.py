@@ -1,4 +1,4 @@
-"""Potts field: a Markov random field with one weight, the simplest structured baseline."""
+"""Potts field: a Markov random field with one smoothing weight, the simplest structured model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,16 +21,16 @@ from pgm_places.models.decoding_task import Damping
 from pgm_places.models.evidence import Evidence, divided_share, without_prior
 from pgm_places.options import AtLeastZero, Options, Positive, Whole
 
-# Weights that are tried on labelled nodes, in units of the default, which wins among equals.
+# Candidate weights, in units of the default, which wins among equals.
 FACTORS = (1.0, 0.0, 0.125, 0.25, 0.5, 2.0, 4.0)
 
-# What the neighbours of a node earn together; docs/own_problem.md compares weights on graphs.
+# Total reward of a node's neighbours; docs/own_problem.md compares weights on graphs.
 NEIGHBOURHOOD = 2.0
 
 
 @dataclass(frozen=True)
 class PottsField(Options):
-    """Smooths the unaries: every pair of neighbours that agrees earns a weight.
+    """Smooths the unaries by a reward for every pair of neighbours that agrees.
 
     A labelling scores ``sum_i unary[i, y_i] + weight * sum_ij w_ij [y_i = y_j]`` (the Potts
     model); nothing is learned.
@@ -38,40 +38,37 @@ class PottsField(Options):
     Parameters
     ----------
     weight : float or "auto"
-        What a pair of neighbours earns by agreeing, in units of the unary log-probabilities. Eight
-        neighbours earn eight times as much, and a map of half the cell size has twice as many
-        along every border: a good weight is one for a resolution. ``"auto"`` is 2 over the mean
-        degree of the graph's nodes, so that all neighbours of a node together earn 2 whatever
-        their number: 1 on a chain, a quarter on a grid with diagonals.
+        Reward of a pair of agreeing neighbours, in units of the unary log-probabilities. A map of
+        half the cell size has twice as many pairs along every border, so a good weight depends on
+        the resolution. ``"auto"`` is 2 divided by the mean degree of the graph's nodes, a total of
+        2 for all neighbours of a node: 1 on a chain, a quarter on a grid with diagonals.
     inference : str
         The name of a decoder (docs/inference.md): ``graph-cut``, ``trw-s``, ...
     certify : bool
-        Whether to add an upper bound of the best score where the decoder has none.
+        Whether to add an upper bound of the best score if the decoder has none.
     evidence : {"posterior", "likelihood"} or float
-        What the unary is taken for: the logarithm of posteriors, or, with ``likelihood``, of
-        posteriors divided by the labels' ``shares``; a number from 0 to 1 is the exponent of the
-        shares. A posterior holds them already, and neighbours count them again: where a label is
-        rare, smoothing posteriors loses it.
+        Whether to use the unary as posteriors, or, with ``likelihood``, to divide it by the labels'
+        ``shares``; a number from 0 to 1 is the exponent of the shares. Posteriors include the
+        prior, which neighbours then count repeatedly: smoothing posteriors loses rare labels.
     shares : list of K float, optional
-        Share of each label, to divide by: those of the labelled nodes by default, which labelers
-        fill in (:meth:`with_shares`).
+        Share of each label to divide by; labelers set the shares of the labelled nodes
+        (:meth:`with_shares`).
     edge_weights : {"equal", "given"}
         Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
-        strength of a tie, likeness of two ends.
+        strength of a tie, similarity of two ends.
     clique_weight : float
-        What a set of nodes in the problem's ``cliques`` earns for each node while all agree.
+        Reward per node of a set in the problem's ``cliques`` whose nodes all agree.
     clique_dissent : float
         The share of its nodes that may differ before a set earns nothing; see
         :mod:`pgm_places.solvers.set_terms`.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     damping : float, optional
-        What messages and beliefs keep of their old value in an iteration, instead of the decoder's
-        own share, for ``max-product``, ``sum-product`` and ``mean-field``.
+        Weight of the old value in updates of messages and beliefs, instead of the decoder's
+        default, for ``max-product``, ``sum-product`` and ``mean-field``.
     temperature : float or "auto"
-        What divides the logarithms of the beliefs that a decoder gives; labels never change.
-        ``"auto"`` is 1 until a labeler of maps or of problems has scores of nodes by classifiers
-        that had not seen them: it then takes the temperature that makes their labels likeliest.
+        Divisor of the logarithms of a decoder's beliefs; labels never change. ``"auto"`` is fitted
+        by a labeler of maps or problems by maximum likelihood on held-out scores; otherwise 1.
 
     Examples
     --------
@@ -98,11 +95,11 @@ class PottsField(Options):
 
     @property
     def gives_beliefs(self) -> bool:
-        """Whether its decoder says how probable each label is."""
+        """Whether its decoder returns beliefs."""
         return gives_beliefs(self.inference)
 
     def with_shares(self, labelings: Sequence[NDArray[np.int64]], n_labels: int) -> "PottsField":
-        """One that divides by the labels' shares among the known ones; itself if it need not.
+        """A field with the labels' shares in these labels; itself if it does not need them.
 
         One node of each label is added, so that none has the share 0.
         """
@@ -119,10 +116,10 @@ class PottsField(Options):
         *,
         factors: Sequence[float] = FACTORS,
     ) -> "PottsField":
-        """One with the weight that labels these problems best.
+        """A field with the weight that labels these problems best.
 
-        The unaries should be of a classifier that has not seen the labelled nodes: on nodes that it
-        was fitted on it hardly errs, and no neighbours are needed.
+        The unaries should be held-out scores: on its training nodes a classifier hardly errs, and
+        smoothing seems unnecessary.
 
         Parameters
         ----------
@@ -130,8 +127,8 @@ class PottsField(Options):
         labelings : sequence of (N,) int
             True labels, -1 where unknown: these nodes are smoothed, but not counted.
         factors : sequence of float
-            The weights that are tried, in units of ``"auto"`` of the first problem; among equals
-            in accuracy the first.
+            Candidate weights, in units of ``"auto"`` of the first problem; among equals in accuracy
+            the first.
 
         Examples
         --------
@@ -156,9 +153,8 @@ class PottsField(Options):
         Raises
         ------
         InputError
-            The problem has no unary, forbids every label at some node, lacks the edge weights that
-            are wanted, or the decoder cannot take the weight (a graph cut wants it to be at least
-            0).
+            The problem has no unary, forbids every label at some node, or lacks ``given`` edge
+            weights; or the decoder does not support the weight (a graph cut needs at least 0).
         """
         return tempered(self._decoded(problem), self.temperature)
 
@@ -172,7 +168,7 @@ class PottsField(Options):
     def _evidence(
         self, problem: LabelingProblem, unary: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The unary as it is taken: nodes of which nothing was observed stay as they are."""
+        """The unary divided by shares per ``evidence``; nodes without observation stay."""
         share = divided_share(self.evidence)
         if not share:
             return unary
@@ -180,20 +176,20 @@ class PottsField(Options):
             came = "none" if self.shares is None else f"{len(self.shares)}"
             raise InputError(
                 f"evidence={self.evidence!r} divides by the share of each of {problem.n_labels} "
-                f"labels, got {came}; give shares=[...], or label with a StructuredLabeler, which "
+                f"labels, got {came}; pass shares=[...], or label with a StructuredLabeler, which "
                 "learns them"
             )
         return without_prior(problem, unary, np.asarray(self.shares) / np.sum(self.shares), share)
 
 
 def _by_degree(graph: LabelGraph) -> float:
-    """The weight with which all neighbours of a node of mean degree together earn 2."""
+    """The weight with a total reward of 2 for the neighbours of a node of mean degree."""
     mean_degree = 2 * graph.n_edges / max(graph.n_nodes, 1)
     return NEIGHBOURHOOD / max(mean_degree, 1.0)
 
 
 def _given(problem: LabelingProblem) -> NDArray[np.float64]:
-    """(E,) the weights that come with the problem."""
+    """(E,) the edge weights of the problem."""
     weights = problem.edge_features
     if weights is None or weights.shape[1] != 1:
         came = "none" if weights is None else f"shape {weights.shape}"

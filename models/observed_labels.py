@@ -10,19 +10,19 @@ from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import known_beside
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-# In how many parts labels are asked for: four fifths told are nearly what all of them are.
+# Number of folds: learning is then conditioned on four fifths of the labels.
 N_PARTS = 5
 
 
 def observed_in_folds(
     problem: LabelingProblem, labels: ArrayLike, n_parts: int = 5
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
-    """What to learn from a graph some of whose labels are known, where its nodes say little.
+    """Training problems from one graph with some known labels and weak node features.
 
-    The problem comes back ``n_parts`` times. Each copy is told all labels but those of one part,
-    which it is asked for: a model learns from them how far known labels reach, as it will use them
-    on the graph itself. Learned without being told, links have nothing to lean on, and all nodes
-    get the label of most.
+    The problem is copied ``n_parts`` times. Each copy observes all known labels except one part,
+    which is the training target: a model learns how far observed labels propagate, as in its later
+    use. Without observed labels, learned links propagate nothing, and all nodes get the most
+    frequent label.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def observed_in_folds(
     labels : (N,) int
         -1 where there is none.
     n_parts : int
-        At least 2. Parts are drawn at random among the labelled nodes, from a fixed seed: known
-        labels lie scattered over the graph, and so must those that are asked for.
+        At least 2. Parts are drawn at random from the labelled nodes with a fixed seed, so that
+        targets are scattered over the graph like the known labels.
 
     Returns
     -------
@@ -69,15 +69,15 @@ def with_observed(
     labelings: Sequence[NDArray[np.int64]],
     weights: list[NDArray[np.float64]] | None,
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]], list[NDArray[np.float64]] | None]:
-    """What to learn from: labellings with the labels that the problems tell, too.
+    """Problems and labellings to learn from, with observed labels added to the labellings.
 
-    A problem of which all labels are observed is learned in folds (:func:`observed_in_folds`);
-    the weights of its nodes follow.
+    A problem whose labels are all observed is learned in folds (:func:`observed_in_folds`);
+    weights of its nodes are copied.
 
     Raises
     ------
     InputError
-        A problem tells another label than its labelling, or the only one there is.
+        An observed label contradicts the labelling, or a problem's only label is observed.
     """
     examples: list[tuple[LabelingProblem, NDArray[np.int64], int]] = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
@@ -91,8 +91,8 @@ def with_observed(
         if n_labelled and not ((truth >= 0) & (observed < 0)).any():
             if n_labelled == 1:
                 raise InputError(
-                    f"the only label of problem {number} is known to it, so that nothing is left "
-                    "to learn from; label more"
+                    f"the only label of problem {number} is observed (known), so that no target is "
+                    "left to learn from; label more nodes"
                 )
             copies, truths = observed_in_folds(problem, whole, min(N_PARTS, n_labelled))
             examples += [(copy, part, number) for copy, part in zip(copies, truths, strict=True)]
@@ -105,9 +105,9 @@ def with_observed(
 def without_observed(
     problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
-    """The problems without evidence, whose labels are then all to be learned.
+    """The problems without observed labels; all labels become training targets.
 
-    For a learner that sees the true labels of neighbours in any case.
+    For learners that condition on the true labels of neighbours anyway.
     """
     filled = []
     for number, (problem, truth) in enumerate(labelled_problems(problems, labelings)):
@@ -120,7 +120,7 @@ def without_observed(
 
 def _check_agrees(problem: LabelingProblem, truth: NDArray[np.int64], number: int) -> None:
     observed, names = problem.known, problem.label_names
-    assert observed is not None  # the caller has asked
+    assert observed is not None  # checked by the caller
     other = np.flatnonzero((observed >= 0) & (truth >= 0) & (observed != truth))
     if len(other):
         node = int(other[0])
@@ -131,14 +131,14 @@ def _check_agrees(problem: LabelingProblem, truth: NDArray[np.int64], number: in
 
 
 def observed_labels(problems: Sequence[LabelingProblem]) -> NDArray[np.int64] | None:
-    """(N,) what several problems tell of their nodes side by side; None if nothing."""
+    """(N,) the observed labels of several problems, concatenated; None if there are none."""
     return known_beside([(problem.known, problem.graph.n_nodes) for problem in problems])
 
 
 def mask_observed_losses(
     losses: NDArray[np.float64], observed: NDArray[np.int64] | None
 ) -> NDArray[np.float64]:
-    """(N,) what a wrong label costs, 0 where it is told; the mean stays, unless all are 0."""
+    """(N,) losses, 0 at observed nodes, rescaled to the same mean unless all are 0."""
     if observed is None:
         return losses
     asked = np.where(observed >= 0, 0.0, losses)

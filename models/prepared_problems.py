@@ -1,4 +1,4 @@
-"""Training problems side by side, as learners of linear models take them."""
+"""Training problems concatenated for learners of linear models, with scaled features."""
 
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ from pgm_places.solvers.set_terms import SetTerms
 
 
 class TermSizes(NamedTuple):
-    """By what features of edges and cliques are divided while their weights are learned.
+    """Divisors of edge and clique features during learning.
 
-    What is learned is then divided by the same, so that it is that of the features as given.
+    Learned weights are divided by them afterwards, to apply to unscaled features.
     """
 
     edges: NDArray[np.float64]
@@ -22,7 +22,7 @@ class TermSizes(NamedTuple):
     """(G,), G = 0 without cliques."""
 
     def of_weights(self, n_weights: int, n_labels: int, per_edge: int) -> NDArray[np.float64]:
-        """(n_weights,) those of flat weights: 1 for nodes, then ``per_edge`` each, then K each."""
+        """(n_weights,) divisors of flat weights: nodes 1, edges ``per_edge`` times, cliques K."""
         of_edges, of_cliques = np.repeat(self.edges, per_edge), np.repeat(self.cliques, n_labels)
         of_nodes = np.ones(n_weights - len(of_edges) - len(of_cliques))
         return np.concatenate([of_nodes, of_edges, of_cliques])
@@ -43,11 +43,11 @@ class PreparedProblems(NamedTuple):
     labels: NDArray[np.int64]
     """(N,) -1 where unknown."""
     loss: NDArray[np.float64]
-    """(N,) what a wrong label costs; 0 where it is unknown or given as evidence."""
+    """(N,) cost of a wrong label; 0 where it is unknown or observed."""
     observed: NDArray[np.int64] | None
-    """(N,) labels that are evidence while learning, -1 elsewhere."""
+    """(N,) observed labels, -1 elsewhere."""
     loss_of: LossOf
-    """What a wrong label costs at nodes of given labels, once the unknown ones are known."""
+    """Labels (n,) -> cost of a wrong label at each node, for completed labels."""
     n_labels: int
     offset: NDArray[np.float64] | None = None
-    """(N, K) scores of the nodes that are not learned."""
+    """(N, K) fixed scores of the nodes."""

@@ -1,4 +1,4 @@
-"""Probabilistic relaxation: beliefs revised by how well the labels of neighbours fit together."""
+"""Probabilistic relaxation labelling: beliefs updated by compatibility with neighbours."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -34,11 +34,11 @@ from pgm_places.solvers.relaxation import OnIteration, Relaxed, check_tables, re
 @travels
 @dataclass(frozen=True, eq=False)
 class Relaxation(LearnedNames):
-    """Lets every node revise its beliefs by those of its neighbours, all at once, again and again.
+    """Relaxation labelling: parallel iterative updates of beliefs by those of neighbours.
 
-    A label gains where the neighbours' labels go with it (paper eq. 4-6, Rosenfeld, Hummel and
-    Zucker 1976); what goes with what is counted on labelled maps. On a grid, occupied cells are a
-    further label, ``wall``, that never changes; unknown cells say nothing.
+    A label gains if the neighbours' labels are compatible with it (paper eq. 4-6, Rosenfeld, Hummel
+    and Zucker 1976); compatibilities are estimated from counts on labelled maps. On a grid,
+    occupied cells have a further label, ``wall``, that never changes; unknown cells are ignored.
 
     Parameters
     ----------
@@ -49,28 +49,28 @@ class Relaxation(LearnedNames):
     tolerance : float
         Converged when no belief changes by more.
     damping : float
-        Share of the old belief that is kept in each step, from 0 to below 1.
+        Weight of the old belief in each update, from 0 to below 1.
     directional : bool
-        Whether what goes together depends on the direction: 8 on a grid; before and after (the
-        edge's first node, its second) on other graphs. The paper's is the same for all.
+        Whether compatibilities depend on the direction: 8 on a grid; forward and backward along
+        edges on other graphs. The paper has one table for all.
     diagonal_weight : float
         Influence of a cell that shares a corner against one that shares a side; 1 gives each of
         the 8 neighbours 1/8 as in the paper. On other graphs every neighbour has 1/degree.
     compatibility : (K, K) or (kinds, K, K) float, optional
-        Coefficients of one's own, from -1 to 1, in place of learned ones: ``[l, m]`` is how far
-        label ``m`` at a neighbour speaks for label ``l`` here. Of several tables each edge has that
-        of its ``edge_kind``, or with ``directional`` that of its direction. Walls then say nothing,
-        and :meth:`fit` keeps the coefficients.
+        User-defined coefficients from -1 to 1 in place of learned ones: ``[l, m]`` is the support
+        of label ``m`` at a neighbour for label ``l`` here. With several tables each edge uses the
+        table of its ``edge_kind``, or with ``directional`` of its direction. Walls then have no
+        influence, and :meth:`fit` does not change the coefficients.
     smoothing : float
-        Pairs of labels that are added to what was counted, so that labels that never touched in
-        training do not exclude each other for good.
+        Added to the count of each pair of labels, so that labels that never touched in training do
+        not exclude each other.
     floor : float
-        Smallest probability at the start of a label that is not forbidden: the update multiplies,
-        so that it moves no label whose classifier was absolutely sure.
+        Smallest initial probability of an allowed label: the multiplicative update could not change
+        probabilities of 0.
     evidence : {"auto", "posterior", "likelihood"} or float
-        What the scores at the start are taken for: posteriors (the paper's), or, with
-        ``likelihood``, posteriors divided by the labels' shares in training; a number from 0 to 1
-        is the exponent of the shares. Posteriors hold the prior, and so does every neighbour.
+        Whether initial scores are used as posteriors (the paper's), or, with ``likelihood``,
+        divided by the labels' shares in training; a number from 0 to 1 is the exponent of the
+        shares. With posteriors, every neighbour counts the prior again.
         ``auto`` is chosen together with ``max_iterations``
         (:func:`~pgm_places.models.relaxation_choice.best_row`), and 0 where these are given.
 
@@ -98,20 +98,18 @@ class Relaxation(LearnedNames):
     """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
     of the L = K + 1 labels is the wall."""
     compatibility: NDArray[np.float64] | None = learned(given=True)
-    """(D, L, L) coefficients r of equation 6; those of one's own may be (D, K, K)."""
+    """(D, L, L) coefficients r of equation 6; user-defined ones may be (D, K, K)."""
     label_prior: NDArray[np.float64] | None = learned()
     """(K,) share of each label in training."""
     choice: NDArray[np.float64] | None = learned()
-    """Iterations and share of the prior that labelled held-out nodes best."""
+    """The chosen iterations and share of the prior."""
     held_out: NDArray[np.float64] | None = learned()
-    """(P, 4) those that were compared, with accuracy and balanced accuracy; the scores alone
-    first."""
+    """(P, 4) all compared iterations and shares, with accuracy and balanced accuracy; the scores
+    without iterations first."""
 
     def __post_init__(self) -> None:
         check_options(self)
-        if (
-            self.max_iterations != "auto" or self._is_given
-        ):  # no choice that scores are held out for
+        if self.max_iterations != "auto" or self._is_given:  # no choice on held-out scores
             set_frozen(self, traits=replace(self.traits, learns_from_labels=True))
         if self.compatibility is None:
             return
@@ -126,7 +124,7 @@ class Relaxation(LearnedNames):
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What was chosen, and how what was compared labels held-out nodes; {} without a choice."""
+        """The choice and the held-out scores of all candidates; {} without a choice."""
         if self.held_out is None:
             return {}
         rows = on_held_out.rows_of(self.held_out)
@@ -134,7 +132,7 @@ class Relaxation(LearnedNames):
 
     @property
     def choices(self) -> Mapping[str, str]:
-        """What was chosen on training data, in words by option; {} without a choice."""
+        """The choices on training data, in words by option; {} without a choice."""
         return {} if self.held_out is None else on_held_out.choice_words(self.summary)
 
     @property
@@ -156,7 +154,7 @@ class Relaxation(LearnedNames):
     def fit(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> Self:
-        """A new one with the coefficients of labelled problems, all pairs counted together.
+        """A new model with coefficients from the pair counts of all labelled problems.
 
         Ordered pairs (node, neighbour) are counted where both are labelled; on a grid a wall counts
         as labelled where it touches a labelled cell.
@@ -258,21 +256,20 @@ class Relaxation(LearnedNames):
         )
 
     def start(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(N, K) the scores that iterations begin at, without the share of the prior.
+        """(N, K) the initial scores, divided by the prior as ``evidence`` demands.
 
-        Where nothing was observed they are the labels' shares in training. Coefficients say how
-        much likelier than by those shares a label is beside another: from equal beliefs, a rare
-        label would spread for no reason.
+        Nodes without an observation start at the labels' shares in training. Coefficients are
+        relative to these shares: from uniform beliefs, a rare label would spread.
         """
         unary = evident_unary(problem, "relaxation", single=True)
         start = unary
         if self._share:
             if self.label_prior is None:
                 raise InputError(
-                    f"evidence={self.evidence!r} divides by the labels' shares in training, and "
-                    "coefficients of one's own come without them; take evidence='posterior'"
+                    f"evidence={self.evidence!r} divides by the labels' shares in training, which "
+                    "user-defined coefficients lack; use evidence='posterior'"
                 )
-            if len(self.label_prior) == unary.shape[1]:  # infer has a message for other numbers
+            if len(self.label_prior) == unary.shape[1]:  # infer reports other numbers
                 start = without_prior(problem, unary, self.label_prior, self._share)
         if problem.unseen is None or self.pair_counts is None:
             return start
@@ -283,12 +280,12 @@ class Relaxation(LearnedNames):
     def relaxed(
         self, graph: LabelGraph, unary: NDArray[np.float64], on_iteration: OnIteration | None
     ) -> Relaxed:
-        """The beliefs after all iterations, from given scores (N, K)."""
+        """The beliefs after all iterations, from initial scores (N, K)."""
         assert self.compatibility is not None  # infer has checked
         n_labels = unary.shape[1]
         tables = self.compatibility
         by_kind = len(tables) > 1 and not self.directional
-        if tables.shape[1] == n_labels:  # a wall says nothing
+        if tables.shape[1] == n_labels:  # walls have no influence
             tables = np.pad(tables, ((0, 0), (0, 1), (0, 1)))
         options: dict[str, Any] = {
             "floor": self.floor,
@@ -325,7 +322,7 @@ class Relaxation(LearnedNames):
 
     @property
     def _is_given(self) -> bool:
-        """Whether the coefficients are the user's own."""
+        """Whether the coefficients are user-defined."""
         return self.compatibility is not None and self.pair_counts is None
 
     def _check_directions(self, learned_tables: int, wanted: int) -> None:
@@ -337,7 +334,7 @@ class Relaxation(LearnedNames):
 
 
 def _kinds(graph: LabelGraph, n_tables: int) -> NDArray[np.int8]:
-    """(E,) the kind of each edge, for which there must be a table."""
+    """(E,) the kind of each edge; InputError if a kind has no table."""
     kinds = graph.edge_kind
     if kinds is None:
         raise InputError(
@@ -378,7 +375,7 @@ def _labels_and_walls(
 
 
 def _best(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
-    """(N,) the label of the largest belief; where beliefs are of 32 bits, so are they."""
+    """(N,) the label of the largest belief; int32 for float32 beliefs."""
     labels = np.empty(len(beliefs), np.int32 if beliefs.dtype == np.float32 else np.int64)
     for some in row_blocks(len(beliefs)):
         labels[some] = beliefs[some].argmax(axis=1)
@@ -386,7 +383,7 @@ def _best(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
 
 
 class _AccuracyRecorder:
-    """The accuracy after each iteration, and the time that recording it took."""
+    """Accuracy after each iteration, and the time of recording."""
 
     def __init__(self, truth: ArrayLike, n_labels: int) -> None:
         true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)

@@ -1,7 +1,7 @@
-"""How long relaxation goes on, and from what scores: chosen on held-out parts of training problems.
+"""Iterations and prior share of relaxation, chosen on held-out parts of training problems.
 
-Every iteration erodes what is narrow, and the more so the surer the scores are that say nothing new
-to each other; how many pay depends on the cells and on the classifier.
+Every iteration erodes narrow regions, faster with confident, correlated scores; the best number of
+iterations depends on the cells and on the classifier.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,21 +20,21 @@ from pgm_places.models.held_out_choice import TOLERANCE, WORTH, held_out_words, 
 from pgm_places.models.labelled_examples import Example, held_out_parts, linked_steps
 
 ITERATIONS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50)
-"""Numbers of iterations that are compared; the last where nothing can be held out."""
+"""Candidate numbers of iterations; the last is used if nothing can be held out."""
 
 SHARES = (0.0, 0.25, 0.5)
-"""Shares of the prior that are compared."""
+"""Candidate shares of the prior."""
 
 LARGE_SHARE = 0.5
 """From this share on, held-out accuracy must rise by 0.01 (``WORTH``): rare labels then gain at the
-cost of frequent ones, and new maps repeat that gain less surely."""
+cost of frequent ones, a gain that is less reliable on new maps."""
 
 N_PARTS = 4
 """Parts that are held out in turn."""
 
 
 def iterations_of(choice: NDArray[np.float64] | None) -> int:
-    """The number of iterations that was chosen; the largest without a choice."""
+    """The chosen number of iterations; the largest without a choice."""
     most = ITERATIONS[-1]
     return most if choice is None else learned_number("choice", choice, 0, most + 1)
 
@@ -42,11 +42,10 @@ def iterations_of(choice: NDArray[np.float64] | None) -> int:
 def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | None:
     """(P, 4) iterations, shares of the prior, accuracy and balanced accuracy on held-out parts.
 
-    ``method`` is a :class:`~pgm_places.models.relaxation.Relaxation`. The first row is that of the
-    scores alone. Where steps are linked to cells, both scores are means over these two kinds of
-    nodes: the few steps of a drive count as much as the many cells of its map. None where nothing
-    can be held out: a problem has no unary, or one that says nothing, or every part has all
-    examples of a label.
+    ``method`` is a :class:`~pgm_places.models.relaxation.Relaxation`. The first row has no
+    iterations. If steps are linked to cells, both scores are means of the scores of steps and of
+    cells: the few steps of a drive weigh as much as the many cells of its map. None if nothing can
+    be held out: a problem has no informative unary, or every part has all examples of a label.
     """
     for problem, _ in examples:
         if problem.unary is None or (problem.unary == problem.unary[:, :1]).all():
@@ -76,7 +75,7 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
                 run = replace(fitted, evidence=share)
                 found = {n: counts[n, share] for n in ITERATIONS}
                 end = run.relaxed(problem.graph, run.start(problem), _adds(kind, truth, found))
-                labels = end.beliefs.argmax(axis=1)  # nothing changes after its last iteration
+                labels = end.beliefs.argmax(axis=1)  # converged: further iterations change nothing
                 for n in ITERATIONS:
                     if n > end.iterations:
                         counts[n, share] += _by_kind(kind, truth, labels, k)
@@ -87,11 +86,11 @@ def compared(method: Any, examples: Sequence[Example]) -> NDArray[np.float64] | 
 
 
 def best_row(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the rows about as accurate as the first, the best mean of both scores.
+    """The row with the best mean of both scores among those as accurate as the first.
 
-    Accuracy may fall by :data:`TOLERANCE`, and has to rise where the share of the prior is large
-    (:data:`LARGE_SHARE`). The fewest iterations win among equals. Where no row is accurate enough,
-    it is the first: the scores alone.
+    Accuracy may fall by :data:`TOLERANCE`, but must rise with a large share of the prior
+    (:data:`LARGE_SHARE`). The fewest iterations win among equals. If no row is accurate enough, the
+    first one (no iterations) is chosen.
     """
     rows = table[1:]
     least = table[0, 2] + np.where(rows[:, 1] < LARGE_SHARE, -TOLERANCE, WORTH)
@@ -100,7 +99,7 @@ def best_row(table: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def label_shares(examples: Sequence[Example]) -> NDArray[np.float64]:
-    """(K,) the share of each label among labelled nodes, as if there were one more of each."""
+    """(K,) the share of each label among labelled nodes, with add-one smoothing."""
     n_labels = examples[0][0].n_labels
     counts = np.ones(n_labels)
     for _, truth in examples:
@@ -116,7 +115,7 @@ def rows_of(table: NDArray[np.float64]) -> list[dict[str, float]]:
 
 
 def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
-    """What was chosen, in words by option, from a summary with the ``held_out`` rows."""
+    """The choices in words by option, from a summary with the ``held_out`` rows."""
     taken = summary["max_iterations"], summary["evidence"]
     rows = summary["held_out"]
     [best] = [row for row in rows if (row["max_iterations"], row["evidence"]) == taken]
@@ -126,7 +125,7 @@ def choice_words(summary: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> list[Example]:
-    """The problems on the nodes of a mask, where there are any."""
+    """The problems restricted to the nodes of a mask, without empty ones."""
     return [
         (problem.subproblem(nodes), truth[nodes])
         for (problem, truth), nodes in zip(examples, masks, strict=True)
@@ -137,7 +136,7 @@ def _among(examples: Sequence[Example], masks: Sequence[NDArray[np.bool_]]) -> l
 def _by_kind(
     steps: NDArray[np.bool_], truth: NDArray[np.int64], labels: NDArray[np.int64], k: int
 ) -> NDArray[np.int64]:
-    """(2, K, K) counts of truth and label: of cells, and of the steps that are linked to them."""
+    """(2, K, K) confusion counts (truth, label) of cells, and of steps linked to cells."""
     return np.stack([confusion_matrix(truth[on], labels[on], k) for on in (~steps, steps)])
 
 
@@ -146,7 +145,7 @@ def _adds(
     truth: NDArray[np.int64],
     counts: dict[int, NDArray[np.float64]],
 ) -> Callable[[int, float, Callable[[], Any]], None]:
-    """What adds the labels after certain iterations to counts (2, K, K) of truth and label."""
+    """A callback that adds the labels after some iterations to confusion counts (2, K, K)."""
 
     def note(iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
         if iteration in counts:

@@ -1,4 +1,4 @@
-"""Labellings drawn at random from a model: exactly on forests, by perturbation elsewhere."""
+"""Random labellings from a model: exact on forests, perturb-and-MAP elsewhere."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ from pgm_places.solvers.forest import forest_samples
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Labellings and how they were drawn.
+    """Sampled labellings.
 
     Parameters
     ----------
     labels : (S, N) int
         One labelling a row.
     exact : bool
-        Whether they are drawn from the distribution itself.
+        Whether they follow the distribution exactly.
     """
 
     labels: NDArray[np.int64]
@@ -48,10 +48,10 @@ def sample(
 ) -> Samples:
     """Labellings drawn from ``p(y) ~ exp(score(y))``.
 
-    They are exact without cycles and where few nodes separate the graph, as for the decoder
-    ``exact``: forward filtering, backward sampling. Elsewhere Gumbel noise is added to every unary
-    and the noisy problem is decoded (perturb and MAP), an approximation: a map of plausible
-    alternatives, not a calibrated probability.
+    They are exact on graphs of small treewidth, as for the decoder ``exact``: forward filtering,
+    backward sampling. Elsewhere Gumbel noise is added to every unary and the noisy problem is
+    decoded (perturb and MAP). This approximation gives plausible alternatives, not calibrated
+    probabilities.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def sample(
     known : (N,) int, optional
         Label of the nodes whose label is known, -1 elsewhere.
     decoder : str
-        What decodes the noisy problems.
+        Decoder of the noisy problems.
 
     Raises
     ------

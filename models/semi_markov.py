@@ -1,4 +1,4 @@
-"""Semi-Markov model: a hidden Markov model that knows how long places last, in metres."""
+"""Semi-Markov model: a hidden Markov model with learned durations of labels, in metres."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 
 EDGES_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-"""Ages between which a rate is constant: fine where doorways end, coarse where rooms do."""
+"""Edges of ages with constant rates, in metres: fine for doorways, coarse for rooms."""
 
-# Steps longer than this many usual ones are gaps in the labels, across which nothing is known.
+# Steps longer than this many median lengths are gaps, across which labels are unknown.
 GAP = 5.0
 
 
 class Durations(NamedTuple):
-    """How soon labels are left, and for which.
+    """Rates of leaving labels, and transitions.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ class _Stay(NamedTuple):
     """A stretch with one label."""
 
     label: int
-    entered: bool  # whether its beginning was seen, so that its age is known
+    entered: bool  # whether its beginning was observed, so that its age is known
     length_m: float  # until the last step that has it
     exit_m: float  # from there to the next step
-    following: int  # the label then, -1 where unknown
-    weight: float  # how often it counts
+    following: int  # the label there, -1 where unknown
+    weight: float  # weight of the stretch
 
 
 def learn_durations(
@@ -61,11 +61,11 @@ def learn_durations(
     smoothing: float,
     weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> Durations:
-    """Rates by occurrence and exposure: how often a label was left at an age, per metre of it.
+    """Occurrence-exposure rates: how often a label was left at an age, per metre at that age.
 
-    Stretches cut by the end of the drive, or by steps without a known label, count as far as they
-    go. To each rate, ``smoothing`` occurrences at the label's overall rate are added, and to that
-    as many at the overall rate of all labels.
+    Stretches censored by the end of the drive or by unlabelled steps count up to their end. Each
+    rate is smoothed by ``smoothing`` occurrences at the label's overall rate, which is smoothed in
+    the same way by the overall rate of all labels.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def learn_durations(
     n_labels : int
     smoothing : float
     weights : sequence of (T,) float, optional
-        What each step counts; a stretch counts as the mean of its steps.
+        Weight of each step; a stretch has the mean weight of its steps.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def learn_durations(
 
 
 def constant_durations(transition: NDArray[np.float64], step_m: float) -> Durations:
-    """Those of a Markov chain with that transition (K, K) every ``step_m`` metres."""
+    """Durations of a Markov chain with this transition (K, K) every ``step_m`` metres."""
     stays = np.clip(transition.diagonal(), 1e-9, 1.0)
     rates = np.repeat(-np.log(stays)[:, None] / step_m, len(EDGES_M), axis=1)
     return Durations(rates, _other_labels(transition))
@@ -122,13 +122,13 @@ def _over(
     smoothing: float,
     prior: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Occurrences over exposure, with ``smoothing`` further ones at the prior rate."""
+    """Occurrences divided by exposure, with ``smoothing`` occurrences at the prior rate added."""
     metres = exposure + smoothing / prior if smoothing > 0 else exposure
     return np.divide(occurrences + smoothing, metres, out=prior.copy(), where=metres > 0)
 
 
 def _other_labels(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows of weights without their diagonal, as probabilities; equal where nothing is left."""
+    """Rows of weights without their diagonal, as probabilities; uniform where the sum is 0."""
     others = weights * (1.0 - np.eye(len(weights)))
     if len(weights) > 1:
         others[others.sum(axis=1) == 0] = 1.0
@@ -137,19 +137,19 @@ def _other_labels(weights: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _bin_of(edges: NDArray[np.float64], age_m: float) -> int:
-    """The rate's number at the end of a stretch: the one that has held until then."""
+    """The index of the rate at the end of a stretch."""
     return max(int(np.searchsorted(edges, age_m)) - 1, 0)
 
 
 def _within(edges: NDArray[np.float64], length_m: float) -> NDArray[np.float64]:
-    """(B,) the metres of a stretch of that length between each edge and the next."""
+    """(B,) the metres of a stretch of this length between each edge and the next."""
     return np.diff(np.minimum(np.append(edges, np.inf), length_m))
 
 
 def _stays(
     places: NDArray[np.float64], labels: NDArray[np.int64], weight: NDArray[np.float64]
 ) -> list[_Stay]:
-    """The stretches with one known label, gaps being unknown."""
+    """The stretches of one known label; gaps are unknown."""
     if len(labels) < 2:
         return []
     moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
@@ -179,21 +179,21 @@ def _stays(
 
 @dataclass(frozen=True, eq=False)
 class SemiMarkovModel(HiddenMarkovModel):
-    """Labels the steps of a trajectory, knowing how far each place usually reaches.
+    """Labels the steps of a trajectory with a model of the length of each label's stretches.
 
-    In a hidden Markov model, a place ends with the same probability at every step. Here it ends at
-    a rate per metre that depends on the metres driven since it was entered: a doorway hardly lasts
-    less than half a metre or more than two, a room may go on. Distances between steps may differ,
-    in training and when labelling. Observations and options are those of
+    In a hidden Markov model, a label is left with constant probability per step. Here it is left at
+    a rate per metre that depends on the metres driven since it was entered: a doorway is rarely
+    shorter than half a metre or longer than two. Distances between steps may vary, in training and
+    inference. Observations and options are those of
     :class:`~pgm_places.models.hmm.HiddenMarkovModel`; filter, smoother and most probable sequence
     are exact (:mod:`pgm_places.solvers.semi_markov`).
 
     Rates are counted on the labelled drives given to :meth:`fit`
-    (:func:`~pgm_places.models.semi_markov.learn_durations`). A model that learned from maps alone
-    has constant rates, and is a hidden Markov model whose steps may have any length.
+    (:func:`~pgm_places.models.semi_markov.learn_durations`). A model trained on maps only has
+    constant rates, and equals a hidden Markov model with steps of any length.
 
-    The first step's label is taken to begin there. Problems need positions; without them each step
-    counts as a metre.
+    The label of the first step is assumed to begin there. Without positions each step counts as a
+    metre.
 
     Examples
     --------
@@ -219,13 +219,13 @@ class SemiMarkovModel(HiddenMarkovModel):
         super().__post_init__()
         if self.unlabelled == "hidden":
             raise ConfigError(
-                "'semi_markov' counts durations, which steps without a label do not show; take "
+                "'semi_markov' cannot learn durations from steps without a label; use "
                 "unlabelled='dropped', or method 'hmm'"
             )
         if self.step_length != "usual" or self.shrinkage not in ("fitted", 0):
             raise ConfigError(
-                "'semi_markov' goes by the distances between steps and has no transitions to "
-                "shrink; leave step_length and shrinkage out, or take method 'hmm'"
+                "'semi_markov' always uses the distances between steps and has no transitions to "
+                "shrink; remove step_length and shrinkage, or use method 'hmm'"
             )
 
     def with_sequences(
@@ -235,7 +235,7 @@ class SemiMarkovModel(HiddenMarkovModel):
         *,
         sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """A new one with durations counted on labelled sequences, then with fitted options."""
+        """A new model with durations from labelled sequences, then with fitted options."""
         stays = learn_durations(
             [_positions(problem.graph) for problem in problems],
             labelings,
@@ -250,11 +250,11 @@ class SemiMarkovModel(HiddenMarkovModel):
 
     @property
     def can_shrink(self) -> bool:
-        """No: durations take the place of transitions."""
+        """False: durations replace transitions."""
         return False
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
-        """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""
+        """A model for updates every ``to_m`` metres: rates are per metre, only weights change."""
         return replace(self, fitted_weights=weights_at(self.fitted_weights, from_m, to_m)), 0.0
 
     def _next(
@@ -283,7 +283,7 @@ class SemiMarkovModel(HiddenMarkovModel):
         if self.rates is not None and self.leaving is not None:
             return Durations(self.rates, self.leaving)
         if self.transition is None:
-            raise NotFittedError("the semi-Markov model knows no durations yet; call fit first")
+            raise NotFittedError("the semi-Markov model has no durations yet; call fit first")
         return constant_durations(self.transition, RUNS_M)
 
     @cached_property
@@ -301,7 +301,7 @@ class SemiMarkovModel(HiddenMarkovModel):
 
 
 def _positions(graph: LabelGraph) -> NDArray[np.float64]:
-    """(T, 2) or (T, 3) where the steps are; a metre apart where that is unknown."""
+    """(T, 2) or (T, 3) positions of the steps; a metre apart if unknown."""
     if graph.positions_m is not None:
         return graph.positions_m
     return np.stack([np.arange(float(graph.n_nodes)), np.zeros(graph.n_nodes)], axis=1)

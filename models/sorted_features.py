@@ -1,14 +1,14 @@
-"""Training features, prepared once for all binary problems that are boosted on them.
+"""Quantised training features, shared by all binary problems boosted on them.
 
-A feature's values are replaced by the number of the bin they lie in, at most 256 bins whose edges
-are values of the feature, so that equal values share a bin. A value that would fill a bin alone
-gets one of its own. Features that order the examples in the same way are kept once. Neighbouring
-bins are merged to at most 64 coarse ones, and two or more features share a table of joint coarse
-bins, so that one pass over the examples fills the histograms of them all. The inside of a bin is
-sorted only when the search has to look at it.
+A feature's values are replaced by bin indices: at most 256 bins whose edges are values of the
+feature, so that equal values share a bin. A value that would fill a bin alone gets a separate bin.
+Features that order the examples identically are stored once. Neighbouring bins are merged to at
+most 64 coarse ones, and two or more features share a table of joint coarse bins, so that one pass
+over the examples fills all their histograms. The inside of a bin is sorted only if the search needs
+it.
 
-Memory beside the matrix: at most two bytes per example and feature, and a copy of the matrix if its
-rows do not lie one after the other.
+Memory apart from the matrix: at most two bytes per example and feature, and a copy of the matrix if
+its rows are not contiguous.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ class JointTables(NamedTuple):
     sizes: NDArray[np.int64]
     """(D,) and its coarse bins."""
     starts: NDArray[np.int64]
-    """(T + 1,) where each table's cells begin when all tables stand in one array."""
+    """(T + 1,) start of each table's cells in one array of all tables."""
     pure: NDArray[np.bool_]
     """(D, 256) coarse bins of each feature that hold one value only."""
 
@@ -55,19 +55,19 @@ class SortedFeatures:
     Attributes
     ----------
     X : (N, F) float32
-        The matrix itself, read where a bin's inside matters.
+        The matrix, read for values inside of bins.
     rows : (N,) int64
-        The row of X that stands at each position.
+        The row of X at each position.
     parts : (P + 1,) int64
         Part p is at positions ``parts[p]`` to ``parts[p + 1]``.
     columns : (D,) int64
-        The columns of X that are kept: each orders the examples in its own way.
+        The stored columns of X; no two order the examples identically.
     codes : (D, N) uint8
-        The bin of every kept column at every position.
+        The bin of every stored column at every position.
     pure : (D, 256) bool
         Bins that can hold one value only.
     tables : JointTables
-        Every kept column is an axis of one of them.
+        Joint tables; every stored column is an axis of one.
     """
 
     X: NDArray[np.float32]
@@ -92,7 +92,7 @@ class SortedFeatures:
         return np.array(rows, np.int64).reshape(-1, 3)
 
     def sorted_bin(self, plane: int, number: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Positions and values of one bin by ascending value; kept for the next question."""
+        """Positions and values of one bin by ascending value, cached."""
         key = (plane, number)
         if key not in self._bins:
             buffer = np.empty(len(self.rows), np.int32)
@@ -104,12 +104,12 @@ class SortedFeatures:
 
 
 def prepare(X: NDArray[np.float32], part: NDArray[np.int64]) -> SortedFeatures:
-    """The matrix quantised, its rows arranged by ascending part; rows of part -1 are left out.
+    """The quantised matrix with rows sorted by ascending part, without rows of part -1.
 
     Raises
     ------
     InputError
-        X is not a finite float32 matrix, or ``part`` does not name a part for each row.
+        X is not a finite float32 matrix, or ``part`` does not match its rows.
     """
     if X.dtype != np.float32:
         raise InputError(f"X must be float32, got {X.dtype}; convert it first")
@@ -140,11 +140,7 @@ def _coarse_limit(n_rows: int) -> int:
 
 
 def _spread(parts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Positions to learn the edges from, equally many from every part that has enough.
-
-    Boosting gives both classes the same weight at first, so bins should hold comparable weight,
-    not comparable numbers.
-    """
+    """Sampled positions for the bin edges, equally many per part as boosting balances classes."""
     sizes = np.diff(parts)
     share = max(1, _EDGE_SAMPLE // max(1, int((sizes > 0).sum())))
     picked = [
@@ -158,11 +154,7 @@ def _spread(parts: NDArray[np.int64]) -> NDArray[np.int64]:
 def _edges(
     X: NDArray[np.float32], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(F, 256) ascending bin edges filled up with infinity, and which bins are pure.
-
-    Edges are the 256-quantiles of the sample. A value that two of them share is followed by an
-    edge at the next float32, which leaves its bin to it alone.
-    """
+    """(F, 256) ascending quantiles as bin edges, padded with infinity, and which bins are pure."""
     sample = np.sort(np.ascontiguousarray(X[rows].T), axis=1)
     marks = sample[:, np.arange(1, _N_BINS) * len(rows) // _N_BINS]
     edges = np.full((len(marks), _N_BINS), np.inf, np.float32)
@@ -194,17 +186,17 @@ def _distinct(
     codes: NDArray[np.uint8],
     pure: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """The columns whose order of the examples no earlier column has."""
+    """The columns without those that order the examples like an earlier column."""
     step = max(1, len(rows) // 1024)
     alike: dict[bytes, list[int]] = {}
-    kept = []
+    distinct = []
     for j in range(len(codes)):
         earlier = alike.setdefault(codes[j, ::step].tobytes(), [])
         if any(_same_order(X, rows, codes, pure, i, j) for i in earlier):
             continue
         earlier.append(j)
-        kept.append(j)
-    return np.array(kept, np.int64)
+        distinct.append(j)
+    return np.array(distinct, np.int64)
 
 
 def _same_order(
@@ -233,10 +225,7 @@ def _same_order(
 def _coarse_bins(
     codes: NDArray[np.uint8], pure: NDArray[np.bool_], limit: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """(D, 256) coarse bin of each fine bin, and which coarse bins hold one value only.
-
-    Bins that hold no example vanish; where at most ``limit`` remain, none are merged.
-    """
+    """(D, 256) coarse bin of each non-empty fine bin, and which coarse bins hold one value."""
     coarse = np.zeros((len(codes), _N_BINS), np.uint8)
     coarse_pure = np.zeros((len(codes), _N_BINS), np.bool_)
     counts = np.empty(_N_BINS, np.int64)

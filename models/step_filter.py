@@ -1,4 +1,4 @@
-"""Chains labelled online: one more observation at a time, each belief from the one before."""
+"""Online filter of chain models: one observation at a time, from the previous belief."""
 
 from abc import ABC, abstractmethod
 from typing import Any, Self
@@ -12,7 +12,7 @@ from pgm_places._travelling import travels
 
 @travels
 class StepFilter(ABC):
-    """What a model of chains does online."""
+    """Online interface of chain models."""
 
     def advance(
         self,
@@ -22,20 +22,20 @@ class StepFilter(ABC):
         moved_m: float | None = None,
         further: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], Any, bool]:
-        """The belief (K,) after one more observation, the state to go on from, and if possible.
+        """The belief (K,) after one more observation, the next state, and whether it was possible.
 
         Parameters
         ----------
         unary : (K,) float
             Log-probabilities of the labels from the classifier; -inf forbids a label, NaN for all
-            of them says that nothing was seen.
+            labels means no observation.
         state : optional
-            What the model has to know of all before, None at the first step: the belief (K,) in a
-            hidden Markov model.
+            State after the step before, None at the first step: the belief (K,) in a hidden Markov
+            model.
         moved_m : float, optional
             Distance from the step before, for ``stay_below_m``; None counts as moved.
         further : (K,) float, optional
-            Log-likelihoods of what else was observed.
+            Log-likelihoods of other observations.
         """
         row = number_array("unary", unary)
         if row.ndim != 1 or not row.size or not np.isnan(row).all():
@@ -55,10 +55,10 @@ class StepFilter(ABC):
     @property
     @abstractmethod
     def _all_possible(self) -> Self:
-        """The same model, in which nothing that evidence may call for has probability 0."""
+        """The model without probabilities of 0 that known labels could contradict."""
 
     @abstractmethod
     def _next(
         self, observed: NDArray[np.float64], state: Any, moved_m: float | None
     ) -> tuple[NDArray[np.float64], Any, bool]:
-        """As :meth:`advance`, of checked log-likelihoods."""
+        """:meth:`advance` for checked log-likelihoods."""

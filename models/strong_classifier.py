@@ -16,17 +16,17 @@ _SAMPLES_PER_TASK = 8192
 
 
 class Split(NamedTuple):
-    """A question that a weak classifier asks about one column.
+    """A threshold test of one column by a weak classifier.
 
     Attributes
     ----------
     column : int
     threshold : float
-        What makes splits of one column different.
+        Threshold, which distinguishes splits of one column.
     cut : float32
         ``x < cut`` means left.
     left : int
-        +1 or -1, the output on the left; the other one on the right.
+        +1 or -1, the output on the left; its negative on the right.
     """
 
     column: int
@@ -36,7 +36,7 @@ class Split(NamedTuple):
 
 
 class Voters:
-    """What stumps and trees have in common; F is the sum of their votes."""
+    """Base of stumps and trees; F is the sum of their votes."""
 
     feature: NDArray[Any]
 
@@ -47,7 +47,7 @@ class Voters:
 
     @property
     def used_features(self) -> NDArray[np.int64]:
-        """The distinct columns that any of them looks at, ascending."""
+        """The distinct columns that any of them uses, ascending."""
         return np.unique(self.feature[self.feature >= 0]).astype(np.int64)
 
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -55,11 +55,11 @@ class Voters:
         return VoteTable.of([self]).scores(X)[0]
 
     def __getitem__(self, chosen: slice | NDArray[np.bool_]) -> Self:
-        """The classifier of some of the stumps or trees."""
+        """The classifier with a selection of the stumps or trees."""
         return type(self)(*(getattr(self, part.name)[chosen] for part in fields(cast(Any, self))))
 
     def renumbered(self, place: NDArray[np.int64]) -> Self:
-        """The same classifier where column j is found at ``place[j]``."""
+        """The classifier for matrices with column j at ``place[j]``."""
         moved = np.where(self.feature < 0, -1, place[np.maximum(self.feature, 0)])
         return replace(cast(Any, self), feature=moved)
 
@@ -71,7 +71,7 @@ class StrongClassifier(Voters):
     Attributes
     ----------
     feature : (T,) int64
-        The column j that each stump looks at.
+        The column j of each stump.
     threshold : (T,) float64
         theta, halfway between two neighbouring values of the training data. Between two float32
         numbers there is always such a float64, so no training value lies on its threshold.
@@ -87,7 +87,7 @@ class StrongClassifier(Voters):
     alpha: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        """Check the arrays against each other and freeze them."""
+        """Check that the arrays are consistent, and freeze them."""
         feature = integer_array("feature", self.feature, ("T",), low=0, high=2**31)
         size = len(feature)
         polarity = integer_array("polarity", self.polarity, (size,), low=-1, high=2)
@@ -110,7 +110,7 @@ class StrongClassifier(Voters):
 
     @property
     def value(self) -> NDArray[np.float64]:
-        """(T,) what each stump adds to F where ``x < cut``; elsewhere it takes it away."""
+        """(T,) contribution of each stump to F where ``x < cut``; its negative elsewhere."""
         return self.alpha * self.polarity
 
     def splits(self, t: int) -> list[Split]:
@@ -132,22 +132,22 @@ class StrongClassifier(Voters):
 
 
 class VoteTable(NamedTuple):
-    """The stumps or trees of several classifiers side by side, made ready for the kernel once.
+    """The stumps or trees of several classifiers, packed for the kernel.
 
     Trees are complete, with S splits and S + 1 leaves each; there are (T,) stumps or (T, S) splits.
 
     Attributes
     ----------
     columns : (C,) int64
-        The distinct columns that the splits look at.
+        The distinct columns that the splits use.
     plane : (T,) or (T, S) int64
-        For each split the place of its column among those.
+        For each split the index of its column among these.
     cut : (T,) or (T, S) float32
         Left is ``x < cut``.
     value : (T,) float64 or (T, S + 1) float32
-        What the left of each stump, or each leaf from left to right, adds to F.
+        Contribution to F of the left of each stump, or of each leaf from left to right.
     first : (n + 1,) int64
-        Where the stumps or trees of each classifier begin.
+        Start of the stumps or trees of each classifier.
     """
 
     columns: NDArray[np.int64]
@@ -162,7 +162,7 @@ class VoteTable(NamedTuple):
         feature = np.concatenate([item.feature for item in classifiers])
         columns = np.unique(feature[feature >= 0]).astype(np.int64)
         if not len(columns):
-            columns = np.zeros(1, np.int64)  # what splits nothing ignores it
+            columns = np.zeros(1, np.int64)  # ignored by trees without a split
         return cls(
             columns,
             np.searchsorted(columns, np.maximum(feature, columns[0])),
@@ -174,13 +174,13 @@ class VoteTable(NamedTuple):
     def scores(self, X: NDArray[np.float32]) -> NDArray[np.float64]:
         """(n, N) F of every classifier for every row.
 
-        Only the table's ``columns`` are read. The bits depend neither on the number of threads nor
-        on which other classifiers are evaluated with one.
+        Only the table's ``columns`` are read. Results are bit-identical for any number of threads
+        and any other classifiers in the table.
         """
         if X.ndim != 2 or (self.plane.size and X.shape[1] <= self.columns[-1]):
             raise InputError(
-                f"X must have at least {self.columns[-1] + 1} columns, which the classifier looks "
-                f"at, got shape {X.shape}"
+                f"X must have at least {self.columns[-1] + 1} columns for this classifier, "
+                f"got shape {X.shape}"
             )
         if X.dtype != np.float32 or not X.flags.c_contiguous:
             X = np.ascontiguousarray(X[:, self.columns], np.float32)
@@ -195,7 +195,7 @@ class VoteTable(NamedTuple):
         return out
 
 
-# The deepest trees, of 16 leaves: all splits of a tree are worked out for every sample.
+# The deepest trees, of 16 leaves: all splits of a tree are evaluated for every sample.
 _MAX_DEPTH = 4
 
 
@@ -209,11 +209,11 @@ class BoostedTrees(Voters):
     Attributes
     ----------
     feature : (T, S) int32
-        The column that each split looks at; -1 where a branch ends early, and all go left.
+        The column of each split; -1 where a branch ends early, and all examples go left.
     cut : (T, S) float32
         Left is ``x < cut``; infinite where a branch ends early.
     value : (T, S + 1) float32
-        What each leaf adds to F, shrinkage included.
+        Contribution of each leaf to F, including shrinkage.
 
     References
     ----------
@@ -225,7 +225,7 @@ class BoostedTrees(Voters):
     value: NDArray[np.float32]
 
     def __post_init__(self) -> None:
-        """Check the arrays against each other and freeze them."""
+        """Check that the arrays are consistent, and freeze them."""
         feature = integer_array("feature", self.feature, ("T", "S"), low=-1, high=2**31)
         n_trees, n_splits = feature.shape
         if n_splits not in [2**depth - 1 for depth in range(2, _MAX_DEPTH + 1)]:
@@ -241,7 +241,7 @@ class BoostedTrees(Voters):
         set_frozen(self, feature=feature.astype(np.int32), cut=cut, value=value)
 
     def splits(self, t: int) -> list[Split]:
-        """The splits of tree t, from the root down; the left of each says +1."""
+        """The splits of tree t, from the root down, with output +1 on the left."""
         pairs = zip(self.feature[t].tolist(), self.cut[t], strict=True)
         return [Split(j, float(cut), cut, 1) for j, cut in pairs if j >= 0]
 
@@ -251,11 +251,11 @@ class BoostedTrees(Voters):
         return self.feature.shape[1].bit_length()
 
     def deepened(self, depth: int) -> "BoostedTrees":
-        """The same classifier with trees of more levels, which split nothing."""
+        """The classifier with trees padded by further levels without splits."""
         more = 2**depth - 1 - self.feature.shape[1]
         n, apart = self.n_rounds, 2 ** (depth - self.depth)
         value = np.zeros((n, 2**depth), np.float32)
-        value[:, ::apart] = self.value  # what splits nothing sends all to the left
+        value[:, ::apart] = self.value  # levels without splits send all to the left
         return BoostedTrees(
             np.concatenate([self.feature, np.full((n, more), -1, np.int32)], axis=1),
             np.concatenate([self.cut, np.full((n, more), np.inf, np.float32)], axis=1),
@@ -263,7 +263,7 @@ class BoostedTrees(Voters):
         )
 
     def then(self, other: "BoostedTrees", scale: float = 1.0) -> "BoostedTrees":
-        """The sum of these trees and ``scale`` times others, as deep as the deeper ones."""
+        """The sum of these trees and ``scale`` times others, with the larger depth."""
         depth = max(self.depth, other.depth)
         first, second = self.deepened(depth), other.deepened(depth)
         return BoostedTrees(

@@ -12,8 +12,8 @@ from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]
 
-# Weights become whole numbers, so sums are exact in any order. Their sum is kept in a range where
-# rounding is far below a tie and twice the sum, doubled by one round, still fits 64 bits.
+# Weights become integers, so sums are exact in any order. Their sum stays in a range where rounding
+# is far below a tie and twice the sum, doubled by one round, still fits 64 bits.
 _WHOLE_MASS = 2.0**57
 _LEAST_MASS = 2**54
 _MOST_MASS = 2**60
@@ -22,28 +22,28 @@ _MOST_MASS = 2**60
 # rounding of the weights and far below any difference that carries information.
 _TIE_SHIFT = 40
 
-_GROUP = 4  # features that one kernel call looks at in full resolution
+_GROUP = 4  # features per kernel call at full resolution
 _PER_TASK = 4  # tables of coarse bins
 
-# Fewer counted masses than this are done before a second thread has started.
+# With fewer masses to count, starting a second thread does not pay.
 _WORTH_THREADS = 4_000_000
 
 
 class Weights(NamedTuple):
     """The weights of the examples of one binary problem, and their masses.
 
-    Signed masses are the weights as whole numbers, negative for negative examples, so that every
-    sum is exact in whatever order it is taken.
+    Signed masses are the weights as integers, negative for negative examples, so that sums are
+    exact in any order.
     """
 
     weights: NDArray[np.float64]
     """(N,)."""
     masses: NDArray[np.int64]
-    """(N,) signed, 0 for examples that take no part."""
+    """(N,) signed, 0 for unused examples."""
     included: NDArray[np.bool_]
-    """(N,) whether they do."""
+    """(N,) whether an example is used."""
     segments: NDArray[np.int64]
-    """(S, 3) rows (start, stop, is positive) of the examples that do."""
+    """(S, 3) rows (start, stop, is positive) of the used examples."""
     sums: NDArray[np.int64]
     """(2,) of the negative and of the positive masses."""
 
@@ -54,7 +54,7 @@ class Weights(NamedTuple):
 
     @property
     def mass(self) -> int:
-        """The sum of all masses, which stands for the weight 1."""
+        """The sum of all masses, which represents the weight 1."""
         return int(self.sums[1] - self.sums[0])
 
 
@@ -62,9 +62,9 @@ class Changes(NamedTuple):
     """The examples whose mass changed last."""
 
     positions: NDArray[np.uint32]
-    """(N,), as many as there are."""
+    """(N,) positions; the rest of the array is unused."""
     changes: NDArray[np.int64]
-    """(N,) by how much."""
+    """(N,) change of the mass."""
     spans: NDArray[np.int64]
     """(S, 3) rows (start, stop, is positive) of these lists, one for each segment."""
 
@@ -79,12 +79,12 @@ class Histograms(NamedTuple):
 
 
 class Best(NamedTuple):
-    """What each feature can reach."""
+    """The best scores of each feature."""
 
     edge: NDArray[np.int64]
     """(D,) the best score of a split between coarse bins,"""
     bound: NDArray[np.int64]
-    """(D,) and a bound on those inside them."""
+    """(D,) and a bound of scores inside of coarse bins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +94,13 @@ class Stump:
     Attributes
     ----------
     plane : int
-        The feature's place among the kept columns.
+        The feature's index among the stored columns.
     low, high : float
         The largest value on the left and the smallest on the right.
     below, mixed : int
         Bins under ``below`` are on the left; the split cuts bin ``mixed``, or none if that is -1.
     score : int
-        Twice the signed mass on the left, less all of it.
+        Twice the signed mass on the left, less the total.
     """
 
     plane: int
@@ -160,8 +160,8 @@ class StumpSearch:
     def best_stump(self) -> Stump | None:
         """The stump of largest ``|r|``; among equals the lowest feature, then the lowest threshold.
 
-        Scores at coarse edges come first, then fine ones of the features that can still win, then
-        those inside the bins that can.
+        Scores at coarse edges are computed first, then at fine edges of features that can still
+        win, then inside of bins that can.
         """
         self._score_coarse()
         best = int(self.best.edge.max(initial=-1))
@@ -188,7 +188,7 @@ class StumpSearch:
         run_parts(work, n_tables, _PER_TASK, n_threads=threads)
 
     def _score_fine(self, best: int) -> NDArray[np.int64]:
-        """Fill the fine histograms of all features that can reach the best score; return them."""
+        """Fill and return the fine histograms of all features that can reach the best score."""
         reach = np.maximum(self.best.edge, self.best.bound)
         planes = np.argsort(-reach, kind="stable")
 
@@ -211,7 +211,7 @@ class StumpSearch:
     def _score_inside(
         self, planes: NDArray[np.int64], best: int
     ) -> tuple[list[NDArray[np.int64]], int]:
-        """Look inside bins, the most promising first, until no bound reaches the best score."""
+        """Search inside bins, the most promising first, until no bound reaches the best score."""
         looked_into = []
         bins = self._promising_bins(planes, best - self.tie)
         for row in bins[np.argsort(-bins[:, 0], kind="stable")]:

@@ -19,19 +19,19 @@ _PER_TASK = 16  # features
 # computation in double precision, far below any difference that carries information.
 _TIE = 2.0**-40
 
-# Fewer additions than this are done before a second thread has started.
+# With fewer additions, starting a second thread does not pay.
 _WORTH_THREADS = 4_000_000
 
 
 class Examples(NamedTuple):
-    """The examples whose histograms are filled, side by side.
+    """The examples whose histograms are filled.
 
     Attributes
     ----------
     position : (n,) uint32
-        Where they stand in the rows of codes.
+        Their columns in the array of codes.
     base : (n,) uint32
-        Where the histogram of the node they lie in begins.
+        Start of the histogram of their node.
     mass : (n,) int64
         Both masses: the gradient mass, signed, times 2**32, plus the curvature mass.
     """
@@ -52,7 +52,7 @@ class GrownTree:
     cut : (S,) float32
         Left is ``x < cut``; infinite where a node is not split.
     gradient, curvature : (S + 1,) int64
-        The sums G and H of the leaves' masses; zero where nothing can go.
+        The sums G and H of the leaves' masses; zero for unreachable leaves.
     """
 
     feature: NDArray[np.int32]
@@ -87,7 +87,7 @@ class _Split:
 
 
 class TreeSearch:
-    """Trees on one choice of examples, grown level by level.
+    """Level-wise growth of regression trees on a set of examples.
 
     Every node is split where ``G_l^2 / H_l + G_r^2 / H_r`` is largest, over all features and all
     edges between their bins, of which there are at most 256; G and H are the sums of the gradient
@@ -101,7 +101,7 @@ class TreeSearch:
     prepared : SortedFeatures
         The quantised matrix.
     segments : (S, 3) int64
-        Rows (start, stop, is positive) of the positions that take part.
+        Rows (start, stop, is positive) of the used positions.
     max_depth : int
         Levels of splits.
 
@@ -130,9 +130,9 @@ class TreeSearch:
     def grow(
         self, masses: NDArray[np.int64], least: int, drawn: NDArray[np.bool_] | None = None
     ) -> GrownTree:
-        """The tree for these pairs of masses; no split leaves a side with less than ``least``.
+        """The tree for these pairs of masses; each side of a split has at least ``least``.
 
-        ``drawn`` (F,) says which columns may be split at; all by default.
+        ``drawn`` (F,): which columns may be used for splits; all by default.
         """
         columns = self.prepared.columns
         planes = np.flatnonzero(np.ones(len(columns), bool) if drawn is None else drawn[columns])
@@ -161,11 +161,7 @@ class TreeSearch:
         lighter: NDArray[np.int64],
         least: int,
     ) -> NDArray[np.float64]:
-        """(D, nodes) the best score of every feature in every node of a level, -1 if not drawn.
-
-        Only the examples of every node's ``lighter`` child are counted, at the root all; the other
-        child's histogram is what is left of the parent's.
-        """
+        """(D, nodes) best scores on a level, -1 if not drawn; counts ``lighter`` children only."""
         histograms, above = self._histograms[level], self._histograms[max(level - 1, 0)]
         examples = self._counted(level, masses, lighter)
         scores = np.full((len(histograms), len(totals)), -1.0)
@@ -199,7 +195,7 @@ class TreeSearch:
         scores: NDArray[np.float64],
         least: int,
     ) -> _Split | None:
-        """The first split of a node, by column, then threshold, that is as good as the best."""
+        """The first optimal split of a node, by column, then threshold."""
         total = int(totals[node])
         best = float(scores.max(initial=-1.0))
         gradient, curvature = total >> 32, total & 0xFFFFFFFF
@@ -213,7 +209,7 @@ class TreeSearch:
         return _Split(plane, column, last_left, self.cuts[plane, last_left], left)
 
     def _route(self, splits: list[_Split | None]) -> NDArray[np.int64]:
-        """Send all examples to their children; each node's child with fewer, -1 if not split."""
+        """Send examples to child nodes; the lighter child of each node, -1 if not split."""
         plane = np.array([0 if split is None else split.plane for split in splits])
         last_left = np.array([_N_BINS if split is None else split.last_left for split in splits])
         counts = np.zeros(2 * len(splits), np.int64)
@@ -226,10 +222,7 @@ class TreeSearch:
 
 
 def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
-    """(D, 256) the float32 about halfway between each bin's values and those of later bins.
-
-    Rounded so that ``x < cut`` for every value x in the bin, and for none in later ones.
-    """
+    """(D, 256) float32 thresholds about halfway between each bin's values and later bins'."""
     low = np.empty((len(prepared.codes), _N_BINS), np.float32)
     high = np.empty_like(low)
     _core.bin_extents(prepared.X, prepared.rows, prepared.columns, prepared.codes, low, high)
@@ -241,7 +234,7 @@ def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
 
 
 def _totals_below(totals: NDArray[np.int64], splits: list[_Split | None]) -> NDArray[np.int64]:
-    """The masses of the children; the left one has all where a node is not split."""
+    """The masses of the children; the left one has all if a node is not split."""
     left = totals.copy()
     for p, split in enumerate(splits):
         if split is not None:

@@ -10,18 +10,18 @@ from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 
 @dataclass(frozen=True, eq=False)
 class VoteParts:
-    """A score F, taken apart: ``F = bias + sum(part)``.
+    """A decomposed score: ``F = bias + sum(part)``.
 
     Parameters
     ----------
     bias : float
-        What the trees say before any question is asked; 0 for stumps.
+        Sum of the trees' mean outputs at the root; 0 for stumps.
     column : (m,) int64
-        The distinct columns that were asked about, those that added or took most first.
+        The distinct columns on the decision paths, by descending magnitude of the part.
     part : (m,) float64
-        What the answers about each column added to F.
+        Contribution of each column to F.
     threshold : (m,) float64
-        The threshold of the question about it that weighed most.
+        The threshold of the column's split with the largest contribution.
     """
 
     bias: float
@@ -36,12 +36,12 @@ class VoteParts:
 
 
 def vote_parts(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> VoteParts:
-    """What each column adds to the score F of a row (F,) float32.
+    """Contributions of the columns to the score F of a row (F,) float32.
 
-    A stump's vote belongs to its column. A tree says, at each node, the mean of the leaves below
-    it; the answer to a question adds what the mean changes by, so that the changes along the path
-    and the mean at the root sum to the leaf (Saabas 2014). Leaves count alike: a trained list keeps
-    no record of how many examples came by.
+    A stump's vote belongs to its column. In a tree, the value of a node is the mean of the leaves
+    below it; a split contributes the change of this value, so that the changes along the path and
+    the value at the root sum to the leaf (Saabas 2014). Leaves have equal weights: a trained list
+    does not store the number of examples per leaf.
     """
     bias, steps = 0.0, _stump_steps(classifier, row)
     if isinstance(classifier, BoostedTrees):
@@ -57,7 +57,7 @@ def vote_parts(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.floa
 
 
 Steps = list[tuple[int, float, float]]
-"""Column, threshold, and what the answer added."""
+"""Column, threshold, contribution."""
 
 
 def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> Steps:

@@ -106,7 +106,7 @@ def test_pairwise_models_are_factor_graphs_and_back() -> None:
 @pytest.mark.parametrize("method", PAIRWISE_ONLY)
 def test_decoders_of_pairs_refuse_more_in_one_line(method: str) -> None:
     graph = FactorGraph.of([2, 2, 2], [(0, 1, 2)], [np.zeros((2, 2, 2))])
-    with pytest.raises(InputError, match="takes no factors of more than two nodes, and one has 3"):
+    with pytest.raises(InputError, match="supports factors of at most two nodes, and one has 3"):
         decode_factors(graph, method)
     pairs = FactorGraph.of([2, 3], [(1, 0), (0,)], [np.zeros((3, 2)), [0.0, 1.0]])
     assert decode_factors(pairs, method).labels[0] == 1

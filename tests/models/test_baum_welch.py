@@ -100,5 +100,5 @@ def test_steps_without_a_label_teach_what_follows_what() -> None:
 
 
 def test_durations_are_not_learned_from_steps_without_a_label() -> None:
-    with pytest.raises(ConfigError, match=r"'semi_markov' counts durations.*method 'hmm'"):
+    with pytest.raises(ConfigError, match=r"'semi_markov' cannot learn durations.*method 'hmm'"):
         build("semi_markov", {"unlabelled": "hidden"})

@@ -323,5 +323,5 @@ def test_rows_of_too_few_columns_are_refused() -> None:
     stumps = StrongClassifier(
         np.array([5, 9_999_999]), np.zeros(2), np.ones(2, np.int8), np.ones(2)
     )
-    with pytest.raises(InputError, match=r"X must have at least 10000000 columns, .* got shape"):
+    with pytest.raises(InputError, match=r"X must have at least 10000000 columns .*, got shape"):
         stumps.scores(np.zeros((10, 3), np.float32))

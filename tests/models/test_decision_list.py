@@ -246,7 +246,7 @@ def test_groups_that_hold_all_of_a_class_are_never_held_out() -> None:
         / (groups > 0).sum()
     )
     assert model.rates_[0] == pytest.approx(rate, rel=1e-12)
-    with pytest.raises(InputError, match="without any of the 4 folds some class has no example"):
+    with pytest.raises(InputError, match="each of the 4 folds has all examples of some class"):
         DecisionListClassifier(n_rounds=5).fit(X, y, groups=y)
 
 
@@ -546,5 +546,5 @@ def test_a_class_with_one_example_cannot_be_held_out() -> None:
     y[:] = np.arange(400) % 2
     y[7] = 2
     assert last_quarters(np.array([0, 1, 1, 0]), 2).number.tolist() == [0, 0, 1, 1]  # two will do
-    with pytest.raises(InputError, match="class 2 has 1 example; holding a part out"):
+    with pytest.raises(InputError, match="class 2 has 1 example; holding out a part"):
         DecisionListClassifier(order="exhaustive").fit(X, y)

@@ -115,7 +115,7 @@ def test_the_earlier_name_is_read_with_a_warning() -> None:
 def test_own_coefficients_come_without_shares() -> None:
     problem = LabelingProblem(LabelGraph.from_edges(2, [(0, 1)]), ["a", "b"], np.zeros((2, 2)))
     given = Relaxation(compatibility=np.eye(2), evidence="likelihood")
-    with pytest.raises(InputError, match="take evidence='posterior'"):
+    with pytest.raises(InputError, match="use evidence='posterior'"):
         given.infer(problem)
 
 

@@ -123,7 +123,7 @@ def test_a_labelling_that_contradicts_the_evidence_is_refused() -> None:
     with pytest.raises(InputError, match=r"labelings\[0\] says 'b' at node 0, which the problem"):
         build("amn").fit([problem], [np.array([1, 0, 1])])
     alone = np.array([0, -1, -1])
-    with pytest.raises(InputError, match="the only label of problem 0 is known"):
+    with pytest.raises(InputError, match="the only label of problem 0 is observed"):
         build("crf").fit([problem], [alone])
     half = np.array([0, 1, -1])
     with pytest.raises(InputError, match="learner='qp' does not support known labels"):

@@ -74,7 +74,9 @@ def test_columns_are_scaled_and_clipped_without_their_mean() -> None:
     np.testing.assert_allclose(found.toarray(), wanted)
     np.testing.assert_allclose(scaling.apply(dense), wanted)
     of_dense = Standardization.of(dense)
-    with pytest.raises(InputError, match="trained on dense node features, whose means it takes"):
+    with pytest.raises(
+        InputError, match="trained on dense node features, whose means it subtracts"
+    ):
         of_dense.apply(rows)
 
 

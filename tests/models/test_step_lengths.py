@@ -163,7 +163,7 @@ def test_without_positions_there_are_no_distances() -> None:
 
 def test_durations_take_the_place_of_both_options() -> None:
     for options in ({"step_length": "positions"}, {"shrinkage": 0.5}):
-        with pytest.raises(ConfigError, match="goes by the distances between steps"):
+        with pytest.raises(ConfigError, match="always uses the distances between steps"):
             SemiMarkovModel(**options)
     built = METHODS.build("hmm", {"step_length": "positions", "shrinkage": 0.5})
     assert (built.step_length, built.shrinkage) == ("positions", 0.5)
