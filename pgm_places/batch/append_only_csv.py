@@ -21,7 +21,7 @@ Row: TypeAlias = dict[str, str]
 class AppendOnlyCsv:
     """Comma-separated values whose columns in the middle may become more.
 
-    Whoever appends or replaces holds a lock. A last line without its end, as a power cut leaves it,
+    Appending and replacing hold a lock. A last line without its end, as a power cut leaves it,
     is dropped.
 
     Parameters

@@ -100,7 +100,7 @@ def tidy_after_the_dead(out: Path) -> None:
     if claims.is_symlink():
         raise OutputError(f"cannot write {claims}: a symbolic link stands in its place; remove it")
     held: list[Path] = []
-    with suppress(FileNotFoundError):  # nobody holds claims
+    with suppress(FileNotFoundError):  # no run holds claims
         held += claims.iterdir()
     for path in held:
         if not _CLAIM.fullmatch(path.name) or path.is_symlink() or not path.is_file():

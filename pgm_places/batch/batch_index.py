@@ -164,7 +164,7 @@ class BatchIndex:
         return write_text(self.out / INDEX_FILE, overview_page(overview, here))
 
     def files(self) -> list[Path]:
-        """Those that are there."""
+        """The index files that exist."""
         paths = (self.out / name for name in (FAILURE_FILE, INDEX_FILE, SUMMARY_FILE))
         return [path for path in paths if path.exists()]
 
@@ -179,7 +179,7 @@ class BatchIndex:
             return self._write(_merged(*both), self._summary.middle(), at_the_end=at_the_end)
 
     def rebuild(self, rows: Callable[[], Iterable[tuple[LabelledRow, float]]]) -> Overview:
-        """Write the lists anew from rows, each with the time that it is of, sorted by name."""
+        """Rewrite the lists from rows sorted by name, each with its time."""
         labels = dict.fromkeys(self._summary.middle())
         while True:
             try:

@@ -188,7 +188,7 @@ class _UnderWay:
         sent.future.add_done_callback(partial(self._judge_later, sent.task))
 
     def _judge_later(self, task: Any, future: Any) -> None:
-        with suppress(RuntimeError):  # closed: nobody waits for the result any more
+        with suppress(RuntimeError):  # closed: no caller waits for the result
             self._judging.submit(self._judged, task, future)
 
     def _judged(self, task: Any, future: Any) -> None:

@@ -92,7 +92,7 @@ def label_batch(
     limit_s: float | None = None,
     progress: Progress,
 ) -> LabelledBatch:
-    """Label maps, each into a folder of its own below ``out``; those that are done are kept.
+    """Label maps, each into its own folder below ``out``; maps already labelled are skipped.
 
     Several batches may work on one folder: a map that another one is labelling is left to it, and
     looked at again when it is done.
@@ -151,7 +151,7 @@ def label_batch(
             if is_address(out) or is_address(found.root / "any"):
                 tasks = list(_not_done(tasks, tally, lists))
             outcomes = _outcomes(tasks, workers, tally, limit_s, _Judge(progress))
-            with closing(outcomes):  # workers end at once, whatever ends this
+            with closing(outcomes):  # workers end at once, on errors too
                 for outcome in outcomes:
                     tally.count(outcome)
                     lists.add(outcome)
@@ -221,7 +221,7 @@ def _outcomes(
     limit_s: float | None,
     judge: _Judge,
 ) -> Generator[LabelledRow | Failure, None, None]:
-    """What becomes of each map; those that somebody else is labelling come last."""
+    """The outcome of each map; maps that another process is labelling come last."""
     while True:
         others: list[MapTask] = []
         tally.n_elsewhere = 0
@@ -249,7 +249,7 @@ def _outcome(task: MapTask, result: Outcome | Unfinished | None) -> Outcome:
 
 
 def _wait_for_one(tasks: Sequence[MapTask]) -> None:
-    """Wait until nobody labels one of the maps any more."""
+    """Wait until one of the maps is released by its process."""
     while True:
         for task in tasks:
             with claimed(task.claim) as is_free:

@@ -84,7 +84,7 @@ GRACE_S = 10.0
 """So long after its limit a process is killed that has not given up its task by itself."""
 
 _MOST_DEATHS = 3
-"""A task that has taken so many processes with it is given up."""
+"""A task is given up once it has crashed this number of processes."""
 
 _TAKEN_WITHIN_S = 2.0
 """A task is handed on within milliseconds; a machine that is slower than this may show an error."""
@@ -142,7 +142,7 @@ class WorkerProcess:
         return None
 
     def end(self) -> None:
-        """End the process, whatever it is doing, and take no more tasks; it is gone then."""
+        """Kill the process, even during a task, and accept no more tasks."""
         with self._lock:
             self._ended = True
         if self._future is not None:
@@ -330,7 +330,7 @@ class _Dispatcher:
                 yield ended
 
     def close(self) -> None:
-        """End the processes, whatever they are doing."""
+        """Kill the processes, even during a task."""
         with self._lock:
             self._stopped = True
         for process in self._processes:

@@ -244,15 +244,15 @@ _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}
 
 def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
     """The figures of a labelling after each of its iterations, by quantity."""
-    told = labeling.info.get("history")
-    if told is None:
+    history = labeling.info.get("history")
+    if history is None:
         return {}
-    if not isinstance(told, Mapping):
+    if not isinstance(history, Mapping):
         decoder = str(labeling.info.get("decoder", ""))
-        told = {_FIGURE.get(decoder, "change"): told}
+        history = {_FIGURE.get(decoder, "change"): history}
         if "score_history" in labeling.info:
-            told["score"] = labeling.info["score_history"]
-    numbers = {str(quantity): _numbers(values) for quantity, values in told.items()}
+            history["score"] = labeling.info["score_history"]
+    numbers = {str(quantity): _numbers(values) for quantity, values in history.items()}
     return {quantity: values for quantity, values in numbers.items() if values}
 
 

@@ -39,7 +39,7 @@ NO_MODEL = "none"
 _OF_MAPS = frozenset(
     ("resolution_m", "connectivity", "sensor", "context", "space", "floor", "steps", "features")
 )
-"""What says nothing of graphs of one's own."""
+"""Options that do not apply to user-defined graphs."""
 
 _OF_TRAINING = _OF_MAPS | {"preset", "nodes", "classifier", "select", "methods"}
 """What a model that was trained before has already."""
@@ -170,7 +170,7 @@ class ExperimentConfig:
 
 
 def _check_teaching(config: ExperimentConfig) -> None:
-    """Refuse options that a base model already fixes, and those that need one."""
+    """Refuse options that a base model already fixes, and options that need a base model."""
     given = given_options(config, _OF_TRAINING)
     if config.base_model is None:
         if not config.methods:
@@ -259,7 +259,7 @@ def _check_classifier_of_steps(given: ClassifierOptions) -> None:
 
 
 def _check_graphs(config: ExperimentConfig) -> None:
-    """Refuse whatever is not a graph of one's own, or is for maps and drives."""
+    """Refuse sources other than user-defined graphs, and options for maps and drives."""
     for where, item in _sources(config):
         if item.graph is None:
             raise ConfigError(

@@ -33,7 +33,7 @@ def door_scores(item: EvalMap, labeling: Labeling, doorway: int) -> DoorScores:
 
 
 def gate_scores(item: EvalMap, spaces: MapSpaces, doorway: int) -> DoorScores:
-    """How many doors of a map the accepted gates match, whatever a method labels afterwards."""
+    """How many doors of a map the accepted gates match, independent of a method's labels."""
     match = match_doors(spaces.gates, _known(item), doorway)
     return match.scores(spaces.places.accepted)
 

@@ -128,7 +128,7 @@ class EvalDrive(_Painted):
 
 @dataclass(frozen=True, eq=False)
 class EvalGraph(_Painted):
-    """A graph of one's own whose nodes were labelled, with their true labels.
+    """A labelled user-defined graph with its true labels.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class EvalGraph(_Painted):
         Its name in tables.
     graph : LabelGraph
     node_truth : (N,) int
-        True label of each node, -1 where it is unknown or was told.
+        True label of each node, -1 where it is unknown or observed.
     building : str, optional
         What it shares with other graphs of the same group.
     """

@@ -83,7 +83,7 @@ class Experiment:
 
     @contextmanager
     def learning(self) -> Iterator[None]:
-        """The stage ``learn``: its warnings are kept for the results."""
+        """The stage ``learn``: its warnings are stored for the results."""
         with self.timed("learn"), warnings.catch_warnings():
             warnings.simplefilter("always", LearningWarning)
             show_other = warnings.showwarning

@@ -1,4 +1,4 @@
-"""Laser features of maps, kept on disk by what they are computed from."""
+"""Laser features of maps, cached on disk under a hash of their inputs."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The graphs of an experiment on problems of one's own, read with their true labels."""
+"""Read user-defined graphs and their true labels for an experiment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class SourceGraph:
         Its name in tables.
     problem : LabelingProblem
     truth : (N,) int
-        True label of each node, -1 where it is unknown or told to the methods.
+        True label of each node, -1 where it is unknown or observed by the methods.
     building : str
         What is held out together.
     features : (tuple of str, tuple of str)

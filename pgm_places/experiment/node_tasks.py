@@ -258,17 +258,17 @@ def _classifier(
 
     The order is that of frequency among all labelled nodes.
     """
-    told = [problem.unary is not None for problem in problems]
-    if any(told) and not all(told):
+    has_unary = [problem.unary is not None for problem in problems]
+    if any(has_unary) and not all(has_unary):
         raise ConfigError("give probabilities or node features for all graphs, not for some")
-    if given is None or all(told):
+    if given is None or all(has_unary):
         return None
     truth = np.concatenate(truths)
     return with_explicit_order(given, truth[truth >= 0])
 
 
 class GraphTask:
-    """The nodes of graphs of one's own."""
+    """The nodes of user-defined graphs."""
 
     tested: ClassVar[Tested] = "graphs"
 

@@ -111,10 +111,10 @@ def _labelled_nodes(item: Source, joined: bool) -> list[_Nodes]:
         return [_Nodes(item.name, "cell", _raster(item), cells)]
     if isinstance(item, SourceGraph):
         problem = item.problem
-        said = (problem.graph.edges, problem.node_features, problem.unary, problem.edge_features)
-        whole = _digest(*(part for part in said if part is not None))
+        arrays = (problem.graph.edges, problem.node_features, problem.unary, problem.edge_features)
+        whole = _digest(*(part for part in arrays if part is not None))
         return [_Nodes(item.name, "node", whole, np.flatnonzero(item.truth >= 0))]
-    # Steps are told apart by their time and pose, so that parts of one log are recognised.
+    # Steps are identified by their time and pose, so that parts of one log are recognised.
     drive, known = item.trajectory, item.labels >= 0
     rows = np.column_stack([drive.times_s, drive.poses])[known]
     steps = _Nodes(drive.name, "step", "", np.array([_digest(row) for row in rows]))

@@ -115,7 +115,7 @@ def joint_labeler(config: ExperimentConfig) -> JointLabeler:
 
 
 def graph_labelers(config: ExperimentConfig) -> dict[str, StructuredLabeler]:
-    """The unfitted labelers of graphs of one's own, by the ids of their methods."""
+    """The unfitted labelers of user-defined graphs, by the ids of their methods."""
     settings = config.classifier
     labelers = {}
     for method in config.methods:
@@ -128,7 +128,7 @@ def graph_labelers(config: ExperimentConfig) -> dict[str, StructuredLabeler]:
 
 
 class GraphMethod(NamedTuple):
-    """A method on graphs of one's own, with what it sees of their nodes."""
+    """A method on user-defined graphs, with the node data that it uses."""
 
     backend: Any
     unary: str

@@ -37,13 +37,13 @@ class GraphConfig:
     classes : mapping, optional
         From the texts of that column to label names; what it leaves out has no label.
     known : str, optional
-        The column of labels that methods are told and therefore not asked for: evidence.
+        The column of observed labels: evidence for the methods, not scored.
     features : list of str, optional
         The node features; by default all columns of numbers that have no other meaning.
     edge_features : list of str, optional
         The same for edges.
     probabilities : list of str, optional
-        For each label, in their order, the column of its probability by a classifier of one's own,
+        For each label, in their order, the column of its probability by the user's own classifier,
         which takes the place of the configuration's.
     positions : (str, str), optional
         The columns of x and y: for pictures, and to hold out nodes that lie together.
@@ -131,7 +131,7 @@ class DriveConfig(MapConfig, RobotMotion):
 
 @dataclass(frozen=True, kw_only=True)
 class SourceConfig(MapConfig):
-    """A map, a drive (recorded in a log, or simulated), or a graph of one's own.
+    """A map, a drive (recorded in a log, or simulated), or a user-defined graph.
 
     For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log, which tells
     the true place of each step unless ``truth`` or the log itself does. Options that do not

@@ -20,7 +20,7 @@ class Sources(NamedTuple):
     maps : sequence of LabelledMap
     drives : sequence of SourceDrive
     graphs : sequence of SourceGraph
-        Of one's own; then there are neither maps nor drives.
+        User-defined graphs; maps and drives are then empty.
     """
 
     maps: Sequence[LabelledMap] = ()

@@ -1,4 +1,4 @@
-"""Cells of a map whose labels are known, such as those that a person has painted."""
+"""Observed labels of map cells, such as cells painted by a person."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Labelling a map together with a drive, whatever the resolution of the map."""
+"""Label a map together with a drive, at any resolution of the map."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""LabelledPlaces: a labelled map on its own raster, whatever the resolution of the model."""
+"""LabelledPlaces: a labelled map on its own raster, at any resolution of the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

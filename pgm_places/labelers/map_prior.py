@@ -22,7 +22,7 @@ LEAST = 0.01
 
 
 class PositionPrior(Protocol):
-    """What is known of positions beforehand: a map's labels, wherever they are kept."""
+    """Prior label probabilities at positions, from a labelled map."""
 
     def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """(T, K) probabilities at positions (T, 2) in metres."""

@@ -107,7 +107,7 @@ def place_methods(
 
 
 def with_unary(methods: Mapping[str, PlaceMethod], unary: str) -> dict[str, PlaceMethod]:
-    """The methods with a unary for those that were told none."""
+    """The methods, with ``unary`` for each method whose unary is "auto"."""
     return {
         name: replace(item, unary=unary) if item.unary == "auto" else item  # type: ignore[arg-type]
         for name, item in methods.items()

@@ -114,7 +114,7 @@ def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tuple[str, ...]:
-    """The labels of results: those that were learned and, if the model knows it, the hall."""
+    """The labels of results: the learned labels and, if the model supports it, the hall."""
     return HallNames((*names, "hall")).shown(halls) if model.knows_halls else names
 
 

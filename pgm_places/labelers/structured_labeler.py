@@ -185,7 +185,7 @@ class StructuredLabeler(Labeler):
                 f"no training node is labelled {missing[0]!r}: y never holds "
                 f"{names.index(missing[0])}; label some, or take the name out of label_names"
             )
-        seen: Sequence[LabelingProblem] = problems
+        scored: Sequence[LabelingProblem] = problems
         classifier, weights = None, None
         if sample_weight is not None:
             weights = weights_of(sample_weight, problems)
@@ -195,17 +195,17 @@ class StructuredLabeler(Labeler):
         if self.classifier is not None:
             classifier = structured_learning.trained(self.classifier, problems, truths, weights)
             if self.learn_on == "out-of-fold":
-                seen = structured_learning.held_out_problems(self, problems, truths, weights)
+                scored = structured_learning.held_out_problems(self, problems, truths, weights)
             else:
-                seen = [p.with_unary(self._unary(classifier, p)) for p in problems]
+                scored = [p.with_unary(self._unary(classifier, p)) for p in problems]
 
         def learn(backend: Any) -> dict[str, Any]:
             backend = with_shares(backend, truths, len(names))
             if isinstance(backend, Learnable):
                 extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
-                backend = backend.fit(seen, truths, **extra)
+                backend = backend.fit(scored, truths, **extra)
             if self.learn_on == "out-of-fold":
-                backend = calibrated(backend, seen, structured_learning.counted(truths, weights))
+                backend = calibrated(backend, scored, structured_learning.counted(truths, weights))
             fitted = {"classifier_": classifier, "backend_": backend}
             return {**fitted, "label_names_": names, "named_": by_name}
 
@@ -252,8 +252,8 @@ class StructuredLabeler(Labeler):
 
         ``truth`` is that of every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
-        seen = self.problem(problem)
-        return infer(self.backend_, seen, truth)
+        scored = self.problem(problem)
+        return infer(self.backend_, scored, truth)
 
     def _unary(self, classifier: Any, problem: LabelingProblem) -> NDArray[np.float64]:
         """(N, K) log-probabilities of a problem's nodes."""
@@ -275,8 +275,8 @@ class StructuredLabeler(Labeler):
             return label_many(self.backend_, [self.problem(problem) for problem in problems])
         ends = np.cumsum([problem.graph.n_nodes for problem in problems])[:-1]
         scores = np.split(self.scores(whole), ends)
-        seen = [one.with_unary(part) for one, part in zip(problems, scores, strict=True)]
-        return label_many(self.backend_, seen)
+        scored = [one.with_unary(part) for one, part in zip(problems, scores, strict=True)]
+        return label_many(self.backend_, scored)
 
     @property
     def classes_(self) -> NDArray[Any]:

@@ -21,7 +21,7 @@ STRETCH_M = 5.0
 """Stretches of drives whose errors are taken to come together."""
 
 WHOLE_DRIVES, FOLDS = 3, 5
-"""From so many drives on, whole ones are held out, in so many folds at most."""
+"""From this number of drives on, complete drives are held out, in at most this many folds."""
 
 
 class ObservedDrive(NamedTuple):
@@ -45,7 +45,7 @@ class ObservedDrive(NamedTuple):
 
 
 Learn = Callable[[float, Sequence[ObservedDrive]], Any]
-"""The method fitted on drives with updates every so many metres."""
+"""The method fitted on drives, with updates at a fixed distance in metres."""
 
 LabelDrive = Callable[[Any, Segments, NDArray[np.float64]], NDArray[np.int64]]
 """The label of each segment by a fitted method, from the scores of the steps."""

@@ -159,13 +159,13 @@ class ScoredMap:
     kept: tuple[LabelGraph, CellScores] | None = None
 
     def by(self, method: str) -> "ScoredMap":
-        """The problem of another method, from the scores that were kept."""
+        """The problem of another method, from the cached scores."""
         assert self.kept is not None  # asked for
         model = replace(self.model, method=method)
         return replace(self, model=model, problem=_problem(model, *self.kept, self.observed))
 
     def labelled(self, independent: Backend | None = None) -> LabelledPlaces:
-        """The map as the method labels it, or each cell by itself; observed labels are kept."""
+        """The map labelled by the method, or cell by cell; observed labels stay fixed."""
         model, observed = self.model, self.observed
         name = model.method if independent is None else "independent"
         trim_heap()  # what scoring took

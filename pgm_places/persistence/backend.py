@@ -18,7 +18,7 @@ KIND = "backend"
 def dump(backend: Backend, label_names: Sequence[str] = ()) -> tuple[dict[str, Any], Arrays]:
     """The manifest and the arrays of a backend by itself.
 
-    The label names are kept beside it, because learned weights mean nothing under other ones.
+    The label names are stored with it, because learned weights apply to these labels only.
     """
     arrays: Arrays = {}
     names = [str(name) for name in label_names]

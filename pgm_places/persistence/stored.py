@@ -80,7 +80,7 @@ def save(
     label_names : sequence of str
         The labels that a backend was fitted on; a labeler knows its own.
     record : mapping, optional
-        How it was trained, as plain data; kept word for word.
+        How it was trained, as plain data; stored unchanged.
 
     Raises
     ------

@@ -66,5 +66,5 @@ def _try_out(classifier: Any, n_labels: int) -> None:
     classes = integer_array("classes_", classes, ("C",), low=0, high=n_labels)
     if type(n_features) is not int or not 1 <= n_features <= MOST_FEATURES:
         raise ModelFileError(f"n_features_in_ must be 1 to {MOST_FEATURES}, got {n_features!r}")
-    said = classifier.predict_proba(np.zeros((1, n_features)))
-    finite_array("probabilities", said, (1, len(classes)))
+    probabilities = classifier.predict_proba(np.zeros((1, n_features)))
+    finite_array("probabilities", probabilities, (1, len(classes)))

@@ -40,7 +40,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
-    """The labeler that :func:`dump` described so; the unfitted classifier is not kept."""
+    """The labeler that :func:`dump` described; the unfitted classifier is not stored."""
     parts.check_feature_set(manifest)
     names = tuple(str(name) for name in manifest["label_names"])
     extra_names = tuple(str(name) for name in manifest["extra_names"])
