@@ -168,8 +168,7 @@ class ConditionalRandomField(LinearModel):
             all are observed, on folds of them (:mod:`pgm_places.models.observed_labels`).
         sample_weight : sequence of float or (N,) float, optional
             Weight of each problem, or of each of its nodes. The likelihood needs equal weights in
-            each connected part of a graph; for max margin see
-            :meth:`pgm_places.models.amn.AssociativeMarkovNetwork.fit`.
+            each connected part of a graph.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.margin_solution.LearningStep` during learning;
             True stops it with the best weights so far.

@@ -267,8 +267,7 @@ class MaxMarginProblem(MarginProblem):
         """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
 
         Per label: the sum of the features of its nodes, then of the edges with this label at both
-        ends, then of the sets rewarded for it, times their number of agreeing nodes
-        (:meth:`SetNodes.agreed <pgm_places.solvers.set_terms.SetNodes.agreed>`).
+        ends, then of the sets, times :meth:`~pgm_places.solvers.set_terms.SetNodes.agreed`.
         """
         first, second = labels[self.edges[:, 0]], labels[self.edges[:, 1]]
         agreed = np.where(first == second, first, self.n_labels)
