@@ -35,7 +35,7 @@ _FAILURE = ("name", "map", "error", "message", "time")
 """Columns of the failures; times are in UTC."""
 
 _LEAST_PAUSE_S, _PAUSES = 30.0, 20
-"""A page is written again after so long, and after so many times what writing it took."""
+"""Rewrite a page after this time, and after this multiple of the time that writing took."""
 
 
 class BatchIndex:

@@ -77,7 +77,7 @@ class Speed:
                 _processor_seconds(MapTask("floor", map_yaml, out / name, options, model.sha256))
                 for name in ("first", "second", "third", "fourth")
             ]
-        # Whatever else the machine does makes a run slower, never faster.
+        # Other load on the machine makes a run slower, never faster.
         return cls(min(seconds) / Forecast(grid.cells.size, int(used.free.sum())).work)
 
     def seconds(self, forecast: Forecast) -> float:

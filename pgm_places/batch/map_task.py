@@ -303,7 +303,7 @@ class MapTask:
 
 
 def label_one(task: MapTask) -> Outcome:
-    """Label a map, unless it is done; whatever is wrong with it is an outcome, too.
+    """Label a map, unless it is done; errors are outcomes, too.
 
     Raises
     ------

@@ -215,7 +215,7 @@ Command = Callable[..., None]
 
 @dataclass(frozen=True)
 class GivenOptions(Generic[T]):
-    """Options that were given by flags, and nothing of those that were not.
+    """Options set by flags; unset options are left out.
 
     Parameters
     ----------

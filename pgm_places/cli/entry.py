@@ -66,7 +66,7 @@ def main() -> None:
     except KeyboardInterrupt:
         number = stops.number or signal.SIGINT
         _end("interrupted; no file is left half-written", 128 + number)
-    except BrokenPipeError:  # nobody reads on, which needs no words
+    except BrokenPipeError:  # the reader closed the pipe: no message
         _leave(EXIT_UNREAD)
     except ImportError as error:
         if "pgm_places._core" not in str(error):

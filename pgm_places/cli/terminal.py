@@ -28,8 +28,8 @@ def say(text: str) -> None:
     """
     try:
         sys.stdout.write(escape_control(text, keep="\n") + "\n")
-        sys.stdout.flush()  # whoever reads a pipe wants each line now
-    except BrokenPipeError:  # nobody reads on, which is no mistake
+        sys.stdout.flush()  # the reader of a pipe gets each line at once
+    except BrokenPipeError:  # the reader closed the pipe: not an error
         raise
     except OSError as error:
         raise OutputError(
@@ -53,7 +53,7 @@ def complain(message: str) -> None:
     text = escape_control(message)
     if len(text) > _LONGEST:
         text = f"{text[:_LONGEST]} ..."
-    with contextlib.suppress(OSError, ValueError):  # it is full or closed: nobody to tell
+    with contextlib.suppress(OSError, ValueError):  # stream full or closed: cannot report it
         print(text, file=sys.stderr, flush=True)  # noqa: T201  the command line speaks
 
 
