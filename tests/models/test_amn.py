@@ -629,7 +629,7 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     with pytest.raises(InputError, match="warm_start needs learner='cutting-plane', got 'qp'"):
         replace(before, learner="qp").fit(problems, truths)
     other = replace(problems[0], edge_features=np.ones((problems[0].graph.n_edges, 1)))
-    with pytest.raises(InputError, match="labels and features that the model has learned"):
+    with pytest.raises(InputError, match="needs problems with the model's labels and features"):
         before.fit([other], truths[:1])
 
 
