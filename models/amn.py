@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Gt, Lt, MinLen
 from pgm_places.errors import InputError
+from pgm_places.graph.layout import GridLayout, StepLayout
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.learned_names import in_learned_order
@@ -100,8 +101,8 @@ class AssociativeMarkovNetwork(LinearModel):
     node_features : str
         Parts joined by ``+``. ``offset`` adds the unary's log-probabilities, unscaled, to the
         learned scores, which then correct them. ``auto`` is ``logz`` and ``raw`` as far as the
-        problem has them, with the offset if C is ``auto`` as well; ``raw`` is used in addition to
-        ``logz`` only if it labels held-out parts better by a point.
+        problem has them, on maps and drives with the offset if C is ``auto``, too; ``raw`` is
+        used in addition to ``logz`` only if it labels held-out parts better by a point.
     edge_features : tuple of str
         Names, of which ``auto`` is ``constant``, ``raw-difference`` where the problem has node
         features, and ``given`` where it has edge features.
@@ -130,7 +131,7 @@ class AssociativeMarkovNetwork(LinearModel):
     >>> truth = np.array([0, 0, 0, 1, 1, 1])
     >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
     >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log(z))
-    >>> network = AssociativeMarkovNetwork().fit([problem], [truth])
+    >>> network = AssociativeMarkovNetwork(C=100.0).fit([problem], [truth])
     >>> network.infer(problem).labels.tolist()
     [0, 0, 0, 1, 1, 1]
     >>> network.summary["status"]
@@ -328,7 +329,12 @@ class AssociativeMarkovNetwork(LinearModel):
     def _node_choices(self, problems: Sequence[LabelingProblem]) -> tuple[str, ...]:
         found = super()._node_choices(problems)
         is_open = self.node_features == self.C == "auto" and not self._goes_on
-        if not is_open or any(each.unary is None for each in problems):
+        layouts = [each.graph.layout for each in problems]
+        is_mapped = all(
+            one.source is not None if isinstance(one, GridLayout) else isinstance(one, StepLayout)
+            for one in layouts
+        )
+        if not (is_open and is_mapped) or any(each.unary is None for each in problems):
             return found
         return tuple(f"offset+{name}" for name in (found if len(found) > 1 else ("logz",)))
 

@@ -11,6 +11,7 @@ from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import score
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models import amn as module
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.held_out_choice import choose
@@ -320,10 +321,19 @@ def test_auto_tries_the_listed_penalties() -> None:
     assert AssociativeMarkovNetwork().C == "auto"
 
 
-def test_without_a_block_that_can_be_held_out_c_is_the_usual() -> None:
+def on_map(problem: LabelingProblem) -> LabelingProblem:
+    """The problem on a map of free cells, whose graph is the problem's."""
+    height, width = problem.graph.grid_layout.shape
+    free = OccupancyGrid(np.zeros((height, width), np.int8), resolution_m=0.2)
+    return replace(problem, graph=LabelGraph.from_grid(free))
+
+
+@pytest.mark.parametrize(("of_map", "penalty"), [(False, 100.0), (True, 10.0)])
+def test_without_a_block_that_can_be_held_out_c_is_the_usual(of_map: bool, penalty: float) -> None:
     problem, truth = sample(seed=15)
-    fitted = AssociativeMarkovNetwork(n_validation_blocks=3).fit([problem], [truth])
-    assert fitted.summary["penalty"] == 10.0
+    network = AssociativeMarkovNetwork(n_validation_blocks=3)
+    fitted = network.fit([on_map(problem) if of_map else problem], [truth])
+    assert fitted.summary["penalty"] == penalty
     assert {row["balanced_accuracy"] for row in fitted.summary["held_out"]} == {None}
 
 
@@ -341,8 +351,11 @@ def with_noise(n_noise: int, looks: float) -> tuple[LabelingProblem, NDArray[np.
 def test_features_join_the_scores_only_where_they_help() -> None:
     noise, truth = with_noise(60, 0.0)
     network = AssociativeMarkovNetwork(edge_features="constant").fit([noise], [truth])
+    assert network.summary["node_features"] == "logz"
+    network = AssociativeMarkovNetwork(edge_features="constant").fit([on_map(noise)], [truth])
     assert network.summary["node_features"] == "offset+logz"
     clear, truth = with_noise(0, 6.0)
+    clear = on_map(clear)
     network = AssociativeMarkovNetwork(edge_features="constant").fit([clear], [truth])
     assert network.summary["node_features"] == "offset+logz+raw"
     names = {row["node_features"] for row in network.summary["held_out"]}
@@ -407,7 +420,9 @@ def test_an_offset_gives_up_no_held_out_accuracy() -> None:
     lead = np.where(truth, 1.0, -1.0) * rng.uniform(0.5, 4.0, size=len(truth))
     lead[rng.random(len(truth)) < 0.1] *= -1
     unary = -np.logaddexp(0.0, np.column_stack([lead, -lead]))
-    network = AssociativeMarkovNetwork().fit([LabelingProblem(graph, NAMES[:2], unary)], [truth])
+    problem = on_map(LabelingProblem(graph, NAMES[:2], unary))
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    assert network.summary["node_features"] == "offset+logz"
     alone = (unary.argmax(axis=1) == truth).mean()
     [chosen] = [row for row in network.summary["held_out"] if row["chosen"]]
     assert chosen["accuracy"] >= alone - 0.001
@@ -652,9 +667,10 @@ def test_costs_follow_their_labels_whatever_the_order_inside() -> None:
 
 
 def test_nothing_left_to_learn_is_no_gap(recwarn: pytest.WarningsRecorder) -> None:
-    graph = LabelGraph.from_trajectory(np.arange(80.0).reshape(40, 2))
+    graph = LabelGraph.from_grid(np.ones((1, 40), np.bool_))
     truth = (np.arange(40) >= 30).astype(np.int64)
     sure = LabelingProblem(graph, NAMES[:2], np.log(np.where(np.eye(2)[truth], 0.99, 0.01)))
+    sure = on_map(sure)
     fitted = AssociativeMarkovNetwork().fit([sure], [truth])
     assert fitted.summary["objective"] < 1e-3
     np.testing.assert_array_equal(fitted.infer(sure).labels, truth)
