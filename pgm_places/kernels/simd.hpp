@@ -53,14 +53,14 @@ template <class T, int N, int BYTES> struct alignas(std::min<int>(N * sizeof(T),
         return each([&](int) { return Part{} + value; });
     }
 
-    // Simd made of the function of each part's number.
+    // Lanes made of the function of each part's number.
     template <class Function> static PGM_INLINE Simd each(Function function) {
         Simd lanes;
         for (int p = 0; p < PARTS; ++p) lanes.part[p] = function(p);
         return lanes;
     }
 
-    // Simd made of the function of each lane's number.
+    // Lanes made of the function of each lane's number.
     template <class Function> static PGM_INLINE Simd every(Function function) {
         Simd lanes;
         for (int p = 0; p < PARTS; ++p)
