@@ -178,5 +178,5 @@ def test_likelihoods_refuse_sets() -> None:
     problem = with_sets(7, 2)
     kinds: tuple[Likelihood, ...] = ("likelihood", "pseudo-likelihood", "piecewise")
     for kind in kinds:
-        with pytest.raises(InputError, match="cliques are learned by learner='max-margin' only"):
+        with pytest.raises(InputError, match="use learner='max-margin', or omit the cliques"):
             maximize_likelihood(problem.field, problem.labels, 1.0, kind=kind)
