@@ -33,7 +33,7 @@ LONGEST = (
     "test_docs.py",
     "test_decoding.py",
     "test_backend_contract.py",
-    "test_teacher.py",
+    "test_interactive_labeler.py",
     "test_commands.py",
     "test_halls.py",
 )

@@ -35,7 +35,7 @@ WAYS = {
 
 ALONE = "single scans"
 SHARE = 0.7
-"""Weight of the networks beside the list of scans, chosen by ``networks.py``."""
+"""Weight of the networks beside the list of scans, chosen in an earlier study."""
 
 TOWNS = {"freiburg": "Freiburg 79", "saarbrucken": "Saarbrücken"}
 
