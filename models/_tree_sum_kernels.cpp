@@ -10,7 +10,7 @@ using std::int64_t;
 
 constexpr int AT_ONCE = 16;  // samples
 
-struct Trees {  // see boosted_trees.py
+struct Trees {  // see strong_classifier.py
     Array<const int64_t, 1> columns;
     Array<const int64_t, 2> plane;
     Array<const float, 2> cut, value;

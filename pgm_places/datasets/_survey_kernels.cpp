@@ -11,7 +11,7 @@ using std::int32_t;
 using std::int64_t;
 using std::uint8_t;
 
-// As in survey.py.
+// As in simulated_mapping.py.
 constexpr uint8_t SOLID = 1, GLASS = 2, RIM = 4;
 constexpr int64_t HALF_SIDE = 128;
 
