@@ -59,7 +59,7 @@ def read_plan(
 
     Parameters
     ----------
-    scale : Scale
+    scale : MetreScale
         The size of a cell.
     labels : (H, W) int16
         Label of each cell, -1 where there is none.

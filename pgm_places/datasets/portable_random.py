@@ -34,7 +34,7 @@ class Dice:
     ----------
     seed, stream : int
         Different streams of one seed are independent: more furniture moves no wall.
-    scale : Scale
+    scale : MetreScale
         Of the raster that is drawn into; cells of a centimetre where there is none.
     """
 

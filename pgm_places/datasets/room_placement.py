@@ -81,7 +81,7 @@ class Site:
 
     Parameters
     ----------
-    scale : Scale
+    scale : MetreScale
         The size of a cell.
     shape : (int, int)
         Rows and columns.

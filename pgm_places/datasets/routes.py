@@ -60,7 +60,7 @@ def draw_routes(
     Parameters
     ----------
     dice : Dice
-    scale : Scale
+    scale : MetreScale
         The size of a cell.
     solid : (H, W) bool
         Obstacles of the robot.

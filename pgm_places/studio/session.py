@@ -75,7 +75,7 @@ class MapSession:
     ----------
     n_fixed : int
         Number of the first classes, which cannot be deleted.
-    changes : Changes or None
+    changes : LabelChanges or None
         Changes by the newest labels.
     agrees : float or None
         Share of the newest labels that agree with the labels to compare with.

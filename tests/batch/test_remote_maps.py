@@ -74,9 +74,8 @@ def test_names_that_a_user_gave_places_are_kept(bucket: Any, model: Path) -> Non
     assert places[0]["name"] == "Reception"
 
 
-def test_a_result_whose_copying_was_broken_off_is_not_done(
-    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def break_off_copying(bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Label all maps, and interrupt the copying of the first result at its places."""
     put_file = type(bucket).put_file
 
     def until(self: Any, local: str, target: str, **options: Any) -> None:
@@ -87,6 +86,12 @@ def test_a_result_whose_copying_was_broken_off_is_not_done(
     with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
         changed.setattr(type(bucket), "put_file", until)
         label(model, "memory://out")
+
+
+def test_a_result_whose_copying_was_broken_off_is_not_done(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    break_off_copying(bucket, model, monkeypatch)
     assert bucket.exists("/out/floor1/map/labels.png")
     assert not bucket.exists("/out/floor1/map/details/manifest.json")
     bucket.pipe_file("/out/floor1/map/notes.txt", b"mine")
@@ -101,16 +106,7 @@ def test_a_result_whose_replacement_was_broken_off_is_not_done(
 ) -> None:
     label(model, "memory://out")
     bucket.pipe_file("/maps/floor1/map.png", bucket.cat_file("/maps/floor2/map.png"))
-    put_file = type(bucket).put_file
-
-    def until(self: Any, local: str, target: str, **options: Any) -> None:
-        if target.endswith("/places.json"):
-            raise KeyboardInterrupt
-        put_file(self, local, target, **options)
-
-    with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
-        changed.setattr(type(bucket), "put_file", until)
-        label(model, "memory://out")
+    break_off_copying(bucket, model, monkeypatch)
     assert not bucket.exists("/out/floor1/map/details/manifest.json")
     bucket.put_file(str(maps / "floor1" / "map.png"), "/maps/floor1/map.png")
     assert label(model, "memory://out").n_labelled == 1
