@@ -4,7 +4,6 @@ These tests speak DDS for real; they are skipped where Cyclone DDS is not instal
 """
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from pgm_places.persistence.stored import save
 from tests.cli.conftest import Run, run
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
+from tests.live.dds_domains import dds_domain
 from tests.live.robot import raw_map, raw_messages, text_of
 from tests.quick_labeler import places
 
@@ -37,8 +37,7 @@ PATIENCE_S = 120.0
 
 @pytest.fixture(scope="module")
 def domain() -> int:
-    """One that no other run of these tests uses."""
-    return 100 + os.getpid() % 100
+    return dds_domain("drive")
 
 
 @pytest.fixture
@@ -118,21 +117,22 @@ def test_a_drive_over_the_wire(node: "subprocess.Popen[str]", domain: int) -> No
 
 
 def test_topics_that_nobody_publishes_are_named(
-    tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch, run: Run
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
 ) -> None:
+    domain = dds_domain("lonely")
     save(places(), tmp_path / "model")
     monkeypatch.setattr("pgm_places.live.dds_node.LONELY_AFTER_S", 0.5)
     code, _, error = run(
-        "live", "--dds", "--local", "--domain", domain + 20, "--model", tmp_path / "model",
+        "live", "--dds", "--local", "--domain", domain, "--model", tmp_path / "model",
         "--seconds", 3,
     )  # fmt: skip
     assert code == 0
     assert "no publisher of /tf_static, /tf, /map, /scan: are the topics" in error
-    assert f"(ROS_DOMAIN_ID) {domain + 20}" in error
+    assert f"(ROS_DOMAIN_ID) {domain}" in error
 
 
 @pytest.mark.parametrize("what", sorted(set(TYPES)))
-def test_types_are_declared_as_ros_names_them(what: str, domain: int) -> None:
+def test_types_are_declared_as_ros_names_them(what: str) -> None:
     from cyclonedds.idl import IdlStruct
 
     from pgm_places.live.dds_bus import _IdlTypes

@@ -10,6 +10,7 @@ import pytest
 
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsNetwork
+from tests.live.dds_domains import dds_domain
 from tests.real_data import ROOT
 
 SPACE = "{https://cdds.io/config}"
@@ -116,7 +117,7 @@ def pair(domain: int, configs: list[str], interface: str, seconds: float) -> lis
 
 def test_two_processes_find_each_other_over_an_interface_that_is_named() -> None:
     pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
-    assert pair(200 + os.getpid() % 10, ["", ""], "lo", 60.0) == [2, 2]
+    assert pair(dds_domain("interface"), ["", ""], "lo", 60.0) == [2, 2]
 
 
 def tagged(tag: str) -> str:
@@ -130,7 +131,7 @@ def tagged(tag: str) -> str:
 
 def test_the_user_s_configuration_is_respected() -> None:
     pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
-    domain = 210 + os.getpid() % 10
+    domain = dds_domain("tags")
     assert pair(domain, [tagged("a"), tagged("a")], "", 60.0) == [2, 2]
     assert pair(domain, [tagged("a"), tagged("b")], "", 4.0) == [1, 1]
 

@@ -17,6 +17,7 @@ import pytest
 from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.persistence.stored import save
 from tests.drives import building
+from tests.live.dds_domains import dds_domain
 from tests.live.robot import raw_map, text_of
 from tests.quick_labeler import places
 from tests.real_data import ROOT
@@ -60,7 +61,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def test_killed_processes_cost_no_ids_and_leave_nothing(tmp_path: Path) -> None:
-    domain = 190 + os.getpid() % 10
+    domain = dds_domain("kills")
     grid, session, folder = building()[0].grid, tmp_path / "office.session", tmp_path / "tmp"
     folder.mkdir()
     save(places(), tmp_path / "model")
