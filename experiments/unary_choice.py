@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import NAMES, real_maps
 from experiments.kept import KeptArrays, fingerprint
+from experiments.known_maps import NAMES, real_maps
 from experiments.page_tables import text_of, write_table
 from experiments.paper.section import Table
 from pgm_places.evaluation.evaluation import evaluate

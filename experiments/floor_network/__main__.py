@@ -5,11 +5,8 @@ generated buildings, and robot-like copies of all drawn ones. ``train --kept FOL
 network for each fold of buildings, which it never sees, in turn; it resumes where it stopped, and
 writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` labels every map of
 DATA/robots with the network that has not seen its building beside the shipped lists, and prints
-the figures by kind; ``doors --kept FOLDER`` those of their doors. ``plans --kept FOLDER`` prints
-both for drawn floors, their robot-like copies, and the real maps that the lists learned from, with
-lists held out, too, and ``kinds --kept FOLDER`` for generated kinds that neither has learned from.
-``ship --kept FOLDER`` puts the networks into the model ``default``. Training needs the extra
-``train``. PGM_PLACES_DATA names the folder of the real maps.
+the figures by kind. ``ship --kept FOLDER`` puts the networks into the model ``default``. Training
+needs the extra ``train``. PGM_PLACES_DATA names the folder of the real maps.
 """
 
 import argparse
@@ -18,7 +15,7 @@ from pathlib import Path
 from experiments.paper.setting import data_folder
 from pgm_places.cli.terminal import LineProgress
 
-STEPS = ("floors", "train", "measure", "doors", "plans", "kinds", "ship")
+STEPS = ("floors", "train", "measure", "ship")
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -30,7 +27,6 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--kept", type=Path, required=True, help="folder of floors and networks")
     parser.add_argument("--steps", type=int, default=4200, help="steps of training for each fold")
     parser.add_argument("--folds", type=int, nargs="*", default=[0, 1, 2, 3])
-    parser.add_argument("--threads", type=int)
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), metavar=("I", "N"))
     given = parser.parse_args(argv)
     data = data_folder() or Path("../shared/data")
@@ -48,18 +44,6 @@ def main(argv: list[str] | None = None) -> None:
         from experiments.floor_network.held_out import measure
 
         measure(data, given.kept, progress)
-    elif given.step == "doors":
-        from experiments.floor_network.doors import door_table, measure_robots_doors
-        from experiments.floor_network.held_out import networks
-        from pgm_places.unary.floor_model import FloorModel
-
-        models = [FloorModel((item,), views_per_network=8) for item in networks(given.kept)]
-        print(door_table(measure_robots_doors(data, models, progress)))
-    elif given.step in ("plans", "kinds"):
-        from experiments.floor_network.plans import measure_kinds, measure_plans
-
-        measured = measure_plans if given.step == "plans" else measure_kinds
-        measured(data, given.kept, given.threads, progress)
     else:
         from experiments.floor_network.held_out import ship
 

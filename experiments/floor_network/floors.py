@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import GENERATED_STYLES, NAMES, WITH_HALLS, KnownMap, real_maps
+from experiments.known_maps import GENERATED_STYLES, NAMES, WITH_HALLS, KnownMap, real_maps
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.floor.labelled import labelled_raster
 from pgm_places.io.atomic import atomic_file

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import NAMES, KnownMap
+from experiments.known_maps import NAMES, KnownMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.pictures.canvas import label_canvas, view_of

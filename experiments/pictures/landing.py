@@ -4,15 +4,19 @@ import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from experiments.pictures.kept import COLOURS, IMAGES, found_on, keep, span
+from experiments.pictures.kept import IMAGES, keep
 from pgm_places import label_map, load_map, topological_map, trained_labeler
-from pgm_places.palette import GROUND_SWATCHES, label_swatches, rgb_of
+from pgm_places.datasets import generate_building
+from pgm_places.palette import GROUND_SWATCHES, label_colours, label_swatches, rgb_of
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.figure_grid import Panel, figure_grid
 
-HERO = (66, "clinic")
+MARGIN = 6
+"""Unknown cells around a map."""
+
 CARD = (640, 280)
 CROPS = {
     # name of the card: the picture, and the left, upper and right ends of its part
@@ -32,17 +36,18 @@ THEMES = {
 
 def hero() -> None:
     """One picture for light pages and one for dark ones, transparent where nothing is known."""
-    found = found_on(*HERO)
-    grid = found.grid
-    rows, columns = span(grid)
+    grid = generate_building(66, style="clinic", resolution_m=0.05).grid
+    places = label_map(trained_labeler(), grid)
+    colours = label_colours(places.label_names)
+    rows, columns = (_extent(~grid.unknown, axis) for axis in (1, 0))
     height, width = rows.stop - rows.start, columns.stop - columns.start
     y, x = np.mgrid[:height, :width]
     edge = 0.30 * width + 0.22 * y  # leans to the right as it goes up
     labelled = x > edge
     for theme, (wall, free, line) in THEMES.items():
         picture = np.zeros((height, width, 4), np.uint8)
-        shades = np.array([rgb_of(colour) for colour in (*COLOURS, free, wall)])
-        index = np.where(labelled, found.labels[rows, columns], 3)
+        shades = np.array([rgb_of(colour) for colour in (*colours, free, wall)])
+        index = np.where(labelled, places.labels[rows, columns], 3)
         index[index < 0] = 3
         index[grid.occupied[rows, columns]] = 4
         picture[..., :3] = shades[index]
@@ -53,6 +58,12 @@ def hero() -> None:
         ImageDraw.Draw(image).line((top, 0, bottom, 2 * height), fill=line, width=5)
         size = (1600, round(1600 * height / width))
         keep(f"hero_{theme}", image.resize(size, Image.Resampling.LANCZOS))
+
+
+def _extent(known: NDArray[np.bool_], axis: int) -> slice:
+    """The rows (axis 1) or columns (axis 0) of the known part, with a margin."""
+    [index] = np.nonzero(known.any(axis=axis))
+    return slice(max(0, index[0] - MARGIN), index[-1] + 1 + MARGIN)
 
 
 def cards() -> None:

@@ -13,10 +13,6 @@ STYLE = """\
 .chart rect { fill: var(--pst-color-surface, #f3f4f5); stroke: var(--pst-color-border, #c9ccd1); }
 .chart .front rect { fill: var(--pst-color-background, #fff); }
 .chart path { fill: none; stroke: var(--pst-color-text-muted, #555); stroke-width: 1.5; }
-.chart a { text-decoration: none; }
-.chart a rect { fill: var(--pst-color-primary, #0a7d91); stroke: none; }
-.chart a text { fill: var(--pst-color-background, #fff); font-weight: 600; }
-.chart a:hover rect, .chart a:focus rect { fill: var(--pst-color-link-hover, #064f5c); }
 """  # noqa: E501
 
 _HEAD = (
@@ -65,9 +61,3 @@ def arrow(*points: tuple[float, float]) -> str:
     """A line through the points with a head at its end."""
     way = " L".join(f"{x} {y}" for x, y in points)
     return f'<path d="M{way}" marker-end="url(#head)"/>'
-
-
-def link(x: float, y: float, width: float, content: str, page: str) -> str:
-    """A pill of height 34 that leads to a page."""
-    pill = box(x, y, width, 34, 17) + text(x + width / 2, y + 17, content)
-    return f'<a href="{page}.html">{pill}</a>'

@@ -5,8 +5,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from experiments.buildings.maps import WITH_HALLS, KnownMap, real_maps
-from experiments.unseen_kinds import at_model_cells
+from experiments.known_maps import WITH_HALLS, KnownMap, at_model_cells, real_maps
 from pgm_places.errors import ConfigError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map

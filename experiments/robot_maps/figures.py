@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.lists import DOORWAY
-from experiments.buildings.maps import NAMES, KnownMap
+from experiments.known_maps import DOORWAY, NAMES, KnownMap
 from experiments.robot_maps.sources import Found
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.components import connected_components

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.buildings.lists import DOORWAY
-from experiments.buildings.maps import KnownMap
+from experiments.known_maps import DOORWAY, KnownMap
 from experiments.robot_maps.sources import Found
 from pgm_places.maps.components import connected_components
 from pgm_places.spaces.door_truth import match_gates

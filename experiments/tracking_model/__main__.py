@@ -15,10 +15,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from experiments.buildings.maps import known_maps
 from experiments.floor_network.floors import all_floors, fold_of
 from experiments.floor_network.held_out import networks
 from experiments.kept import KeptArrays
+from experiments.known_maps import known_maps
 from experiments.page_tables import show_table, with_write_docs
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import GENERATED, NAMES, KnownMap
 from experiments.kept import KeptArrays, fingerprint
+from experiments.known_maps import GENERATED, NAMES, KnownMap
 from pgm_places._version import __version__
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.labelled_map import LabelledMap

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import DRAWN, GENERATED, NAMES, SIMULATED
+from experiments.known_maps import DRAWN, GENERATED, NAMES, SIMULATED
 from experiments.tracking_model.drives import BEAMS, EVERY_M, SENSOR, Observed
 from pgm_places.features.custom import feature_values
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import CELLS_M
 from experiments.kept import KeptArrays, fingerprint
+from experiments.known_maps import CELLS_M
 from experiments.paper.categories import load_building79
 from experiments.paper.front_laser import PLACES, STEP_M, load_cold_folder, place_classes
 from experiments.tracking_model.drives import Laser, Observed, observed

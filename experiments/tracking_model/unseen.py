@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import NAMES
 from experiments.kept import KeptArrays
+from experiments.known_maps import NAMES
 from experiments.tracking_model.drives import Observed
 from experiments.tracking_model.learning import (
     METHOD,

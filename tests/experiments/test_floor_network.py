@@ -2,8 +2,8 @@
 
 import pytest
 
-from experiments.buildings.maps import GENERATED_STYLES
 from experiments.floor_network.floors import KINDS_TOGETHER, N_FOLDS, all_floors, fold_of
+from experiments.known_maps import GENERATED_STYLES
 from experiments.robot_maps.catalogue import declared
 from tests.real_data import real_data_folder
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.buildings.maps import KnownMap
 from experiments.floor_network.held_out import shipped_without
+from experiments.known_maps import KnownMap
 from experiments.robot_maps import __main__ as command
 from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.buildings.maps import GENERATED, NAMES, KnownMap
 from experiments.kept import KeptArrays
+from experiments.known_maps import GENERATED, NAMES, KnownMap
 from experiments.tracking_model.drives import Laser, Observed, simulated_drive
 from experiments.tracking_model.learning import Table, by_source, folds, learned
 from experiments.tracking_model.real_drives import in_lobby
