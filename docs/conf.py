@@ -64,6 +64,16 @@ html_sidebars = {
     "gallery/index": [],
     "sg_execution_times": [],
 }
+MOVED = {
+    "factors": "inference.html#factors-and-network-files",
+    "potts": "methods.html#the-potts-field",
+    "releasing": "development.html#releasing",
+    "semi_markov": "hmm.html#the-semi-markov-model",
+}
+"""Pages that are sections of others now, and where they are."""
+
+html_additional_pages = dict.fromkeys(MOVED, "moved.html")
+html_context = {"moved": MOVED}
 html_theme_options = {
     "navigation_with_keys": True,
     "show_toc_level": 2,

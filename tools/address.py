@@ -1,7 +1,7 @@
 """Write the repository's address into what a package index shows: README links, project.urls.
 
 ``python tools/address.py https://host/owner/name TAG`` changes README.md and pyproject.toml in
-place; the release workflow runs it before it builds (docs/releasing.md). A checkout has relative
+place; the release workflow runs it before it builds (docs/development.md). A checkout has relative
 links, which every code host resolves for the branch that is read.
 """
 
