@@ -48,12 +48,14 @@ class Clock:
 
     def _timed(self, name: str, request: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*given: Any, **named: Any) -> Any:
-            before, counted = self.now_s, self.requests.copy()
-            found = request(*given, **named)  # what it does by other requests is one elsewhere
-            self.now_s, self.requests = before, counted
-            n = 1 + max(len(found) - 1, 0) // NAMES_AT_ONCE if name == "find" else 1
-            self.now_s += n * REQUEST_S
-            self.requests[name] += n
+            before, counted, n = self.now_s, self.requests.copy(), 1
+            try:
+                found = request(*given, **named)
+                if name == "find":
+                    n += max(len(found) - 1, 0) // NAMES_AT_ONCE
+            finally:  # a refused request takes its time, too; the memory's own requests take none
+                self.now_s, self.requests = before + n * REQUEST_S, counted
+                self.requests[name] += n
             return found
 
         return timed

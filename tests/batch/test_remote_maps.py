@@ -5,20 +5,19 @@ import errno
 import json
 import tempfile
 import threading
-from collections import Counter
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.far_requests import REQUEST_S, Clock
 from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
 from pgm_places.batch.map_task import Failure, MapTask, NoSpaceError
 from pgm_places.batch.remote_maps import label_anywhere
 from pgm_places.errors import MapError, OutputError
-from pgm_places.io.remote_files import MOST_AT_ONCE, RemoteFolder, address_of
+from pgm_places.io.remote_files import RemoteFolder, address_of
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
@@ -210,41 +209,7 @@ def task_of(model: Path, address: str) -> MapTask:
     return MapTask("floor1/map", Path(address), Path("memory://out/floor1/map"), options, sha256)
 
 
-class Clock:
-    """How long requests of 100 ms would take, as many at once as there are threads."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, system: Any) -> None:
-        self.now_s, self.requests = 0.0, Counter[str]()
-        for name in ("find", "exists", "isdir", "get_file", "put_file", "cat_file", "rm_file"):
-            monkeypatch.setattr(type(system), name, self._timed(name, getattr(type(system), name)))
-        monkeypatch.setattr(RemoteFolder, "at_once", self._at_once)
-
-    def _timed(self, name: str, request: Callable[..., Any]) -> Callable[..., Any]:
-        def timed(*given: Any, **named: Any) -> Any:
-            self.now_s += 0.1
-            self.requests[name] += 1
-            before = self.now_s
-            found = request(*given, **named)
-            self.now_s = before  # what memory does by another request is one elsewhere
-            if isinstance(found, dict | list):  # a thousand names come with each request
-                self.now_s += 0.1 * (max(len(found) - 1, 0) // 1000)
-            return found
-
-        return timed
-
-    def _at_once(self, function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
-        start, longest, found = self.now_s, 0.0, []
-        for item in items:
-            self.now_s = start
-            found.append(function(item))
-            longest = max(longest, self.now_s - start)
-        self.now_s = start + -(-len(found) // MOST_AT_ONCE) * longest
-        return found
-
-
-def test_what_is_done_is_found_with_many_requests_at_once(
-    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_done_is_found_with_many_requests_at_once(bucket: Any, model: Path) -> None:
     bucket.rm_file("/maps/torn.yaml")
     label(model, "memory://out")
     for number in range(118):
@@ -254,26 +219,32 @@ def test_what_is_done_is_found_with_many_requests_at_once(
                 bucket.cp_file(name, target + name.removeprefix(f"/{folder}/floor1"))
     assert label(model, "memory://out").n_kept == 120
     before = {path: bucket.modified(path) for path in bucket.find("/out")}
-    clock, out = Clock(monkeypatch, bucket), Path("memory://out")
-    found = find_maps(["memory://maps"], out, root=recorded_root(out))
-    options = LabelOptions(model=str(model))
-    assert len(plan(found, out, options).done) == 120
-    assert clock.now_s <= 2.0
-    clock.now_s = 0.0
-    found = find_maps(["memory://maps"], out, root=recorded_root(out))
-    done = label_batch(found, out, options, Here(), progress=Silent())
-    assert done.n_kept == 120
-    assert clock.now_s <= 2.0
+    out, options = Path("memory://out"), LabelOptions(model=str(model))
+    planning, labelling = Clock(), Clock()
+    with planning.running():
+        found = find_maps(["memory://maps"], out, root=recorded_root(out))
+        assert len(plan(found, out, options).done) == 120
+    with labelling.running():
+        found = find_maps(["memory://maps"], out, root=recorded_root(out))
+        assert label_batch(found, out, options, Here(), progress=Silent()).n_kept == 120
+    assert max(planning.now_s, labelling.now_s) <= 2.0
     assert {path: bucket.modified(path) for path in bucket.find("/out")} == before
 
 
-def test_a_new_map_costs_no_request_for_an_earlier_result(
-    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = Clock(monkeypatch, bucket)
-    label_anywhere(task_of(model, "memory://maps/floor1/map.yaml"))
+def test_a_new_map_costs_no_request_for_an_earlier_result(bucket: Any, model: Path) -> None:
+    clock = Clock()
+    with clock.running():
+        label_anywhere(task_of(model, "memory://maps/floor1/map.yaml"))
     assert clock.requests["find"] == 1
     assert clock.requests["rm_file"] == 1  # the manifest: another run may have put it meanwhile
+
+
+def test_a_refused_request_is_counted(bucket: Any) -> None:
+    clock = Clock()
+    with clock.running(), pytest.raises(FileNotFoundError):
+        bucket.cat_file("/maps/none.yaml")
+    assert clock.requests == {"cat_file": 1}
+    assert clock.now_s == REQUEST_S
 
 
 def test_requests_are_made_at_once_where_the_system_can_do_that(bucket: Any) -> None:
