@@ -6,9 +6,13 @@ for (const image of document.querySelectorAll(".bd-article img:not(a img)")) {
   link.className = "picture";
   image.replaceWith(link);
   link.append(image);
+  image.decode().then(
+    () => link.classList.toggle("wide", image.naturalWidth > 1.4 * image.naturalHeight),
+    () => {},
+  );
 }
 
-// A table or chart that is wider than the page says that it scrolls, also once its box is unfolded.
+// A table, chart or picture wider than the page says that it scrolls, also once its box is unfolded.
 const tables = new ResizeObserver((boxes) => {
   for (const { target } of boxes) {
     const before = target.previousElementSibling;
@@ -24,6 +28,8 @@ const tables = new ResizeObserver((boxes) => {
     }
   }
 });
-for (const table of document.querySelectorAll(".pst-scrollable-table-container, .chart-frame")) {
+for (const table of document.querySelectorAll(
+  ".pst-scrollable-table-container, .chart-frame, a.picture",
+)) {
   tables.observe(table);
 }
