@@ -28,6 +28,15 @@ depth and the share near it were chosen on drawn floors held out (docs/notes/tri
 
 _SURE = 0.5
 
+_PARTED = float(np.log(1e-4))
+"""What is added to a doorway's log-odds where the doorways of two sure gates would touch."""
+
+_SURE_GATE = 0.8
+"""Least probability of such gates; chosen on held-out buildings (docs/notes/tried.md)."""
+
+_EQUALLY_FAR = 1.5
+"""Cells by which such a cell is at most nearer to one gate: a strip that corners do not bridge."""
+
 
 def doorways_at_gates(
     log_z: NDArray[np.float64],
@@ -62,7 +71,8 @@ def doorway_log_odds(
     its heading. Where a depth is given, they are multiplied by 0.02 farther than half the depth
     from the middle. Where the cells within are no likely doorway (a mean probability of at most a
     half) but others around the gate are, the gate lies beside its doorway, and the middle is that
-    of the likely cells.
+    of the likely cells. Where a cell is about equally far from two gates of a probability of at
+    least 0.8, the odds are multiplied by 0.0001, so that doorways side by side do not touch.
 
     Parameters
     ----------
@@ -87,8 +97,11 @@ def _parts_of_gates(
     doorway: int,
     depth_m: float | None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """(N,) parts of cells: away from gates 0, near one 1, in its middle 2; (3,) what each adds."""
-    added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE])
+    """(N,) parts of cells, and (4,) what each adds.
+
+    Cells are away from gates (0), near one (1), in its middle (2), or between two (3).
+    """
+    added = np.array([_AWAY, _NEAR if depth_m is None else _AWAY, _MIDDLE, _PARTED])
     half_m = (DOORWAY_DEPTH_M if depth_m is None else depth_m) / 2
     part = np.zeros(len(log_z), np.uint8)
     for gate in doorways.gates:
@@ -104,7 +117,36 @@ def _parts_of_gates(
         if likely.any() and not (inside.any() and probability[inside].mean() > _SURE):
             inside = np.abs(along - along[likely].mean()) <= half_m
         part[node] = np.maximum(part[node], 1 + inside)
+    between = layout.nodes_at(_between_gates(doorways))
+    part[between[between >= 0]] = 3
     return part, added
+
+
+def _between_gates(doorways: Doorways) -> NDArray[np.int64]:
+    """(n, 2) cells near two sure gates that are about equally far from both."""
+    sure = np.flatnonzero(doorways.probability >= _SURE_GATE).tolist()
+    near = [doorways.gates[g].cells(doorways.grid, **_AT_GATE) for g in sure]
+    if not near:
+        return np.empty((0, 2), np.int64)
+    away = [
+        _distance(doorways.gates[g], doorways.grid.cell_centres_m(cells))
+        for g, cells in zip(sure, near, strict=True)
+    ]
+    cells, distance = np.concatenate(near), np.concatenate(away)
+    order = np.lexsort((distance, cells[:, 1], cells[:, 0]))
+    cells, distance = cells[order], distance[order]
+    again = (cells[1:] == cells[:-1]).all(axis=1)
+    nearest = ~np.append(False, again)[:-1]
+    equal = distance[1:] - distance[:-1] <= _EQUALLY_FAR * doorways.grid.resolution_m
+    return cells[1:][again & nearest & equal & (distance[1:] > 0)]
+
+
+def _distance(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) distance of points (n, 2) from a gate's rectangle (m)."""
+    along = np.abs(_along(gate, points_m)) - gate.depth_m / 2
+    across = [-np.sin(gate.heading_rad), np.cos(gate.heading_rad)]
+    aside = np.abs((points_m - gate.centre_m) @ across) - gate.width_m / 2
+    return np.hypot(np.maximum(along, 0), np.maximum(aside, 0))
 
 
 def _along(gate: Gate, points_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.place_problem import doorway_log_odds, doorways_at_gates
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
@@ -80,6 +81,31 @@ def test_without_gates_no_doorway_is_left() -> None:
     log_z = np.log(np.full((layout.n_nodes, 3), (0.06, 0.04, 0.9)))
     none = Doorways(grid, (), np.ones(0), np.zeros(SHAPE, np.int16))
     assert (doorways_at_gates(log_z, none, layout, 2).argmax(axis=1) == 0).all()
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize(("second", "pieces"), [(0.85, 2), (0.75, 1)])
+def test_doorways_of_two_sure_gates_do_not_touch(second: float, pieces: int, turns: int) -> None:
+    cells = np.full((40, 40), 100, np.int8)
+    cells[2:38, 2:38] = 0
+    cells[20, :26], cells[20:, 30] = 100, 100  # gaps beside the corner of two walls
+    cells[20:28, 30] = 0
+    grid = OccupancyGrid(np.rot90(cells, turns), resolution_m=RESOLUTION_M)
+    layout = LabelGraph.from_grid(grid).layout
+    assert isinstance(layout, GridLayout)
+    log_z = np.log(np.full((layout.n_nodes, 3), (0.005, 0.005, 0.99)))
+    angle = -turns * np.pi / 2  # rows count upwards
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    middles = (turn @ (np.array([[2.8, 3.05], [2.05, 2.4]]) - 2) + 2).T.tolist()
+    gates = tuple(
+        Gate((x, y), heading + angle, width_m=0.8, depth_m=0.1)
+        for (x, y), heading in zip(middles, (np.pi / 2, 0.0), strict=True)
+    )
+    both = Doorways(grid, gates, np.array([0.9, second]), np.zeros(grid.shape, np.int16))
+    found = doorways_at_gates(log_z, both, layout, 2)
+    painted = layout.to_raster(found.argmax(axis=1) == 2, fill=False)
+    assert connected_components(painted).count == pieces
+    assert all(painted[tuple(grid.cells_at_m([gate.centre_m])[0])] for gate in gates)
 
 
 def test_the_shipped_model_labels_doorways_of_the_depth_asked_for() -> None:
