@@ -25,12 +25,12 @@ from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import label_batch
 from pgm_places.batch.local_workers import LocalWorkers, Workers
 from pgm_places.batch.map_task import LabelledRow, MapTask, label_one
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
+from pgm_places.simulation import generate_building
 
 N_MAPS, N_MAPS_QUICK = 1000, 12
 DIFFERENT, TILED_EVERY, PART_M = 20, 10, 3.0

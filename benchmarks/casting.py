@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.page_tables import SideBySide
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.threads import run_tasks, thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -30,6 +29,7 @@ from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing._cells import Cells
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.simulation import generate_building
 
 SHOWN = (SideBySide(("method",), "{map}, threads: {threads}", "{Mrays/s} ({times DDA})"),)
 """How long tables are made short and wide."""

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.stored import load, save
+from pgm_places.simulation import generate_building
 from pgm_places.unary.options import SpaceOptions
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -20,13 +20,13 @@ import numpy as np
 
 from benchmarks.memory import peak_bytes
 from benchmarks.tiling import building_tiled
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.stored import load, save
+from pgm_places.simulation import generate_building
 
 METHODS = {
     "independent": PlaceMethod("independent", "laser"),

@@ -22,13 +22,13 @@ from typing import Any
 
 import psutil
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
+from pgm_places.simulation import generate_building
 
 N_MAPS, N_MAPS_QUICK, N_LABELLED, N_PICTURED, TOGETHER = 10_000, 40, 400, 40, 100
 DIFFERENT, RESOLUTION_M, PART_M = 20, 0.2, 3.2

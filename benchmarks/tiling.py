@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pgm_places.datasets.building import LABEL_NAMES, LabelledBuilding, generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.simulation.building import LABEL_NAMES, LabelledBuilding, generate_building
 
 
 def building_tiled(

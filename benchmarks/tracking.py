@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.online import BeliefFilter
@@ -23,6 +22,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation import generate_building
 from pgm_places.trained import trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.unary.scan_model import BeamOptions, observed_along

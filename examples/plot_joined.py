@@ -17,12 +17,12 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 
 from pgm_places import LabelGraph, LabelingProblem, LabelledMap, PlaceLabeler, Sensor, build
-from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import WALL, label_colours
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import SensorNoise
+from pgm_places.simulation import generate_building
 from pgm_places.unary.cell_scorers import aligned_log_proba
 
 buildings = [generate_building(seed, size="small") for seed in (0, 1, 2)]

@@ -12,12 +12,12 @@ from matplotlib.collections import PatchCollection
 from matplotlib.patches import Polygon
 
 from pgm_places import trained_labeler
-from pgm_places.datasets import generate_building
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.place_finder import MapView, PlaceFinder
 from pgm_places.palette import label_colours
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.simulation import generate_building
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 
 labeler, grid = trained_labeler(), generate_building(5, size="small", resolution_m=0.05).grid

@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pgm_places import LabelledMap, PlaceLabeler, evaluate, topological_map
-from pgm_places.datasets import generate_building
 from pgm_places.labelling.label import label_map
+from pgm_places.simulation import generate_building
 
 training, test = (generate_building(seed=seed, size="small") for seed in (1, 2))
 names = training.label_names

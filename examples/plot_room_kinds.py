@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from sklearn.ensemble import RandomForestClassifier
 
 from pgm_places import LabelingProblem, StructuredLabeler, build
-from pgm_places.datasets import generate_building
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.place_neighbours import neighbour_graph

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Polygon
 
-from pgm_places.datasets import generate_building
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between

@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 
 from pgm_places import LabelledMap, PlaceLabeler, build, evaluate
-from pgm_places.datasets import generate_building
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import WALL, label_colours
+from pgm_places.simulation import generate_building
 
 buildings = [generate_building(seed, size="small", resolution_m=0.2) for seed in (0, 3, 4, 2)]
 maps = [LabelledMap(building.grid, building.labels) for building in buildings]

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from experiments.kept import KeptArrays, fingerprint
 from experiments.paper.front_laser import PLACES, place_classes
 from pgm_places._version import __version__
-from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels, refine
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building, simulate_map
 from pgm_places.unary.halls import HallNames
 
 NAMES = PLACES

@@ -15,7 +15,7 @@ assert pgm_places.LabelGraph and pgm_places.load
 here = pathlib.Path(pgm_places.__file__)
 assert "site-packages" in here.parts, here
 assert not (here.parent / "models").is_symlink()
-from pgm_places.datasets import generate_building
+from pgm_places.simulation import generate_building
 from pgm_places.trained import NAMES, trained_labeler, trained_tracker
 assert generate_building(size="small").grid.free.any()
 from pgm_places.pictures.page import render

@@ -7,10 +7,10 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.datasets import generate_building
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.simulation import generate_building
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
 

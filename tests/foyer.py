@@ -3,7 +3,7 @@
 import numpy as np
 
 from pgm_places import LabelledMap
-from pgm_places.datasets import generate_building
+from pgm_places.simulation import generate_building
 
 
 def foyer_map() -> LabelledMap:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgm_places as p
-from pgm_places import datasets
+from pgm_places import simulation
 from pgm_places.graph.cliques import Cliques
 from pgm_places.topology.rules import CorrectionRules
 from tests.labelers.test_contract import CASES, NAMES, known, walk
@@ -145,7 +145,7 @@ def right_calls(t: Things, folder: Path) -> list[RightCall]:
             | {"beliefs": prob},
         ),
         "generate_building": (
-            datasets.generate_building,
+            simulation.generate_building,
             {"size": "small", "style": "office", "seed": 0},
         ),
         # ---------------------------------------------------------------- records

@@ -22,7 +22,7 @@ SPACES = ("layouts", "segmentation", "segment_features", "gates", "unentered")
 TESTS = [
     *(f"tests/solvers/test_{name}.py" for name in SOLVERS),
     *(f"tests/spaces/test_{name}.py" for name in SPACES),
-    *(f"tests/datasets/test_{name}.py" for name in ("layouts", "simulated_mapping")),
+    *(f"tests/simulation/test_{name}.py" for name in ("layouts", "simulated_mapping")),
     *(f"tests/topology/test_{name}.py" for name in ("clearance", "layouts", "skeleton")),
     "tests/sensing/test_local_map.py",
     "tests/models/test_layouts.py",

@@ -9,10 +9,10 @@ import pytest
 
 from pgm_places.cli.app import COMMANDS, command
 from pgm_places.cli.entry import main
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -28,19 +28,19 @@ PAGES = {
 SETUP = {
     "README.md": (
         "from pgm_places import save_map\n"
-        "from pgm_places.datasets import generate_building\n"
+        "from pgm_places.simulation import generate_building\n"
         "save_map(generate_building(size='small', resolution_m=0.05).grid, 'map')"
     ),
     "docs/first_steps.md": (
         "from matplotlib import pyplot\n"
         "pyplot.switch_backend('agg')\n"
         "from pgm_places import save_map\n"
-        "from pgm_places.datasets import generate_building\n"
+        "from pgm_places.simulation import generate_building\n"
         "save_map(generate_building(size='small', resolution_m=0.05).grid, 'map')"
     ),
     "docs/features.md": "import numpy as np\nranges = np.full((2, 360), 3.0)",
     "docs/places.md": (
-        "from pgm_places.datasets import generate_building\n"
+        "from pgm_places.simulation import generate_building\n"
         "from pgm_places import LabelledMap, PlaceLabeler\n"
         "from pgm_places.unary.options import SpaceOptions\n"
         "building = generate_building(size='small')\n"
@@ -135,7 +135,16 @@ def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
 
     Only the hint of a missing extra names the package, where it is installed already.
     """
-    folders = ("docs", "pgm_places", "models", "solvers", "ros", "examples")
+    folders = (
+        "docs",
+        "pgm_places",
+        "models",
+        "solvers",
+        "simulation",
+        "training",
+        "ros",
+        "examples",
+    )
     files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
     for folder in folders:
         files += [

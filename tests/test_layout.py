@@ -1,4 +1,4 @@
-"""The source layout: two links, one list of packages, nothing heavy on import."""
+"""The source layout: links, one list of packages, nothing heavy on import."""
 
 import ast
 import subprocess
@@ -12,7 +12,7 @@ import pgm_places
 ROOT = Path(__file__).resolve().parent.parent
 
 
-@pytest.mark.parametrize("name", ["models", "solvers"])
+@pytest.mark.parametrize("name", ["models", "solvers", "simulation", "training"])
 def test_links_lead_to_the_real_folders(name: str) -> None:
     link = ROOT / "pgm_places" / name
     if not link.is_symlink():

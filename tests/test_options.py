@@ -22,7 +22,6 @@ from annotated_types import Le as TheirLe
 from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, describe_type
 from pgm_places.cli.app import run
 from pgm_places.cli.declarations import flag_of, option_flags
-from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
 from pgm_places.inference.backends import BACKENDS, METHODS, build
@@ -45,6 +44,7 @@ from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation.map_simulation import MapSimulation
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import ClassifierOptions, ContextOptions
 from pgm_places.unary.scan_model import BeamOptions

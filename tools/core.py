@@ -27,7 +27,8 @@ from stub import write_stub  # beside this file
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / f"core-{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
-FOLDERS = ("pgm_places", "models", "solvers")
+LINKED = ("models", "solvers", "simulation", "training")
+FOLDERS = ("pgm_places", *LINKED)
 COMPILERS = ("c++", "g++", "clang++")
 
 
@@ -182,8 +183,8 @@ def tools_python() -> str:
 
 
 def check_links(root: Path = ROOT) -> None:
-    """End in one line where the links to models/ and solvers/ were checked out as text files."""
-    broken = [name for name in ("models", "solvers") if not (root / "pgm_places" / name).is_dir()]
+    """End in one line where links to folders were checked out as text files."""
+    broken = [name for name in LINKED if not (root / "pgm_places" / name).is_dir()]
     if broken:
         paths = " and ".join(f"pgm_places/{name}" for name in broken)
         links = "a symbolic link" if len(broken) == 1 else "symbolic links"

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.known_maps import GENERATED_STYLES, NAMES, WITH_HALLS, KnownMap, real_maps
-from pgm_places.datasets import MapSimulation, generate_building, simulate_map
-from pgm_places.floor.labelled import labelled_raster
 from pgm_places.io.atomic import atomic_file
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress
+from pgm_places.simulation import MapSimulation, generate_building, simulate_map
 from pgm_places.spaces.door_truth import true_doors
+from pgm_places.training.labelled_raster import labelled_raster
 
 N_FOLDS = 4
 SAME_BUILDING = {
@@ -126,7 +126,7 @@ class Floor:
     tells_halls: bool = True
 
     def arrays(self) -> dict[str, NDArray[np.uint8]]:
-        """See :func:`pgm_places.floor.labelled.labelled_raster`."""
+        """See :func:`pgm_places.training.labelled_raster.labelled_raster`."""
         names = WITH_HALLS.names if self.tells_halls else NAMES
         return labelled_raster(self.load(), names)
 

@@ -10,10 +10,10 @@ import numpy as np
 import tensorflow as tf
 
 from experiments.floor_network.floors import Floor, all_floors, fold_of, network_file
-from pgm_places.floor.crops import LabelledFloor, batch
-from pgm_places.floor.learning import BATCH, Batch, Trainer, fresh
 from pgm_places.io.atomic import atomic_file
 from pgm_places.progress import Progress
+from pgm_places.training.crops import LabelledFloor, batch
+from pgm_places.training.network_learning import BATCH, Batch, Trainer, fresh
 
 SHARES = {
     "robot": 0.20,

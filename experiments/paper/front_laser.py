@@ -12,7 +12,6 @@ from experiments.paper.figures import DOORWAY, percent
 from experiments.paper.scored_steps import ALONE, ScoredSteps, scored_modes, step_labeler
 from experiments.paper.section import Outcome, Picture, Table
 from experiments.paper.setting import AS_PRINTED, STAND_INS, WAYS, Setting
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.io.logs.pose_csv import read_pose_csv
 from pgm_places.io.maps.map_server import load_map
@@ -26,6 +25,7 @@ from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
+from pgm_places.simulation import generate_building
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions

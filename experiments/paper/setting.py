@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, load_config
 from pgm_places.experiment.config_changes import changed_config
@@ -16,6 +15,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import plain_values
 from pgm_places.progress import Progress, Silent
+from pgm_places.simulation import generate_building
 
 AS_PRINTED, BY_DEFAULT = "as printed", "by default"
 WAYS: Mapping[str, str | None] = {AS_PRINTED: "paper", BY_DEFAULT: None}

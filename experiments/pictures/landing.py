@@ -9,10 +9,10 @@ from PIL import Image, ImageDraw
 
 from experiments.pictures.kept import IMAGES, keep
 from pgm_places import label_map, load_map, topological_map, trained_labeler
-from pgm_places.datasets import generate_building
 from pgm_places.palette import GROUND_SWATCHES, label_colours, label_swatches, rgb_of
 from pgm_places.pictures.canvas import label_canvas, view_of
 from pgm_places.pictures.figure_grid import Panel, figure_grid
+from pgm_places.simulation import generate_building
 
 MARGIN = 6
 """Unknown cells around a map."""

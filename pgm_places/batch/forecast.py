@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Self
 
 from pgm_places.batch.map_task import Failure, MapTask, label_one
-from pgm_places.datasets.building import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.labelled_places import at_model_resolution
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
+from pgm_places.simulation.building import generate_building
 
 # What takes time, each as so many free cells of the model: to begin with a map, to read and paint a
 # cell of its own, and to label a free one. Fitted to the processor time of maps on one thread.

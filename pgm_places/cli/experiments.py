@@ -141,9 +141,9 @@ def demo(
     seed
         Seed of the generated building.
     """
-    from pgm_places.datasets.demo import write_demo
     from pgm_places.io.output_set import output_set
     from pgm_places.labelling.files import DEMO
+    from pgm_places.simulation.demo import write_demo
 
     if not quiet:
         say("Three methods learn from the left part of a generated building, and label the right.")

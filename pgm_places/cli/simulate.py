@@ -10,12 +10,12 @@ from pgm_places.cli.arguments import Force, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option, option_flags
 from pgm_places.cli.inputs import read_labels, read_map
 from pgm_places.cli.terminal import make_progress, say, say_written
-from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.options import AtLeastZero, Seed, UnknownGrey, Whole
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
+from pgm_places.simulation.map_simulation import MapSimulation
 
 if TYPE_CHECKING:
     from pgm_places.progress import Progress
@@ -51,8 +51,8 @@ def simulate_map(
     copies
         Number of maps, a seed for each.
     """
-    from pgm_places.datasets.simulated_map import simulate_map as simulated
     from pgm_places.io.output_set import output_set
+    from pgm_places.simulation.simulated_map import simulate_map as simulated
 
     progress = make_progress(quiet=quiet)
     with progress.stage("plan"):
@@ -184,7 +184,7 @@ def _users_map(
 
 def _demo_map(out: Path, seed: int) -> "tuple[pp.LabelledMap, tuple[str, ...]]":
     """A generated building, also written as files next to the log."""
-    from pgm_places.datasets.building import generate_building
+    from pgm_places.simulation.building import generate_building
 
     building = generate_building(seed=seed)
     pp.save_map(building.grid, out.with_name(f"{_stem(out)}_map"))

@@ -16,7 +16,6 @@ from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.config_presets import with_preset
-from pgm_places.experiment.floor_teaching import FloorOptions
 from pgm_places.experiment.source_config import SourceConfig, SplitConfig, given_options
 from pgm_places.experiment.source_patterns import without_patterns
 from pgm_places.experiment.step_options import StepOptions
@@ -72,6 +71,21 @@ class FeatureConfig(Options):
 
     name: str
     options: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class FloorOptions(Options):
+    """Whether the networks that see the whole floor learn from the training maps.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of 8 pieces for which each shipped network goes on learning, half of the pieces from
+        the training maps, half from generated buildings; some hundreds take minutes and need the
+        extra ``train``. 0 leaves the networks as they are.
+    """
+
+    steps: Annotated[int, Ge(0), Le(100_000)] = 0
 
 
 @dataclass(frozen=True)

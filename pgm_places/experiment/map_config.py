@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pgm_places._option_marks import Ge
-from pgm_places.datasets.map_simulation import MapSimulation
-from pgm_places.datasets.style import StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.options import UnknownGrey, check_options
+from pgm_places.simulation.map_simulation import MapSimulation
+from pgm_places.simulation.style import StyleName
 from pgm_places.unary.options import HallsAs
 
 # TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window.
@@ -22,7 +22,7 @@ class MapConfig:
     """A map, its labels, and the part of it to use.
 
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
-    labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
+    labels (corridor, room, doorway; see ``pgm_places.simulation``). ``labels`` is a label image on
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
     ``class``; ``classes`` translates the names of either; names that it leaves out have no label.
     ``corrections``, a label image or GeoJSON of polygons and lines with the configuration's labels,
@@ -30,9 +30,9 @@ class MapConfig:
     ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
     and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
     building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
-    ``slam_noise`` say how it is drawn (:func:`pgm_places.datasets.generate_building`).
+    ``slam_noise`` say how it is drawn (:func:`pgm_places.simulation.generate_building`).
     ``simulated`` is a seed: the map is replaced by one that a robot would make of it, as
-    ``simulation`` says (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building`` are
+    ``simulation`` says (:func:`pgm_places.simulation.simulate_map`). Maps of one ``building`` are
     held out together; by default, so are parts of the same map and maps simulated from it.
     ``domain`` names where maps of this kind come from, such as "drawn" or "simulated": with several
     domains, the list with spaces is the mean of lists that each leave one of them out.

@@ -68,7 +68,7 @@ def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) ->
 
 def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> LabelledMap:
     """The map as a robot would have mapped it, with cells of the configured size."""
-    from pgm_places.datasets.simulated_map import simulate_map
+    from pgm_places.simulation.simulated_map import simulate_map
 
     config = experiment.config
     made = simulate_map(
@@ -120,7 +120,7 @@ def _generated(
     experiment: Experiment, seed: int, drawn: dict[str, Any]
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
     """A generated building with the configuration's labels, by name, and where to cut it."""
-    from pgm_places.datasets.building import generate_building
+    from pgm_places.simulation.building import generate_building
 
     building = generate_building(seed, **drawn)
     names = experiment.config.labels.names

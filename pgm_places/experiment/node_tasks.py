@@ -13,7 +13,6 @@ from pgm_places.experiment.doors import door_scores, gate_scores, passage_scores
 from pgm_places.experiment.drives import SourceDrive, counted_objects
 from pgm_places.experiment.evaluated_items import EvalDrive, EvalGraph, EvalMap
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.floor_teaching import taught_floor
 from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.setup import (
     GraphMethod,
@@ -42,6 +41,7 @@ from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
 from pgm_places.trained import NAMES, model_folder, trained_labeler
+from pgm_places.training.floor_teaching import taught_floor
 from pgm_places.trajectories.mapped_drive import MappedDrive
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.list_learning import with_explicit_order
@@ -113,8 +113,8 @@ class CellTask:
             return dict.fromkeys(labeler.methods_, labeler)
         with experiment.learning():
             if labeler.floor is not None:
-                names, options = labeler.label_names, experiment.config.floor
-                labeler.floor = taught_floor(labeler.floor, maps, names, options)
+                names, steps = labeler.label_names, experiment.config.floor.steps
+                labeler.floor = taught_floor(labeler.floor, maps, names, steps)
             labeler.fit(maps, feature_cache=experiment.feature_cache)
         return dict.fromkeys(labeler.methods_, labeler)
 

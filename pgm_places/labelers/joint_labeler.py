@@ -74,7 +74,7 @@ class JointLabeler(Labeler):
 
     Examples
     --------
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> from pgm_places.sensing.simulated_robot import SimulatedRobot
     >>> building = generate_building(size="small")
     >>> known = LabelledMap(building.grid, building.labels)

@@ -120,7 +120,7 @@ class PlaceLabeler(Labeler):
 
     Examples
     --------
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> building = generate_building(size="small")
     >>> known = LabelledMap(building.grid, building.labels)
     >>> labeler = PlaceLabeler(building.label_names, ["relaxation"]).fit([known])

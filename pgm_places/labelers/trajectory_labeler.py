@@ -104,7 +104,7 @@ class TrajectoryLabeler(WithDistance, Labeler):
     --------
     A model that was learned on maps labels trajectories too:
 
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> building = generate_building(size="small")
     >>> known = LabelledMap(building.grid, building.labels)
     >>> places = PlaceLabeler(building.label_names).fit([known])

@@ -169,7 +169,7 @@ class CellFeatures:
 
     Examples
     --------
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> grid = generate_building(size="small").grid
     >>> features = CellFeatures.of(Segmentation.of(grid))
     >>> features.lookup(np.argwhere(grid.free)[:5]).shape
@@ -279,7 +279,7 @@ class NodeFeatures:
 
     Examples
     --------
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> from pgm_places.spaces.segmentation import Segmentation
     >>> grid = generate_building(size="small").grid
     >>> features, cells = CellFeatures.of(Segmentation.of(grid)), MaskCells.of(grid.free)

@@ -105,7 +105,7 @@ def segment_features(*divisions: Segments) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> from pgm_places.spaces.segmentation import Segmentation
     >>> scale = Segmentation.of(generate_building(size="small").grid).scales[0]
     >>> segment_features(scale).shape == (scale.count, 37)

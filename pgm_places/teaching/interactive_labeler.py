@@ -77,7 +77,7 @@ class InteractiveLabeler:
     Examples
     --------
     >>> from pgm_places import trained_labeler
-    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.simulation import generate_building
     >>> building = generate_building(size="small", resolution_m=0.1)
     >>> teacher = InteractiveLabeler(building.grid, trained_labeler())
     >>> first = teacher.label(teacher.blank())

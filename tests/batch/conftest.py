@@ -9,7 +9,6 @@ import pytest
 
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelling.options import LabelOptions
@@ -17,6 +16,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
 from pgm_places.progress import Silent
+from pgm_places.simulation import generate_building
 from tests.batch.shared import Batch, Here
 
 

@@ -16,8 +16,8 @@ from unittest.mock import patch
 import pytest
 
 from pgm_places.batch.append_only_csv import AppendOnlyCsv
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 
 distributed = pytest.importorskip("distributed")
 

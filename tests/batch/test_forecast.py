@@ -11,10 +11,10 @@ import pytest
 from pgm_places.batch import forecast
 from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.map_task import Failure, MapTask
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelling.options import LabelOptions
+from pgm_places.simulation import generate_building
 
 OPTIONS = LabelOptions(model="generated")
 

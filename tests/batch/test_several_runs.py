@@ -9,7 +9,6 @@ import pytest
 
 from pgm_places.batch.local_workers import LocalWorkers
 from pgm_places.batch.several_runs import RunTask, compare_several, run_tasks
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.config import load_config
@@ -20,6 +19,7 @@ from pgm_places.experiment.splits import splits_of
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.report.comparison_files import write_comparison
+from pgm_places.simulation import generate_building
 from tests.batch.shared import Dying, Here
 
 CONFIG = """

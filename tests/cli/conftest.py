@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from pgm_places.cli.entry import main
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 
 CONFIG = """\
 [labels]

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.datasets import building as building_module
 from pgm_places.inference.labeling import Status
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.staging import file_names
 from pgm_places.labelling import files as label_files
+from pgm_places.simulation import building as building_module
 from tests.cli.conftest import Run
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 from tests.cli.conftest import Run, building_in
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pgm_places.datasets.building
-from pgm_places.datasets.building import generate_building
+import pgm_places.simulation.building
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.simulation.building import generate_building
 from tests.cli.conftest import Run
 
 DRIVE = ("--length", 4, "--range", 8, "-q")
@@ -59,7 +59,7 @@ def test_the_demo_writes_its_building_too(
     tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = partial(generate_building, size="small")
-    monkeypatch.setattr(pgm_places.datasets.building, "generate_building", small)
+    monkeypatch.setattr(pgm_places.simulation.building, "generate_building", small)
     code, text, _ = run("simulate", "--demo", "--out", tmp_path / "a.csv", *DRIVE)
     assert code == 0
     names = {path.name for path in tmp_path.iterdir()}

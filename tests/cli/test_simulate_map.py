@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.datasets import MapSimulation, simulate_map
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.simulation import MapSimulation, simulate_map
 from tests.cli.conftest import Run
 
 NAMES = ("corridor", "room", "doorway")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler, evaluate
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ModelFileError
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import load_labels
@@ -16,6 +15,7 @@ from pgm_places.io.places.topology_files import load_topology
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.persistence.stored import save
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation import generate_building
 from pgm_places.trained import NAMES, TRACKING, model_folder, trained_labeler, trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.cli.conftest import Run

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import OutputError
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.labelers.method import PlaceMethod
@@ -20,6 +19,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.simulation import generate_building
 from pgm_places.unary import feature_tables
 from pgm_places.unary.training_cells import TrainingCells
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import SourceDrive
@@ -18,6 +17,7 @@ from pgm_places.experiment.selection import Selection, SelectionCandidate, held_
 from pgm_places.experiment.sources import Sources
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation import generate_building
 from pgm_places.trajectories.scan import ScanGeometry
 
 

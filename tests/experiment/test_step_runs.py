@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError, LogError
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig, parse_config
@@ -27,6 +26,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError, ModelFileError
 from pgm_places.experiment.config import load_config, parse_config
 from pgm_places.experiment.experiment import Experiment
@@ -16,6 +15,7 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.stored import save
+from pgm_places.simulation import generate_building
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.training_selection import TeachingOptions

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from experiments.repeat import OnReference, Transform, pairs, registered
-from pgm_places.datasets import generate_building
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 
 
 def test_a_turned_and_shifted_copy_is_laid_on_its_map() -> None:

@@ -15,12 +15,12 @@ from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
 from experiments.robot_maps.reliability import Bins, Reliability
 from experiments.robot_maps.sources import Source, evidence_named, lists_alone
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.trained import trained_labeler
 from pgm_places.unary.map_model import CellScores
 from tests.quick_labeler import places

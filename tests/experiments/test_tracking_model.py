@@ -11,8 +11,8 @@ from experiments.tracking_model.drives import Laser, Observed, simulated_drive
 from experiments.tracking_model.learning import Table, by_source, folds, learned
 from experiments.tracking_model.real_drives import in_lobby
 from experiments.tracking_model.unseen import ALONE, WAYS, Answer, floors_table, lasers_table
-from pgm_places.datasets import generate_building
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.simulation import generate_building
 from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES
 
 LASER = Laser(180.0, 60, 10.0)

@@ -18,13 +18,13 @@ from experiments.paper.__main__ import main as reproduce_paper
 from experiments.paper.section import Outcome
 from experiments.paper.sections import PaperSection
 from pgm_places.cli.entry import main
-from pgm_places.datasets import generate_building
 from pgm_places.io.atomic import tidy
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.persistence.model_folder import load_folder
+from pgm_places.simulation import generate_building
 from tests.drives import drive
 from tests.faults.sets import check_record
 from tests.faults.steps import count_steps, killed_at, leftovers

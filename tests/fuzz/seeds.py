@@ -13,7 +13,6 @@ import pyarrow.parquet as pq
 from PIL import Image
 
 from pgm_places.batch.map_task import LabelledRow, manifest_text
-from pgm_places.datasets import generate_building
 from pgm_places.inference.backends import build
 from pgm_places.inference.factor_graph import FactorGraph
 from pgm_places.io.logs.trajectories import write_trajectory
@@ -31,6 +30,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.factor_decoding import decode_factors
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
+from pgm_places.simulation import generate_building
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask

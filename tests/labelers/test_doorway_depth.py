@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from pgm_places import trained_labeler
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.place_problem import doorway_log_odds, doorways_at_gates
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, topological_map
-from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.inference.backends import BACKENDS, METHODS, build, traits_of
 from pgm_places.labelers.known_cells import KnownCells
@@ -15,6 +14,7 @@ from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelling import label as labelling
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.simulation import LabelledBuilding, generate_building
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import trained_labeler

@@ -12,7 +12,6 @@ import pytest
 from PIL import Image
 
 from pgm_places import LabelGraph, OccupancyGrid, PlaceLabeler
-from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
@@ -27,6 +26,7 @@ from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.progress import Silent, Stage
+from pgm_places.simulation import LabelledBuilding, generate_building
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.regions import Region

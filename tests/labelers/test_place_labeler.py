@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler, Sensor, evaluate
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
 from pgm_places.inference.backends import build
 from pgm_places.labelers.place_labeler import PlaceMethod
@@ -15,6 +14,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, read, save
+from pgm_places.simulation import generate_building
 
 NAMES = ("corridor", "room", "doorway")
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.datasets import generate_building
 from pgm_places.graph.layout import GridLayout
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.labelers.space_consistency import smooth_over_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, NodeSegments
 from pgm_places.spaces.segmentation import Segmentation
 from tests.quick_labeler import places

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places import LabelledMap, PlaceLabeler, evaluate
-from pgm_places.datasets import generate_building
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from pgm_places.persistence.stored import load, save
+from pgm_places.simulation import generate_building
 
 NAMES = ("corridor", "room", "doorway")
 

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places import LabelledMap, PlaceLabeler
-from pgm_places.datasets import generate_building
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import build
 from pgm_places.inference.temperature import likeliest_temperature
@@ -20,6 +19,7 @@ from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.model_folder import load_folder
 from pgm_places.persistence.stored import load, save
+from pgm_places.simulation import generate_building
 from pgm_places.unary import learning, list_learning
 from pgm_places.unary.learning import Halls
 from pgm_places.unary.map_model import log_mean

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pgm_places import label_map, load_labels, load_topology
 from pgm_places.batch.map_task import LabelledRow, MapTask, label_one
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import MapFile, load_map, save_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions, ModelOptions
 from pgm_places.labelling.places import places_of
 from pgm_places.persistence.stored import save
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.exports import write_export
 from pgm_places.studio.session import MapSession

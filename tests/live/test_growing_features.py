@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.features.custom import feature_values
 from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
+from pgm_places.simulation import generate_building
 
 SENSORS = {
     "stops": Sensor(n_beams=90, max_range_m=8.0),

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from pgm_places import trained_labeler
-from pgm_places.datasets import generate_building
 from pgm_places.errors import MapError
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelling.label import label_map
@@ -13,6 +12,7 @@ from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import SpaceOptions

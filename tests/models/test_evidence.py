@@ -8,7 +8,6 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
-from pgm_places.datasets.building import generate_building
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.inference.backends import METHODS, build
 from pgm_places.labelers.method import PlaceMethod
@@ -18,6 +17,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.progress import Silent, reporting_to
+from pgm_places.simulation.building import generate_building
 
 NAMES = ["ground", "object", "other"]
 SIDE = 48

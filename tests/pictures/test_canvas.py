@@ -6,7 +6,6 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
@@ -21,6 +20,7 @@ from pgm_places.pictures.canvas import (
     view_of,
 )
 from pgm_places.pictures.map_pictures import thumbnail
+from pgm_places.simulation import generate_building
 
 NAMES = ("corridor", "room", "doorway")
 WHOLE = View(slice(0, 4), slice(0, 5))

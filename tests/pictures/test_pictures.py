@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from experiments.paper.confusion_picture import confusion_picture
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.pictures.figure_grid import round_length
 from pgm_places.pictures.map_pictures import label_map, overview
+from pgm_places.simulation import generate_building
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
 

@@ -7,8 +7,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 from tests.studio.browser import launched, studio
 from tests.studio.pictures import settled
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from tests.studio.browser import launched, studio
 from tests.studio.test_page import SIZE, until
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.simulation import generate_building
 from tests.studio.browser import launched, studio
 from tests.studio.test_page import at, until
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from pgm_places.cli.entry import main
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelling.model import LoadedModel
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import read
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.studio.exports import write_export
 from pgm_places.studio.session import MapSession

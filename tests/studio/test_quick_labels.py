@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pgm_places.datasets import generate_building
 from pgm_places.progress import Silent
+from pgm_places.simulation import generate_building
 from pgm_places.studio.relabelling import Relabeller, RelabelRequest, quick_labels
 from pgm_places.teaching.paint import Paint
 from pgm_places.trained import trained_labeler

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.simulation import generate_building
 from pgm_places.teaching.explanation import explain_cell, explain_region
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.interactive_result import InteractiveResult

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler
-from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.labelers.labelled_places import LabelledPlaces
 from pgm_places.labelers.method import PlaceMethod
@@ -19,6 +18,7 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
 from pgm_places.progress import Silent, Stage
+from pgm_places.simulation import LabelledBuilding, generate_building
 from pgm_places.teaching import cell_table
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.interactive_result import InteractiveResult

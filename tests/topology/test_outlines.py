@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
+from pgm_places.simulation import generate_building
 from pgm_places.topology.outlines import Outline, outlines
 from tests.strategies import varied_arrays
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pgm_places.datasets import generate_building
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_ids import PlaceIds, number_on
 from pgm_places.topology.topological_map import TopologicalMap

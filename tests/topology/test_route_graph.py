@@ -18,11 +18,11 @@ from pgm_places._core import (
     segment_clearances,
     stays_between,
 )
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.topology.driving_graph import AS_FAR_AS_ENDS, ROOM_M
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import RouteGraph, route_graph

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler, load, save
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.floor.raster import holders
 from pgm_places.floor.view import FloorScores
@@ -17,6 +16,7 @@ from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.feature_table import CachedFeatures

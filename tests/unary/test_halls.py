@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save, trained_labeler
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
@@ -16,6 +15,7 @@ from pgm_places.experiment.tasks import Trained, task_of
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelling.label import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.unary.cell_scorers import without_halls
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.options import SpaceOptions

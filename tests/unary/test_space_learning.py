@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.simulation import generate_building
 from pgm_places.unary.learning import UnaryLearner
 from pgm_places.unary.list_learning import without_a_domain
 from pgm_places.unary.map_model import MIXED, UNARIES, UnaryModel

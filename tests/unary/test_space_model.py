@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pgm_places import _checks
-from pgm_places.datasets import generate_building
 from pgm_places.graph.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.strong_classifier import BoostedTrees
+from pgm_places.simulation import generate_building
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary import cell_scorers

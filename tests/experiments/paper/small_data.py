@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.simulation import generate_building
 
 CUT_COLUMN = 366
 """Where the configurations cut building 79."""

@@ -14,12 +14,12 @@ from experiments.paper import categories, front_laser, furnished_floors
 from experiments.paper.run import reproduce
 from experiments.paper.scored_steps import ALONE, MODES
 from experiments.paper.setting import WAYS, Setting
-from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation import generate_building
 from pgm_places.trajectories.scan import ScanGeometry
 
 SMALL = functools.partial(generate_building, size="small")

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from experiments.paper.placement import place_objects
 from experiments.paper.simulated_detector import PlacedObjects, SimulatedDetector
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.vision.object_counts import Detector, count_objects
 
 

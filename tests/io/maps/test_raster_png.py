@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.raster_image import raster_png
+from pgm_places.simulation import generate_building
 
 
 def building_of(kind: str) -> Image.Image:

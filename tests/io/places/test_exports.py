@@ -14,13 +14,13 @@ import yaml
 from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.exports import EXPORTS, export, pixel_to_map, write_geotiff
 from pgm_places.io.places.filter_masks import TYPES, write_filter_mask
 from pgm_places.io.places.nav2_folder import route_features
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
 from pgm_places.topology.topological_map import TopologicalMap

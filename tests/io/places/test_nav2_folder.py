@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.nav2_folder import write_nav2
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
 from tests.io.places.nav2_loaders import SERVERS, check_parameters, float_of, graph_of, map_of

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pgm_places.batch.map_task import labelled_row
-from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import is_as_written, written_names
 from pgm_places.io.places.place_settings import load_settings
@@ -16,6 +15,7 @@ from pgm_places.io.places.topology_files import load_topology
 from pgm_places.labelling.files import labelled_map
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import save
+from pgm_places.simulation import generate_building
 from tests.cli.conftest import Run, run
 from tests.drives import building
 from tests.quick_labeler import places

@@ -1,0 +1,1 @@
+"""Training of the floor networks, which labelling does not need."""
