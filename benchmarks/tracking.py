@@ -21,8 +21,8 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trained import trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.unary.scan_model import BeamOptions, observed_along

@@ -1,4 +1,4 @@
-"""Generated data: buildings, and robot-like maps of plans."""
+"""Generated data: buildings, robot-like maps of plans, and drives of a simulated robot."""
 
 import lazy_loader
 

@@ -39,12 +39,11 @@ from pgm_places.options import (
     option_values,
     plain_values,
 )
-from pgm_places.sensing.laser_options import LaserOptions
-from pgm_places.sensing.odometry_noise import OdometryNoise
-from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.sensing.sensor import Sensor, SensorNoise
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation.map_simulation import MapSimulation
+from pgm_places.simulation.odometry_noise import OdometryNoise
+from pgm_places.simulation.robot_options import LaserOptions, RobotMotion
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import ClassifierOptions, ContextOptions
 from pgm_places.unary.scan_model import BeamOptions

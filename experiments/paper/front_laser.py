@@ -24,8 +24,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.pictures.map_pictures import path_map
 from pgm_places.report.track_page import belief_plot
 from pgm_places.sensing.sensor import SensorNoise
-from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions

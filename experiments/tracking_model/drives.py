@@ -13,7 +13,7 @@ from pgm_places._version import __version__
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor, SensorNoise
-from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory

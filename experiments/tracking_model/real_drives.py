@@ -14,7 +14,7 @@ from experiments.paper.categories import load_building79
 from experiments.paper.front_laser import PLACES, STEP_M, load_cold_folder, place_classes
 from experiments.tracking_model.drives import Laser, Observed, observed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing.simulated_robot import scans_along
+from pgm_places.simulation.simulated_robot import scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.floor_model import FloorModel
 

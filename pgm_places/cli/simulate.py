@@ -13,9 +13,8 @@ from pgm_places.cli.terminal import make_progress, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.options import AtLeastZero, Seed, UnknownGrey, Whole
-from pgm_places.sensing.laser_options import LaserOptions
-from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.simulation.map_simulation import MapSimulation
+from pgm_places.simulation.robot_options import LaserOptions, RobotMotion
 
 if TYPE_CHECKING:
     from pgm_places.progress import Progress
@@ -118,8 +117,8 @@ def simulate(
     """
     from pgm_places.io.logs.trajectories import check_name
     from pgm_places.io.output_set import output_set
-    from pgm_places.sensing.odometry_noise import OdometryNoise
-    from pgm_places.sensing.simulated_robot import SimulatedRobot
+    from pgm_places.simulation.odometry_noise import OdometryNoise
+    from pgm_places.simulation.simulated_robot import SimulatedRobot
 
     if (map_yaml is None) is not demo:
         raise InputError("simulate needs a map, or --demo for a generated building, but not both")

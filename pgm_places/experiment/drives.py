@@ -17,7 +17,7 @@ from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
-from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
+from pgm_places.simulation.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
 

@@ -9,8 +9,7 @@ from pgm_places._option_marks import Ge, MinLen
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.options import AtLeastZero, Positive, Seed, check_options
-from pgm_places.sensing.laser_options import LaserOptions
-from pgm_places.sensing.robot_motion import RobotMotion
+from pgm_places.simulation.robot_options import LaserOptions, RobotMotion
 from pgm_places.trajectories.similarity import Similarity
 
 WITHIN_S = 5.0
@@ -109,7 +108,7 @@ class DriveConfig(MapConfig, RobotMotion):
     """A simulated robot's tour of a labelled map.
 
     The map is described as any other: ``map`` and ``labels``, ``generated``, ... The robot visits
-    every place that it fits into (:class:`pgm_places.sensing.simulated_robot.SimulatedRobot`).
+    every place that it fits into (:class:`pgm_places.simulation.simulated_robot.SimulatedRobot`).
 
     Parameters
     ----------

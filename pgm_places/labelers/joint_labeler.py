@@ -75,7 +75,7 @@ class JointLabeler(Labeler):
     Examples
     --------
     >>> from pgm_places.simulation import generate_building
-    >>> from pgm_places.sensing.simulated_robot import SimulatedRobot
+    >>> from pgm_places.simulation.simulated_robot import SimulatedRobot
     >>> building = generate_building(size="small")
     >>> known = LabelledMap(building.grid, building.labels)
     >>> drive = SimulatedRobot().explore(building.grid, max_length_m=15.0)

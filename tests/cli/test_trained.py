@@ -14,8 +14,8 @@ from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.persistence.stored import save
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trained import NAMES, TRACKING, model_folder, trained_labeler, trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.cli.conftest import Run

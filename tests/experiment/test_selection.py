@@ -16,8 +16,8 @@ from pgm_places.experiment.runs import train
 from pgm_places.experiment.selection import Selection, SelectionCandidate, held_out_splits, select
 from pgm_places.experiment.sources import Sources
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 
 

@@ -25,8 +25,8 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory

@@ -12,8 +12,8 @@ from pgm_places import LabelledMap, ScanGeometry, Trajectory, TrajectoryLabeler
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.local_space_features import N_LOCAL_SPACE_FEATURES, LocalSpaceFeatures

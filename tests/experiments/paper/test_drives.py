@@ -18,8 +18,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.simulation import generate_building
+from pgm_places.simulation.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
 
 SMALL = functools.partial(generate_building, size="small")

@@ -1,4 +1,4 @@
-"""Options of a simulated laser with a forward field of view."""
+"""Options of a simulated robot: its laser and its motion."""
 
 from dataclasses import dataclass
 from math import radians
@@ -10,6 +10,38 @@ from pgm_places.options import AtLeastZero, Options, Positive, Seed
 if TYPE_CHECKING:  # the flags that these options become do without NumPy
     from pgm_places.sensing.sensor import SensorNoise
     from pgm_places.trajectories.scan import ScanGeometry
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotMotion(Options):
+    """Motion of a round robot.
+
+    Parameters
+    ----------
+    speed_m_s : float
+        Driving speed (m/s).
+    turn_rad_s : float
+        Turning speed (rad/s).
+    scan_every_s : float
+        Time between scans (s).
+    radius_m : float
+        Radius of the robot (m). It keeps this far from walls and unknown space.
+
+    Raises
+    ------
+    ConfigError
+        A number is not positive.
+
+    Examples
+    --------
+    >>> RobotMotion(speed_m_s=0.8).radius_m
+    0.25
+    """
+
+    speed_m_s: Positive = 0.4
+    turn_rad_s: Positive = 1.0
+    scan_every_s: Positive = 0.2
+    radius_m: Positive = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)

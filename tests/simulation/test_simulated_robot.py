@@ -6,10 +6,10 @@ import pytest
 from pgm_places import LabelledMap, OccupancyGrid, ScanGeometry, SensorNoise, Trajectory
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.ray_casting import cast_poses
-from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.simulation.building import LabelledBuilding, generate_building
+from pgm_places.simulation.odometry_noise import OdometryNoise
+from pgm_places.simulation.simulated_robot import SimulatedRobot, scans_along
 
 HALL = OccupancyGrid(np.zeros((40, 120), np.int8), resolution_m=0.1)
 

@@ -7,8 +7,8 @@ from scipy.ndimage import distance_transform_edt
 from pgm_places import OccupancyGrid
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
-from pgm_places.sensing.path_planning import PathPlanner
 from pgm_places.simulation.building import LabelledBuilding, generate_building
+from pgm_places.simulation.path_planning import PathPlanner
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,11 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import option_hints
 from pgm_places.sensing._cells import Cells, Noise
-from pgm_places.sensing.laser_options import LaserOptions
-from pgm_places.sensing.odometry_noise import OdometryNoise
-from pgm_places.sensing.path_planning import PathPlanner
 from pgm_places.sensing.ray_casting import cast_poses
-from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.sensing.sensor import SensorNoise
+from pgm_places.simulation.odometry_noise import OdometryNoise
+from pgm_places.simulation.path_planning import PathPlanner
+from pgm_places.simulation.robot_options import LaserOptions, RobotMotion
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -34,7 +33,7 @@ class SimulatedRobot(RobotMotion):
     """A round robot with a laser in its middle.
 
     Its other options are those of
-    :class:`~pgm_places.sensing.robot_motion.RobotMotion`.
+    :class:`~pgm_places.simulation.robot_options.RobotMotion`.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.sensing.odometry_noise import OdometryNoise
+from pgm_places.simulation.odometry_noise import OdometryNoise
 
 STILL = OdometryNoise(0.0, 0.0, 0.0, 0.0)
 pose = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3.1, 3.1))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pgm_places_plugins.cascades import OPENCV_CASCADES, CascadeDetector
 
 from pgm_places.errors import InputError
-from pgm_places.vision.cascades import OPENCV_CASCADES, CascadeDetector
 from pgm_places.vision.object_counts import PAPER_OBJECTS, Detector, count_objects
 
 
