@@ -43,9 +43,7 @@ def said(*words: str) -> dict[str, Any]:
         (["--name", "--quiet"], {"name": "--quiet"}),
         (["--name", "a", "--name", ""], {"name": ""}),
         (["--name="], {"name": ""}),
-        (["-n4"], {"n_lines": 4}),
-        (["-n=4"], {"n_lines": 4}),
-        (["-n", "4"], {"n_lines": 4}),
+        *((words, {"n_lines": 4}) for words in (["-n4"], ["-n=4"], ["-n", "4"])),
         (["-qf"], {"quiet": True, "fast": True}),
         (["-qn4"], {"quiet": True, "n_lines": 4}),
         (["--no-smooth"], {"smooth": False}),
@@ -58,18 +56,9 @@ def said(*words: str) -> dict[str, Any]:
 )
 def test_what_words_say(words: list[str], values: dict[str, Any]) -> None:
     assert said("out", *words) == {"folder": Path("out"), **values}
-
-
-def test_after_two_dashes_all_are_arguments() -> None:
-    assert said("-q", "--", "--fast", "-1") == {
-        "folder": Path("--fast"),
-        "points": [-1.0],
-        "quiet": True,
-    }
-
-
-def test_one_dash_is_an_argument() -> None:
     assert said("-") == {"folder": Path("-")}
+    after_dashes = {"folder": Path("--fast"), "points": [-1.0], "quiet": True}
+    assert said("-q", "--", "--fast", "-1") == after_dashes
 
 
 @pytest.mark.parametrize(

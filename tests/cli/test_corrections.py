@@ -32,21 +32,16 @@ def test_painted_cells_are_kept_whatever_the_file(tmp_path: Path, run: Run, buil
 def test_corrections_that_do_not_fit_are_refused_in_one_line(
     tmp_path: Path, run: Run, building: Path
 ) -> None:
-    path = tmp_path / "kitchen.geojson"
+    path, out = tmp_path / "kitchen.geojson", tmp_path / "out"
     ring = [[0, 0], [1, 0], [1, 1], [0, 0]]
-    feature = {
-        "type": "Feature",
-        "geometry": {"type": "Polygon", "coordinates": [ring]},
-        "properties": {"class": "kitchen"},
-    }
+    geometry = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "geometry": geometry, "properties": {"class": "kitchen"}}
     path.write_text(json.dumps(feature))
-    code, _, err = run(
-        "label", building / "map.yaml", "--corrections", path, "--out", tmp_path / "out"
-    )
+    code, _, err = run("label", building / "map.yaml", "--corrections", path, "--out", out)
     assert code == 2
     assert "kitchen" in err and "Known: corridor, doorway, room" in err
     assert len(err.strip().splitlines()) == 2  # the stage "map", and the message
-    assert not (tmp_path / "out").exists()
+    assert not out.exists()
 
 
 def test_a_configuration_corrects_its_training_maps(building: Path) -> None:

@@ -1,6 +1,7 @@
 """``doctor`` with maps: one in detail, many in a table, and corrected descriptions."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from pgm_places.cli.track_options import TrackOptions
 from pgm_places.io.maps.map_server import load_map
 from tests.cli.conftest import Run
 from tests.io.files import write_map
-from tests.io.maps.test_missing_walls import flat
 
 
 def a_room() -> np.ndarray:
@@ -35,31 +35,20 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) -> None:
-    code, text, _ = run("doctor", write(tmp_path, resolution="0.1"))
+    code, text, _ = run("doctor", write(tmp_path, resolution="0.1", origin="[0, 0, 0.5]"))
     assert code == 0
-    assert text.splitlines()[2:7] == [
-        "origin (0.0, 0.0), yaw 0 rad",
+    assert text.splitlines()[2:8] == [
+        "origin (0.0, 0.0), yaw 0.5 rad",
         "map: 49.8 % free, 12.7 % occupied, 37.5 % unknown",
         "4,784 cells to label, of 0.05 m",
         "note: the map has cells of 0.1 m, the model was trained at 0.05 m: split by 2, from "
         "2,400 cells to 9,600, 4,784 of them free to be labelled; each cell takes the most "
         "frequent label of its parts",
+        "note: the map is turned by 28.65 degrees about its origin: positions of places are in the "
+        "frame it is turned in, rasters are as the image; Nav2's costmaps do not turn maps",
         "no problems found",
     ]
-
-
-def test_a_map_that_is_turned_is_said(tmp_path: Path, run: Run) -> None:
-    code, text, _ = run("doctor", write(tmp_path, origin="[0, 0, 0.5]"))
-    assert code == 0
-    assert "origin (0.0, 0.0), yaw 0.5 rad" in text
-    assert "note: the map is turned by 28.65 degrees about its origin" in text
-
-
-def test_what_is_wrong_with_a_map_stands_beside_what_is_installed(tmp_path: Path, run: Run) -> None:
-    code, text, error = run("doctor", tmp_path / "none.yaml")
-    assert code == 2
-    assert "decoders: graph-cut" in text
-    assert "no such file" in error
+    assert "scikit-learn" in text and "threads: " in text
 
 
 def test_an_image_beside_its_description_is_corrected(tmp_path: Path, run: Run) -> None:
@@ -96,28 +85,24 @@ def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
     assert "corrected" not in text
 
 
-def test_grey_walls_are_named_and_the_threshold_corrected(tmp_path: Path, run: Run) -> None:
-    path = write_map(tmp_path, flat(116))
-    code, text, _ = run("doctor", path)
-    assert code == 0
-    assert "walls look like grey 116: read with occupied_thresh 0.5 instead of 0.65" in text
-    code, text, _ = run("doctor", path, "--fix")
-    assert code == 0
-    assert f"corrected {path}: occupied_thresh 0.5; the original file is map.yaml.orig" in text
-    assert text.split("\n\npackage")[0].endswith("\nno problems found")
-
-
-@pytest.mark.parametrize("value", ["206.5", "256", "any"])
-def test_a_grey_that_is_none_is_refused(tmp_path: Path, run: Run, value: str) -> None:
-    code, _, error = run("doctor", write(tmp_path), "--unknown-value", value)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("map.yaml", "--unknown-value", "256"), "--unknown-value must be a whole number from 0 "),
+        (("map.yaml", "--unknown-value", "any"), "to 255 or 'none', got "),
+        (("none.yaml",), "no such file"),
+        (("--fix",), "--fix needs maps; name one, or a folder"),
+    ],
+)
+def test_what_is_refused(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, run: Run, monkeypatch: Any
+) -> None:
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    code, text, error = run("doctor", *arguments)
     assert code == 2
-    assert "--unknown-value must be a whole number from 0 to 255 or 'none', got " in error
-
-
-def test_fix_needs_maps(run: Run) -> None:
-    code, _, error = run("doctor", "--fix")
-    assert code == 2
-    assert "--fix needs maps; name one, or a folder" in error
+    assert message in error
+    assert ("decoders: graph-cut" in text) == ("none.yaml" in arguments)  # what is installed
 
 
 @pytest.mark.usefixtures("measured")

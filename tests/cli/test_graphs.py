@@ -125,20 +125,3 @@ def test_listed_splits_and_seeds_are_run_by_the_command(tmp_path: Path, run: Run
     assert found["seeds"] == [1, 2] and found["splits"] == {"from b": ["ring"]}
     code, _, err = run("compare", tmp_path / "rings.toml", "--out", out, "--by-building", "--force")
     assert code == 2 and "the configuration lists [[splits]]" in err
-
-
-def test_graphs_of_one_group_are_left_out_together(tmp_path: Path, run: Run) -> None:
-    write_ring(tmp_path)
-    ring = '[[train]]\ngraph = { file = "ring.graphml", label = "says" }\nname = "NAME"\n'
-    tables = [
-        ring.replace("NAME", name) + f'building = "{building}"\n'
-        for name, building in (("one", "a"), ("two", "b"), ("three", "a"))
-    ]
-    start, rest = CONFIG.split("[[train]]", 1)
-    methods = "[[methods]]" + rest.split("[[methods]]", 1)[1]
-    (tmp_path / "rings.toml").write_text(start + "".join(tables) + methods)
-    out = tmp_path / "out"
-    code, _, err = run("compare", tmp_path / "rings.toml", "--out", out, "--by-building")
-    assert code == 0, err
-    found = json.loads((out / "results.json").read_text())
-    assert [item["name"] for item in found["maps"]] == ["one", "three", "two"]

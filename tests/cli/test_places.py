@@ -83,12 +83,8 @@ def test_where(places: Path, run: Run) -> None:
             "nav2",
             ["--set", "corridor=0.8", "--keep-out", "room"],
             [
-                "nav2_route.geojson",
-                "nav2_params.yaml",
-                "bringup.launch.py",
-                "places.launch.py",
-                "go_to_place.py",
-                "poses.yaml",
+                *("nav2_route.geojson", "nav2_params.yaml", "bringup.launch.py"),
+                *("places.launch.py", "go_to_place.py", "poses.yaml"),
             ],
         ),
         ("zones", [], ["zones.png", "zones.yaml", "zones_params.yaml"]),
@@ -136,21 +132,6 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, r
     assert code == 2
     assert words in error
     assert len(error.strip().splitlines()) == 1
-
-
-def test_splits_are_proposed(building: Path, run: Run) -> None:
-    code, text, _ = run(
-        *("topology", building / "labels.png", building / "map.yaml", "-q"),
-        *("--out", building / "whole", "--propose-splits", 0.3),
-    )
-    assert code == 0
-    assert "no split proposed" in text  # those that could have been split
-
-
-def test_a_folder_without_places(tmp_path: Path, run: Run) -> None:
-    code, _, error = run("where", tmp_path, 0, 0)
-    assert code == 2
-    assert "places.json" in error
 
 
 def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> None:

@@ -1,6 +1,5 @@
 """The process around the commands: signals, full disks, the current folder, hostile names."""
 
-import json
 import os
 import signal
 import subprocess
@@ -49,27 +48,28 @@ def test_a_full_standard_output_is_one_line(arguments: list[str]) -> None:
     assert "No space left on device" in ended.stderr
 
 
-def test_a_pipe_that_nobody_reads_is_no_missing_place(
-    run: Run, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("problem", "code", "message"),
+    [
+        (BrokenPipeError, 128 + 13, ""),
+        (MemoryError, 4, "out of memory; use a coarser resolution_m or a smaller window\n"),
+    ],
+)
+def test_a_pipe_that_nobody_reads_and_too_little_memory(
+    problem: type[BaseException],
+    code: int,
+    message: str,
+    run: Run,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def print_on(_: object) -> None:
-        raise BrokenPipeError
+    def fail(_: object) -> None:
+        raise problem
 
-    monkeypatch.setattr(app, "run", print_on)
-    code, _, error = run("where", "out", 0, 0)
-    assert (code, error) == (128 + 13, "")
+    monkeypatch.setattr(app, "run", fail)
+    found, _, error = run("where", "out", 0, 0)
+    assert (found, error) == (code, message and f"pgm-places: {message}")
     codes = (entry.EXIT_NOT_FOUND, entry.EXIT_OUT_OF_MEMORY, entry.EXIT_UNREAD)
     assert codes == (1, 4, 141)
-
-
-def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fill(_: object) -> None:
-        raise MemoryError
-
-    monkeypatch.setattr(app, "run", fill)
-    code, _, error = run("doctor")
-    assert code == entry.EXIT_OUT_OF_MEMORY
-    assert error == ("pgm-places: out of memory; use a coarser resolution_m or a smaller window\n")
 
 
 def closed(streams: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -284,29 +284,6 @@ def test_too_many_threads_are_refused_before_the_work(building: Path, run: Run) 
     assert all(line.startswith("warning: the map has cells of 0.1 m") for line in before)
 
 
-@pytest.mark.parametrize(
-    ("position", "said"),
-    [
-        (("nan", "0"), "X must be a finite number, got nan"),
-        (("0", "inf"), "Y must be a finite number, got inf"),
-    ],
-)
-def test_positions_are_finite(position: tuple[str, str], said: str, run: Run) -> None:
-    code, _, error = run("where", "nowhere", *position)
-    assert code == 2
-    assert error == f"pgm-places: {said}\n"
-
-
-@pytest.mark.parametrize("value", ["inf", "1e300"])
-def test_no_width_is_too_much(value: str, building: Path, run: Run) -> None:
-    code, _, error = run(
-        *("topology", building / "labels.png", building / "map.yaml", "-q"),
-        *("-o", building / "out", "--propose-splits", value),
-    )
-    assert code == (2 if value == "inf" else 0)
-    assert error.count("\n") == (1 if value == "inf" else 0)
-
-
 def test_hostile_names_of_labels_are_refused_in_one_line(building: Path, run: Run) -> None:
     names = (building / "labels.yaml").read_text()
     (building / "labels.yaml").write_text(names.replace('"room"', '"\\e[2Jroom"'))
@@ -315,19 +292,6 @@ def test_hostile_names_of_labels_are_refused_in_one_line(building: Path, run: Ru
     assert code == 2
     assert "must not hold control characters, got '\\x1b[2Jroom'" in error
     assert "\x1b" not in error
-
-
-@needs_posix
-def test_a_pipe_is_tracked_as_a_file(tmp_path: Path) -> None:
-    """As of ``track <(zcat drive.log.gz)``: read once, forwards."""
-    from pgm_places.io.logs.trajectories import read_trajectory
-
-    os.mkfifo(tmp_path / "pipe")
-    lines = "".join(f"FLASER 2 1.0 2.0 {x} 0 0 {x} 0 0 {x} host {x}\n" for x in (0.0, 0.5, 1.0))
-    with subprocess.Popen(
-        [sys.executable, "-c", f"open({json.dumps(str(tmp_path / 'pipe'))}, 'w').write({lines!r})"]
-    ):
-        assert len(read_trajectory(tmp_path / "pipe").trajectory) == 3
 
 
 def test_the_end_of_a_process_is_not_spent_on_garbage() -> None:

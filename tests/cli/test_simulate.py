@@ -81,18 +81,11 @@ def test_the_demo_writes_its_building_too(
         (["none.yaml", "--out", "a.log"], "none.yaml"),
         (["map.yaml", "--radius", "9", "--out", "a.log"], "fits nowhere on this map"),
         (["map.yaml", "--labels", "none.png", "--out", "a.log"], "none.png"),
-        (
-            ["map.yaml", "--out", "labels.png/a.log"],
-            "a file of that name is in the way",
-        ),
+        (["map.yaml", "--out", "labels.png/a.log"], "a file of that name is in the way"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(
-    building: Path,
-    run: Run,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    message: str,
+    building: Path, run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ) -> None:
     monkeypatch.chdir(building)
     before = sorted(building.iterdir())

@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.cli.track_options import TrackOptions
-from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
@@ -278,30 +276,24 @@ def test_counts_in_a_configuration_are_those_of_the_command_line(seeing: Path, r
     assert any(name.endswith("counts.csv") for name in record["inputs"])
 
 
-def test_a_default_is_the_same_on_the_command_line_and_in_a_file() -> None:
-    assert TrackOptions.counts_within_s == SourceConfig.counts_within_s
-
-
-def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:
-    def track(*arguments: object) -> tuple[int, str]:
-        code, _, error = run("track", seeing / "drive.log", "-o", seeing / "out", *arguments)
-        return code, error
-
-    model, plain, counts = seeing / "seeing", seeing / "model", seeing / "counts.csv"
-    code, error = track("-m", model)
-    assert (code, "also uses counts of monitor, person" in error, "--counts" in error) == (
-        2,
-        True,
-        True,
-    )
-    code, error = track("-m", plain, "--counts", counts)
-    assert (code, "uses the laser only" in error) == (2, True)
-    (seeing / "other.csv").write_text("t_s,lamp\n0.0,1\n")
-    code, error = track("-m", model, "--counts", seeing / "other.csv")
-    assert (code, "none of the objects" in error, "lamp" in error) == (2, True, True)
-    (seeing / "late.csv").write_text("t_s,person\n90000.0,1\n")
-    code, error = track("-m", model, "--counts", seeing / "late.csv")
-    assert (code, "has no monitor" in error, "use the same clock?" in error) == (0, True, True)
+@pytest.mark.parametrize(
+    ("model", "counts", "code", "messages"),
+    [
+        ("seeing", None, 2, ["also uses counts of monitor, person", "--counts"]),
+        ("model", "t_s,person\n0.0,1\n", 2, ["uses the laser only"]),
+        ("seeing", "t_s,lamp\n0.0,1\n", 2, ["none of the objects", "lamp"]),
+        ("seeing", "t_s,person\n90000.0,1\n", 0, ["has no monitor", "use the same clock?"]),
+    ],
+)
+def test_counts_that_do_not_fit_are_named(
+    model: str, counts: str | None, code: int, messages: list[str], seeing: Path, run: Run
+) -> None:
+    path, arguments = seeing / "other.csv", ("-m", seeing / model, "-o", seeing / "out")
+    path.write_text(counts or "")
+    more = () if counts is None else ("--counts", path)
+    found, _, error = run("track", seeing / "drive.log", *arguments, *more)
+    assert found == code
+    assert all(message in error for message in messages)
 
 
 @pytest.mark.parametrize(
@@ -367,11 +359,8 @@ def test_a_model_of_drives_is_trained_from_a_configuration_and_tracks(
     assert "method: hmm" in out
     labeler = load(folder / "tracker")
     assert isinstance(labeler, TrajectoryLabeler)
-    assert (labeler.every_m, labeler.beams.missing, labeler.method_.mode) == (
-        0.3,
-        "mirror",
-        "smooth",
-    )
+    options = (labeler.every_m, labeler.beams.missing, labeler.method_.mode)
+    assert options == (0.3, "mirror", "smooth")
     code, out, err = run(
         "track", folder / "drive.log", "--model", folder / "tracker", "--out", folder / "tracked"
     )

@@ -9,10 +9,6 @@ import pytest
 from pgm_places import LabelledMap, PlaceLabeler, evaluate
 from pgm_places.errors import ModelFileError
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.maps.label_image import load_labels
-from pgm_places.io.maps.map_server import save_map
-from pgm_places.io.places.topology_files import load_topology
-from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.persistence.stored import save
 from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot
@@ -81,31 +77,3 @@ def test_no_folder_stands_in_for_a_shipped_model(
     assert isinstance(trained_labeler("./default"), PlaceLabeler)
     with pytest.raises(ModelFileError, match="Did you mean 'generated'"):
         model_folder("generatd")
-
-
-def test_label_needs_no_model(tmp_path: Path, run: Run, building: Path) -> None:
-    code, out, err = run("label", building / "map.yaml", "--out", tmp_path / "labelled")
-    assert code == 0, err
-    assert "potts: corridor" in out
-    code, _, err = run(
-        "label", building / "map.yaml", "--model", "deflt", "--out", tmp_path / "other"
-    )
-    assert code == 2
-    assert "Did you mean 'default'" in err
-
-
-@pytest.mark.parametrize("resolution_m", [0.015, 0.04, 0.2])
-def test_label_takes_maps_of_other_resolutions(
-    resolution_m: float, tmp_path: Path, run: Run
-) -> None:
-    grid = generate_building(9, size="small", resolution_m=0.05).grid
-    corner = grid.with_cells(grid.cells[:100, :160])
-    other = (refine if resolution_m < 0.05 else coarsen)(corner, resolution_m)
-    out = tmp_path / "labelled"
-    code, _, err = run("label", save_map(other, tmp_path / "map"), "--unentered", "--out", out)
-    assert code == 0, err
-    assert f"the map has cells of {resolution_m:g} m" in err
-    labels = load_labels(out / "labels.png", ("corridor", "room", "doorway"), grid=other)
-    assert ((labels >= 0) == other.free).all()
-    topology = load_topology(out)
-    assert topology.regions and all(region.confidence for region in topology.regions)

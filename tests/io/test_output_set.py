@@ -125,13 +125,6 @@ def test_a_shared_folder_may_hold_other_files(tmp_path: Path) -> None:
         pass
 
 
-def test_a_set_without_files_changes_nothing(out: Path) -> None:
-    before = names(out)
-    with output_set(out, "label"):
-        pass
-    assert names(out) == before
-
-
 def test_errors_name_the_file_that_was_to_be(tmp_path: Path) -> None:
     with pytest.raises(OutputError) as caught, output_set(tmp_path / "out", "label") as files:
         raise OutputError(f"cannot write {files.stage / 'a'}: no space")

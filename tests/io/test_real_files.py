@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.errors import LabelError, MapError
+from pgm_places.errors import LabelError
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
-from tests.io.files import write_map
 from tests.real_data import real_data_folder
 from tests.reference.coarse_blocks import passable_doors
 
@@ -51,36 +50,6 @@ def test_nav2s_test_map(tmp_path: Path, suffix: str) -> None:
     )
 
 
-def test_a_negated_map_turned_the_other_way() -> None:
-    path = real_data_folder("formats") / "testmap2.yaml"
-    found = load_map(path)
-    black = np.asarray(Image.open(path.with_suffix(".png")).convert("L"))[::-1] == 0
-    assert (found.grid.free == black).all()
-    assert (found.grid.occupied == ~black).all()
-    assert (*found.grid.origin_xy_m, found.grid.yaw_rad) == (-2.0, -3.0, -1.0)
-
-
-@pytest.mark.parametrize(
-    ("mode", "free", "unknown"),
-    [("trinary", 50, 116), ("scale", 50, 116), ("raw", 21, 44 + 155)],
-)
-def test_all_256_greys(tmp_path: Path, mode: str, free: int, unknown: int) -> None:
-    # 1 - 206/255 = 0.192 <= 0.196 < 1 - 205/255; 1 - 89/255 = 0.651 >= 0.65 > 1 - 90/255
-    # raw: 0 to 20 is free (19.6 rounded), 65 to 100 occupied, above 100 is no occupancy
-    image = real_data_folder("formats") / "spectrum.png"
-    grid = load_map(copied("testmap.yaml", tmp_path, image=str(image), mode=mode)).grid
-    assert (grid.free.sum(), grid.unknown.sum()) == (free, unknown)
-    assert grid.occupied.sum() == 256 - free - unknown
-
-
-def test_a_speed_mask_in_scale_mode() -> None:
-    found = load_map(real_data_folder("formats") / "speed_mask.yaml")
-    assert np.unique(found.occupancy).tolist() == [0, 19, 50]  # greys 254, 205 and 128
-    assert found.warnings == (
-        "no cell is occupied: a map without walls; check negate and the thresholds",
-    )
-
-
 @pytest.mark.parametrize(
     ("folder", "name", "shape", "shares"),
     [
@@ -102,22 +71,6 @@ def test_maps_of_robots(
     assert found.grid.shape == shape
     np.testing.assert_allclose(np.multiply(found.fractions, 100), shares, rtol=0, atol=0.051)
     assert found.warnings == ()
-
-
-@pytest.mark.parametrize(
-    ("name", "image"), [("brsu-c069_map", "map.pgm"), ("invalid_image", "invalid.png")]
-)
-def test_descriptions_without_their_image(name: str, image: str) -> None:
-    path = real_data_folder("formats") / f"{name}.yaml"
-    with pytest.raises(MapError, match=f"its image '{image}' is missing: no file {path.parent}"):
-        load_map(path)
-
-
-def test_a_map_whose_image_was_renamed(tmp_path: Path) -> None:
-    image = real_data_folder("formats") / "brsu-c069_map.pgm"
-    found = load_map(copied("brsu-c069_map.yaml", tmp_path, image=str(image)))
-    assert found.grid.shape == (544, 576)
-    assert found.grid.origin_xy_m == (-8.0, -8.0)
 
 
 @pytest.mark.parametrize("folder", ["freiburg079", "freiburg052", "freiburg079_drawn"])
@@ -149,16 +102,6 @@ def test_regions_cover_the_places_they_name(folder: str, map_name: str, regions:
     corridor = labels == NAMES.index("corridor")
     assert grid.free[corridor].mean() > 0.9  # a shifted or mirrored frame would hit the walls
     assert set(np.unique(labels)) == {-1, 0, 1, 2}
-
-
-def test_the_205_trap_on_a_real_map(tmp_path: Path) -> None:
-    image = Image.open(real_data_folder("freiburg052") / "map.png")
-    meant = load_map(write_map(tmp_path, image, free_thresh="0.196")).grid
-    path = write_map(tmp_path, image, free_thresh="0.25")
-    found = load_map(path)
-    assert "30.6 % of the pixels have grey 205" in found.warnings[0]
-    assert (found.grid.cells == meant.cells).all()
-    assert load_map(path, unknown_value="none").fractions.unknown == 0
 
 
 @pytest.mark.parametrize(("kind", "step"), [("freiburg0*", 1), ("robots/*", 5), ("floors/*", 10)])

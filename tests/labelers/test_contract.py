@@ -149,18 +149,13 @@ def test_the_constructor_keeps_its_options_as_they_are(case: Case) -> None:
     assert all(getattr(again, name) is value for name, value in given.items())
 
 
-def test_fit_returns_the_labeler_itself(case: Case) -> None:
-    labeler = case.labeler()
-    assert case.fit(labeler, 0) is labeler
-    assert labeler.label_names_ == NAMES
-    assert len(case.label(labeler))
-
-
-def test_fit_changes_no_option(case: Case) -> None:
+def test_fit_returns_the_labeler_itself_and_changes_no_option(case: Case) -> None:
     labeler = case.labeler()
     before = labeler.get_params(deep=False)
-    case.fit(labeler, 0)
+    assert case.fit(labeler, 0) is labeler
     assert all(getattr(labeler, name) is value for name, value in before.items())
+    assert labeler.label_names_ == NAMES
+    assert len(case.label(labeler))
 
 
 def test_before_fit_it_says_what_to_call(case: Case) -> None:
@@ -262,27 +257,24 @@ def test_the_three_take_the_same_keywords() -> None:
         assert issubclass(kind, Labeler)
 
 
-@pytest.mark.parametrize("name", list(CASES))
-def test_true_labels_add_a_history_and_change_no_label(name: str) -> None:
-    labeler = CASES[name].labeler()
-    option: dict[str, dict[str, Any]] = {
-        "places": {"methods": ["relaxation"]},
-        "trajectories": {"method": "relaxation"},
-        "structured": {"backend": "relaxation"},
-    }
-    labeler.set_params(**option[name])
-    CASES[name].fit(labeler, 0)
-    things: dict[str, tuple[Any, dict[str, Any]]] = {
-        "places": (known(2).grid, {}),
-        "trajectories": (walk(2), {"known_map": known(2).grid}),
-        "structured": (chain(9), {}),
-    }
-    thing, options = things[name]
-    truth = {
-        "places": known(2).truth(known(2).graph()),
-        "trajectories": walk(2).labels,
-        "structured": TRUTH,
-    }[name]
+@pytest.mark.parametrize(
+    ("name", "option", "thing", "options", "truth"),
+    [
+        (
+            *("places", {"methods": ["relaxation"]}, known(2).grid, {}),
+            known(2).truth(known(2).graph()),
+        ),
+        (
+            *("trajectories", {"method": "relaxation"}, walk(2), {"known_map": known(2).grid}),
+            walk(2).labels,
+        ),
+        ("structured", {"backend": "relaxation"}, chain(9), {}, TRUTH),
+    ],
+)
+def test_true_labels_add_a_history_and_change_no_label(
+    name: str, option: dict[str, Any], thing: Any, options: dict[str, Any], truth: Any
+) -> None:
+    labeler = CASES[name].fit(CASES[name].labeler().set_params(**option), 0)
     plain, told = labeler.label(thing, **options), labeler.label(thing, truth=truth, **options)
     np.testing.assert_array_equal(plain.labels, told.labels)
     assert told.info.keys() > plain.info.keys()
@@ -344,16 +336,9 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
         ("trajectories", {"n_runs": 0}, "n_runs must be a whole number of at least 1, got 0"),
         ("trajectories", {"n_folds": 2.5}, "n_folds must be a whole number from 2 to 50, got 2.5"),
         ("structured", {"n_folds": 1}, "n_folds must be a whole number from 2 to 50, got 1"),
-        (
-            "structured",
-            {"metric": "f1"},
-            "metric must be 'accuracy', 'balanced_accuracy', 'mac",
-        ),
-        (
-            "structured",
-            {"min_probability": 0},
-            "min_probability must be a number above 0 and be",
-        ),
+        ("structured", {"metric": "f1"}, "metric must be 'accuracy', 'balanced_accuracy', 'mac"),
+        ("structured", {"min_probability": 0}, "min_probability must be a number above 0 and be"),
+        ("places", {"doorway_depth_m": 0.0}, "doorway_depth_m must be a number above 0"),
     ],
 )
 def test_an_option_out_of_its_limits_is_refused_before_anything_is_learned(

@@ -16,7 +16,6 @@ from pgm_places.labelers.label_joint import label_map_and_drive
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.label import label_map
-from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import load, save
 from pgm_places.sensing.sensor import Sensor
@@ -152,12 +151,6 @@ def test_saved_and_loaded_it_labels_the_same(tmp_path: Path) -> None:
         clone(again).label(known(2).grid)
 
 
-def test_options_go_to_its_parts_by_name() -> None:
-    labeler = unfitted().set_params(steps__every_m=0.7, places__n_folds=3, method="potts")
-    found = labeler.get_params()
-    assert (found["steps__every_m"], found["places__n_folds"]) == (0.7, 3)
-
-
 def test_what_cannot_be_labelled_together_is_refused_in_a_line() -> None:
     with pytest.raises(ConfigError, match="labels only chains"):
         unfitted("hmm").fit([MappedDrive(known(0), walk(0))])
@@ -171,10 +164,3 @@ def test_what_cannot_be_labelled_together_is_refused_in_a_line() -> None:
     others = unfitted().set_params(places=PlaceLabeler(("a", "b")))
     with pytest.raises(ConfigError, match="places must have the labels corridor, room, got a, b"):
         others.fit([MappedDrive(known(0), walk(0))])
-
-
-def test_a_map_of_several_drives_is_learned_from_once() -> None:
-    item: LabelledMap = known(0)
-    drives = [MappedDrive(item, walk(0)), MappedDrive(item, walk(0)[:10])]
-    labeler = unfitted("amn").fit(drives)
-    assert labeler.label(known(2).grid, walk(2)).steps is not None

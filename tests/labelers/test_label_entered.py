@@ -66,12 +66,7 @@ def test_probabilities_are_those_of_the_cells_that_are_left() -> None:
 def test_no_place_holds_them() -> None:
     places = found()
     topology = topological_map(
-        places.grid,
-        places.labels,
-        places.label_names,
-        beliefs=places.labeling.beliefs,
-        layout=places.layout,
-        doorways=places.doorways,
+        *(places.grid, places.labels, places.label_names), doorways=places.doorways
     )
     assert places.unentered is not None
     assert not topology.region[places.unentered.cells].any()

@@ -60,12 +60,42 @@ def labelled(resolution_m: float) -> LabelledPlaces:
 
 
 @pytest.mark.parametrize("resolution_m", [*FINER, *COARSER])
-def test_every_free_cell_gets_a_label_and_a_note_says_how(resolution_m: float) -> None:
+def test_every_free_cell_gets_a_label_and_places_the_mean_of_their_cells(
+    resolution_m: float, tmp_path: Path
+) -> None:
     found = labelled(resolution_m)
     assert ((found.labels >= 0) == found.grid.free).all()
     [note] = found.warnings
     assert f"cells of {resolution_m:g} m, the model was trained at 0.05 m" in note
     assert ("coarsened by" if resolution_m < 0.05 else "split by") in note
+    beliefs = found.labeling.beliefs
+    assert beliefs is not None
+    on_map = found.on_map(beliefs, 0)
+    np.testing.assert_allclose(on_map.sum(axis=2), found.labels >= 0, rtol=0, atol=1e-5)
+    write_labels(found, load_map(save_map(found.grid, tmp_path / "map")), tmp_path)
+    images = [
+        np.asarray(Image.open(tmp_path / probability_file(name)))[::-1]
+        for name in found.label_names
+    ]
+    sums = np.stack(images).sum(axis=0, dtype=np.int64)
+    assert (sums[found.labels < 0] == 0).all()
+    assert (np.abs(sums[found.labels >= 0] - 255) <= 1).all()  # each is rounded
+    places = topological_map(
+        found.grid, found.labels, found.label_names, beliefs=beliefs, layout=found.layout
+    )
+    for region in places.regions:
+        inside = places.region == region.id
+        mean = on_map[inside][:, found.label_names.index(region.label)].mean(dtype=np.float64)
+        assert region.confidence == pytest.approx(mean, rel=1e-5)
+    with Image.open(write_geotiff(tmp_path / "regions.tif", places)) as image:
+        assert (np.asarray(image)[::-1] == places.region).all()
+    if resolution_m in FINER:  # labels are those of the map of the model's cells
+        grid = building().grid
+        own = label_map(labeler(), grid.with_cells(grid.cells[CROP]))
+        cells = np.argwhere(found.grid.free)
+        there = own.grid.cells_at_m(found.grid.cell_centres_m(cells))
+        same = own.labels[there[:, 0], there[:, 1]] == found.labels[cells[:, 0], cells[:, 1]]
+        assert same.mean() > 0.95
 
 
 @pytest.mark.parametrize("resolution_m", [0.0184, 0.0508, 0.0746, 0.1203])
@@ -82,17 +112,6 @@ def test_maps_of_odd_resolutions_are_labelled(resolution_m: float) -> None:
     )
 
 
-@pytest.mark.parametrize("resolution_m", FINER)
-def test_labels_of_a_finer_map_are_those_of_the_map_itself(resolution_m: float) -> None:
-    grid = building().grid
-    own = label_map(labeler(), grid.with_cells(grid.cells[CROP]))
-    found = labelled(resolution_m)
-    cells = np.argwhere(found.grid.free)
-    there = own.grid.cells_at_m(found.grid.cell_centres_m(cells))
-    same = own.labels[there[:, 0], there[:, 1]] == found.labels[cells[:, 0], cells[:, 1]]
-    assert same.mean() > 0.95
-
-
 @pytest.mark.parametrize(("resolution_m", "least"), [(0.06, 0.9), (0.1, 0.9), (0.2, 0.85)])
 def test_labels_of_a_coarser_map_are_mostly_right(resolution_m: float, least: float) -> None:
     found = labelled(resolution_m)
@@ -101,45 +120,6 @@ def test_labels_of_a_coarser_map_are_mostly_right(resolution_m: float, least: fl
     truth = building().labels[there[:, 0], there[:, 1]]
     right = truth == found.labels[cells[:, 0], cells[:, 1]]
     assert right[truth >= 0].mean() > least
-
-
-@pytest.mark.parametrize("resolution_m", [*FINER, *COARSER])
-def test_probabilities_of_labelled_cells_sum_to_one_in_memory_and_in_images(
-    resolution_m: float, tmp_path: Path
-) -> None:
-    found = labelled(resolution_m)
-    beliefs = found.labeling.beliefs
-    assert beliefs is not None
-    total = found.on_map(beliefs, 0).sum(axis=2)
-    np.testing.assert_allclose(total, found.labels >= 0, rtol=0, atol=1e-5)
-    source = load_map(save_map(found.grid, tmp_path / "map"))
-    write_labels(found, source, tmp_path)
-    images = [
-        np.asarray(Image.open(tmp_path / probability_file(name)))[::-1]
-        for name in found.label_names
-    ]
-    sums = np.stack(images).sum(axis=0, dtype=np.int64)
-    assert (sums[found.labels < 0] == 0).all()
-    assert (np.abs(sums[found.labels >= 0] - 255) <= 1).all()  # each is rounded
-
-
-@pytest.mark.parametrize("resolution_m", [*FINER, 0.1, 0.2, 1.0])
-def test_places_have_the_mean_probability_of_their_cells_and_lie_on_the_map(
-    resolution_m: float, tmp_path: Path
-) -> None:
-    found = labelled(resolution_m)
-    beliefs = found.labeling.beliefs
-    assert beliefs is not None
-    places = topological_map(
-        found.grid, found.labels, found.label_names, beliefs=beliefs, layout=found.layout
-    )
-    on_map = found.on_map(beliefs, 0)
-    for region in places.regions:
-        inside = places.region == region.id
-        mean = on_map[inside][:, found.label_names.index(region.label)].mean(dtype=np.float64)
-        assert region.confidence == pytest.approx(mean, rel=1e-5)
-    with Image.open(write_geotiff(tmp_path / "regions.tif", places)) as image:
-        assert (np.asarray(image)[::-1] == places.region).all()
 
 
 def test_parts_vote_and_their_probabilities_are_averaged() -> None:

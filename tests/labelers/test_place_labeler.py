@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,48 +139,33 @@ def test_saved_and_loaded_labels_the_same(
         assert before.score == after.score
 
 
-def spoil_kind(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    manifest["kind"] = "cake"
-
-
-def spoil_features(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    manifest["feature_set"] = "other"
-
-
-def spoil_column(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    arrays["unary/node_columns"] = np.array([400])
-
-
-def spoil_backend(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    manifest["methods"][0]["backend"] = "os:system"
-
-
-def spoil_option(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    manifest["methods"][1]["options"]["max_iterations"] = "many"
-
-
-def spoil_missing(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    del manifest["label_names"]
-
-
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("keys", "value", "message"),
     [
-        (spoil_kind, "holds a 'cake' model"),
-        (spoil_features, "another definition of the laser features"),
-        (spoil_column, "node_columns must be feature indices below 321"),
-        (spoil_backend, "no method 'os:system' is installed"),
-        (spoil_option, "max_iterations must be a whole number of at least 1 or 'auto', got 'many'"),
-        (spoil_missing, "label_names"),
+        (("kind",), "cake", "holds a 'cake' model"),
+        (("feature_set",), "other", "another definition of the laser features"),
+        (("methods", 0, "backend"), "os:system", "no method 'os:system' is installed"),
+        (
+            *(("methods", 1, "options", "max_iterations"), "many"),
+            "max_iterations must be a whole number of at least 1 or 'auto', got 'many'",
+        ),
+        (("label_names",), None, "label_names"),
+        (
+            *(("unary/node_columns",), np.array([400])),
+            "node_columns must be feature indices below 321",
+        ),
     ],
 )
-def test_a_spoiled_model_is_refused(  # type: ignore[no-untyped-def]
-    spoil, message: str, labeler: PlaceLabeler, tmp_path: Path
+def test_a_spoiled_model_is_refused(
+    keys: tuple[Any, ...], value: Any, message: str, labeler: PlaceLabeler, tmp_path: Path
 ) -> None:
     save(labeler, tmp_path / "model")
     manifest, arrays = load_folder(tmp_path / "model")
     arrays = dict(arrays)
-    spoil(manifest, arrays)
+    part: Any = arrays if isinstance(value, np.ndarray) else manifest
+    for key in keys[:-1]:
+        part = part[key]
+    part[keys[-1]] = value
     for key in ("arrays", "schema", "sha256", "version"):
         manifest.pop(key, None)
     save_folder(tmp_path / "spoiled", manifest, arrays)

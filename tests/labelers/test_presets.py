@@ -38,18 +38,11 @@ def test_drives_are_labelled_as_in_the_paper() -> None:
     assert (labeler.classifier.order, labeler.classifier.prior_weight) == ("heuristic", 0.0)
 
 
-def test_noise_is_a_preset_of_its_own() -> None:
-    labeler = preset_place_labeler("paper-noise", NAMES)
-    assert labeler.sensor.noise == SensorNoise(0.05, 0.01, 0.01)
-    assert preset_trajectory_labeler("paper-noise", NAMES).sensor.noise == labeler.sensor.noise
-
-
-def test_options_of_the_call_come_first() -> None:
-    assert preset_trajectory_labeler("paper", NAMES, every_m=0.2).every_m == 0.2
-    assert preset_place_labeler("paper", NAMES, connectivity=4).connectivity == 4
-
-
-def test_an_unknown_preset_is_refused_with_those_there_are() -> None:
+def test_noise_is_a_preset_of_its_own_and_options_of_the_call_come_first() -> None:
+    labeler = preset_place_labeler("paper-noise", NAMES, connectivity=4)
+    assert (labeler.sensor.noise, labeler.connectivity) == (SensorNoise(0.05, 0.01, 0.01), 4)
+    steps = preset_trajectory_labeler("paper-noise", NAMES, every_m=0.2)
+    assert (steps.sensor.noise, steps.every_m) == (labeler.sensor.noise, 0.2)
     with pytest.raises(ConfigError, match=r"no preset 'papper'.*'paper'.*paper, paper-noise"):
         preset_values("papper")
 

@@ -8,9 +8,7 @@ import pytest
 
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelers.labelled_places import at_model_resolution
-from pgm_places.labelling.label import label_map
 from pgm_places.maps.coarsening import Coarsening
-from pgm_places.trained import trained_labeler
 from tests.real_data import real_data_folder
 
 pytestmark = pytest.mark.real_data
@@ -33,12 +31,3 @@ def test_every_map_comes_to_the_cells_of_a_model_and_back() -> None:
         if (kept != loaded.grid.free).any():
             lost.append(folder.name)
     assert lost == []
-
-
-@pytest.mark.parametrize("name", ["home_ex2", "lab_urjc"])
-def test_small_maps_of_robots_are_labelled(name: str) -> None:
-    grid = load_map(real_data_folder("robots") / name / "map.yaml").grid
-    found = label_map(trained_labeler(), grid)
-    left_out = np.zeros(grid.shape, np.bool_) if found.unentered is None else found.unentered.cells
-    assert ((found.labels >= 0) == (grid.free & ~left_out)).all()
-    assert set(np.unique(found.labels[grid.free])) <= {-1, 0, 1, 2}

@@ -13,7 +13,7 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.persistence.stored import load, read, save
+from pgm_places.persistence.stored import load, save
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
@@ -40,16 +40,6 @@ def test_a_model_of_maps_labels_a_drive_with_a_front_laser() -> None:
     found = labeler().label(path)
     assert found.labels.shape == (len(path),)
     assert accuracy(path, found.labels) > 0.8
-
-
-def test_the_belief_mends_a_list_that_errs_at_random() -> None:
-    path, tool = drive(1), labeler()
-    assert path.labels is not None
-    rng = np.random.default_rng(0)
-    said = np.where(rng.random(len(path)) < 0.75, path.labels, rng.integers(3, size=len(path)))
-    scores = np.log(np.eye(3)[said] * 0.7 + 0.1)
-    mended = tool.infer(path, scores)
-    assert accuracy(path, mended.labels) > accuracy(path, scores.argmax(axis=1)) + 0.05
 
 
 def test_the_known_map_helps_a_laser_that_sees_only_half() -> None:
@@ -147,18 +137,6 @@ def test_a_trajectory_without_scans_takes_them_from_the_known_map() -> None:
     assert accuracy(path, found.labels) > 0.8
     with pytest.raises(InputError, match="no scans"):
         labeler().label(bare)
-
-
-def test_what_is_saved_labels_the_same(tmp_path: Path) -> None:
-    path = drive(1)[:100]
-    tool = labeler().with_options(every_m=0.3, beams=BeamOptions("mirror"))
-    save(tool, tmp_path / "model", record={"by": "test"})
-    stored = read(tmp_path / "model", "trajectory-labeler")
-    loaded = stored.item
-    assert stored.record == {"by": "test"}
-    assert (loaded.every_m, loaded.beams) == (0.3, tool.beams)
-    assert loaded.label_names_ == tool.label_names_
-    np.testing.assert_array_equal(loaded.label(path).beliefs, tool.label(path).beliefs)
 
 
 def test_a_stored_model_of_maps_labels_trajectories(tmp_path: Path) -> None:

@@ -2,14 +2,12 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.features.custom import n_columns
-from pgm_places.labelers import trajectory_learning
 from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, segment_problem
@@ -47,23 +45,6 @@ def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
         expected[held_out] = list_average(parts).log_histogram(rows.features[held_out])
     np.testing.assert_array_equal(scores, expected)
     assert [item.n_rounds for item in model.classifier.classifiers] == [6, 6]
-
-
-def test_simulated_runs_are_as_many_and_drawn_as_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[dict[str, Any]] = []
-
-    def learn(*_: Any, model: Any, **options: Any) -> Any:
-        asked.append(options)
-        return model
-
-    monkeypatch.setattr(trajectory_learning, "learn_movement", learn)
-    given = replace(examples(), n_of_map=(90,), steps=())
-    known: Any = [None]
-    method = HiddenMarkovModel()
-    labeler = TrajectoryLabeler(NAMES, every_m=0.5, n_runs=7, seed=4)
-    found = trajectory_learning.learn_method(labeler, method, known, [], given, np.zeros((90, 3)))
-    assert found == (method, None)
-    assert asked == [{"n_runs": 7, "seed": 4}]
 
 
 def test_without_domains_there_is_one_list() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.labelers.update_distance import ObservedDrive, WithDistance, _folds, chosen_distance
+from pgm_places.labelers.update_distance import ObservedDrive, WithDistance, chosen_distance
 from pgm_places.trajectories.segments import Segments
 
 
@@ -21,7 +21,6 @@ def drive(seed: int) -> ObservedDrive:
 
 def chosen(drives: list[ObservedDrive], right_at: float, seen: list[Any] | None = None) -> Any:
     """A method that knows the truth at one distance, and says 0 at others."""
-    truth = {len(item.labels): item.labels for item in drives}
 
     def learn(every_m: float, some: Sequence[ObservedDrive]) -> Any:
         if seen is not None:
@@ -32,7 +31,6 @@ def chosen(drives: list[ObservedDrive], right_at: float, seen: list[Any] | None 
         best = segments.majority(scores.argmax(axis=1), 2)
         return best if every_m == right_at else np.zeros(len(segments), np.int64)
 
-    assert truth
     return chosen_distance(drives, learn, label)
 
 
@@ -71,15 +69,3 @@ def test_a_given_distance_is_used_as_it_is() -> None:
     assert auto.update_m == 0.35 and "every_m" in auto.method_choices
     auto.chosen_distance_ = None
     assert auto.update_m == 0.1
-
-
-def test_three_drives_are_held_out_whole_and_fewer_in_parts() -> None:
-    drives = [
-        ObservedDrive(np.zeros((6, 3)), np.zeros((6, 2)), np.full(6, number)) for number in range(3)
-    ]
-    assert [[drive.labels.tolist() for drive in fold] for fold in _folds(drives)] == [
-        [[number] * 6] for number in range(3)
-    ]
-    assert [[drive.labels.tolist() for drive in fold] for fold in _folds(drives[:2])] == [
-        [[0, 0], [1, 1]]
-    ] * 3

@@ -93,29 +93,27 @@ def test_unknown_lines_are_counted_and_skipped(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        b"FLASER 3 1 2 3 0 0 0\n",
-        b"FLASER 300 1 2 3 0 0 0 0 0 0 1 host 1\n",
-        b"FLASER x 1 2 3 0 0 0 0 0 0 1 host 1\n",
-        b"FLASER 3 1 ? 3 0 0 0 0 0 0 1 host 1\n",
-        b"FLASER 3 1 2 3 nan 0 0 0 0 0 1 host 1\n",
-        b"FLASER\n",
-        b"FLASER 3 1 2 3 1e308 0 0 0 0 0 1 host 1\n",
-        b"FLASER 3 1 2 3 0 0 0 0 -1.1e7 0 1 host 1\n",
-        b"ODOM 0 2e7 0 0 0 0 1 host 1\n",
-        b"ROBOTLASER1 0 -1.5 3.1 0.01\n",
-        b"ROBOTLASER1 0 -1.5 3.1 0.01 0.0 0.1 0 1 5.0 0 1 2 3 1 2 3 0 0 0 0 0 1 host 1\n",
+        "FLASER 3 1 2 3 0 0 0",
+        "FLASER 300 1 2 3 0 0 0 0 0 0 1 host 1",
+        "FLASER x 1 2 3 0 0 0 0 0 0 1 host 1",
+        "FLASER 3 1 ? 3 0 0 0 0 0 0 1 host 1",
+        "FLASER 3 1 2 3 nan 0 0 0 0 0 1 host 1",
+        "FLASER",
+        "FLASER 3 1 2 3 1e308 0 0 0 0 0 1 host 1",
+        "FLASER 3 1 2 3 0 0 0 0 -1.1e7 0 1 host 1",
+        "ODOM 0 2e7 0 0 0 0 1 host 1",
+        "ROBOTLASER1 0 -1.5 3.1 0.01",
+        "ROBOTLASER1 0 -1.5 3.1 0.01 0.0 0.1 0 1 5.0 0 1 2 3 1 2 3 0 0 0 0 0 1 host 1",
     ],
 )
-def test_damaged_lines_are_left_out_and_told(tmp_path: Path, line: bytes) -> None:
-    log = read_carmen(write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0]), line))
+def test_damaged_lines_are_left_out_and_told(tmp_path: Path, line: str) -> None:
+    log = read_carmen(write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0]), f"{line}\n".encode()))
     assert len(log.trajectory) == 1
     assert log.warnings == ("1 damaged line could not be read and were skipped",)
 
 
 WORDS = st.one_of(
-    st.sampled_from(
-        [b"FLASER", b"ROBOTLASER1", b"-1", b"0", b"99999999999", b"1e400", b"1e39", b"nan", b"\xff"]
-    ),
+    st.sampled_from(b"FLASER ROBOTLASER1 -1 0 99999999999 1e400 1e39 nan \xff".split()),
     st.floats().map(lambda number: repr(number).encode()),
     st.integers().map(lambda number: str(number).encode()),
     st.binary(max_size=4),
@@ -195,22 +193,11 @@ def test_a_file_that_holds_nothing_is_one_message(
 
 
 def test_scans_stream_line_by_line() -> None:
-    taken: list[int] = []
-
-    def lines() -> "list[bytes]":
-        return [flaser([1.0]), b"SYNC\n", flaser([1.0, 2.0], time=2.0)]
-
-    def watched() -> "object":
-        for number, line in enumerate(lines()):
-            taken.append(number)
-            yield line
-
-    reader = CarmenReader()
-    scans = iter_carmen_scans(watched(), reader=reader)  # type: ignore[arg-type]
+    lines = iter([flaser([1.0]), b"SYNC\n", flaser([1.0, 2.0], time=2.0)])
+    scans = iter_carmen_scans(lines, reader=CarmenReader())
     assert next(scans).geometry.n_beams == 1
-    assert taken == [0]
+    assert next(lines) == b"SYNC\n"
     assert next(scans).time_s == 2.0
-    assert reader.counts == {"FLASER": 2, "SYNC": 1}
 
 
 @pytest.mark.parametrize(
@@ -223,8 +210,7 @@ def test_scans_stream_line_by_line() -> None:
         ScanGeometry(np.array([0.25]), 4.0),
     ],
 )
-@pytest.mark.parametrize("suffix", [".log", ".log.gz"])
-@pytest.mark.parametrize("odometry", [True, False])
+@pytest.mark.parametrize(("suffix", "odometry"), [(".log", True), (".log.gz", False)])
 def test_a_written_log_reads_back(
     tmp_path: Path, geometry: ScanGeometry, suffix: str, odometry: bool
 ) -> None:
@@ -233,12 +219,8 @@ def test_a_written_log_reads_back(
     again = log.trajectory
     assert log.warnings == ()
     assert again.geometry is not None and again.geometry.same_as(geometry)
-    assert (again.times_s == path.times_s).all()
-    assert (again.poses == path.poses).all()
-    assert (again.ranges_m == path.ranges_m).all()  # type: ignore[union-attr]
-    assert (again.odometry is None) is (not odometry)
-    if odometry:
-        assert (again.odometry == path.odometry).all()  # type: ignore[union-attr]
+    for name in ("times_s", "poses", "ranges_m", "odometry"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(path, name))
 
 
 def test_rounding_never_makes_or_hides_a_return(tmp_path: Path) -> None:
@@ -270,13 +252,6 @@ def test_real_log_of_building_79() -> None:
     assert log.warnings == ()
     assert log.counts["NEFF"] == 4791
     np.testing.assert_allclose(path.path_length_m, 423, rtol=0, atol=1)
-
-
-@pytest.mark.real_data
-def test_real_log_with_disordered_stamps() -> None:
-    log = read_carmen(real_data_folder("intel") / "laser.log.gz")
-    assert (len(log.trajectory), log.trajectory.n_backward_times) == (910, 4)
-    assert "4 steps have earlier stamps" in log.warnings[0]
 
 
 @pytest.mark.real_data

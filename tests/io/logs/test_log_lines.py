@@ -16,52 +16,38 @@ from pgm_places.io.logs.log_lines import MAX_LINE, LogLines, follow_lines
 LINES = [f"ODOM {number}\n".encode() for number in range(20_000)]
 
 
-def test_compression_is_told_by_the_content(tmp_path: Path) -> None:
-    for name, data in [("a.log.gz", b"".join(LINES)), ("b.log", gzip.compress(b"".join(LINES)))]:
-        path = tmp_path / name
-        path.write_bytes(data)
-        lines = LogLines(path)
-        assert list(lines) == LINES
-        assert lines.damage is None
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_compression_is_told_by_the_content(tmp_path: Path, pack: Callable[[bytes], bytes]) -> None:
+    path, data = tmp_path / "a.log.gz", pack(b"a\n") + pack(b"b\n")  # members follow each other
+    path.write_bytes(data)
+    lines = LogLines(path)
+    assert (list(lines), lines.damage) == ([b"a\n", b"b\n"], None)
+    os.mkfifo(tmp_path / "pipe")
+    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(data,))
+    writer.start()
+    assert list(LogLines(tmp_path / "pipe")) == [b"a\n", b"b\n"]
+    writer.join()
 
 
-def test_members_of_one_gzip_follow_each_other(tmp_path: Path) -> None:
-    path = tmp_path / "two.gz"
-    path.write_bytes(gzip.compress(b"a\n") + gzip.compress(b"b\n"))
-    assert list(LogLines(path)) == [b"a\n", b"b\n"]
-
-
-def test_what_came_before_the_cut_is_kept(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("spoil", "damage"),
+    [(b"", "the compressed data are truncated"), (b"\xff" * 200, "damaged data")],
+)
+def test_what_comes_before_damage_is_kept(tmp_path: Path, spoil: bytes, damage: str) -> None:
     path = tmp_path / "cut.gz"
     data = gzip.compress(b"".join(LINES))
-    path.write_bytes(data[: len(data) // 2])
-    lines = LogLines(path)
-    found = list(lines)
-    assert found == LINES[: len(found)]
-    assert len(found) > len(LINES) // 4
-    assert lines.damage == "the compressed data are truncated"
-
-
-def test_damage_in_the_middle_keeps_the_beginning(tmp_path: Path) -> None:
-    path = tmp_path / "damaged.gz"
-    data = bytearray(gzip.compress(b"".join(LINES)))
     middle = len(data) // 2
-    data[middle : middle + 200] = b"\xff" * 200
-    path.write_bytes(bytes(data))
+    path.write_bytes(data[:middle] + spoil + (spoil and data[middle + 200 :]))
     lines = LogLines(path)
     found = list(lines)
-    assert found[:100] == LINES[:100]
-    assert lines.damage is not None
-    assert lines.damage.startswith("damaged data")
+    assert len(found) > len(LINES) // 4 and found[:100] == LINES[:100]
+    assert spoil or found == LINES[: len(found)]
+    assert lines.damage is not None and lines.damage.startswith(damage)
 
 
 def test_a_missing_file_is_one_message(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.log: no such file; expected a CARMEN log"):
         list(LogLines(tmp_path / "none.log"))
-
-
-def test_following_a_pipe_ends_with_it_and_gives_the_last_part() -> None:
-    assert list(follow_lines(io.BytesIO(b"one\ntwo"), poll_s=None)) == [b"one\n", b"two"]
 
 
 def test_following_a_file_waits_for_whole_lines(tmp_path: Path) -> None:
@@ -78,12 +64,12 @@ def test_following_a_file_waits_for_whole_lines(tmp_path: Path) -> None:
 
 
 def test_an_endless_line_is_refused(tmp_path: Path) -> None:
-    zeros = gzip.compress(bytes(MAX_LINE + 1))
-    (tmp_path / "bomb.log.gz").write_bytes(zeros)
-    with pytest.raises(LogError, match="a line has more than 4194304 bytes; is it a CARMEN log"):
-        list(LogLines(tmp_path / "bomb.log.gz"))
-    with pytest.raises(LogError, match="a line has more than 4194304 bytes"):
-        list(follow_lines(io.BytesIO(bytes(MAX_LINE + 1)), poll_s=None))
+    (tmp_path / "bomb.log.gz").write_bytes(gzip.compress(bytes(MAX_LINE + 1)))
+    stream = follow_lines(io.BytesIO(bytes(MAX_LINE + 1)), poll_s=None)
+    for lines in (LogLines(tmp_path / "bomb.log.gz"), stream):
+        with pytest.raises(LogError, match="a line has more than 4194304 bytes; is it a CARMEN"):
+            list(lines)
+    assert list(follow_lines(io.BytesIO(b"one\ntwo"), poll_s=None)) == [b"one\n", b"two"]
 
 
 def test_an_endless_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,13 +77,3 @@ def test_an_endless_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "a.log.gz").write_bytes(gzip.compress(b"SYNC\n" * 21))
     with pytest.raises(LogError, match="more than 100 bytes when unpacked; split it"):
         list(LogLines(tmp_path / "a.log.gz"))
-
-
-@pytest.mark.parametrize("pack", [bytes, gzip.compress])
-def test_a_pipe_is_as_good_as_a_file(tmp_path: Path, pack: Callable[[bytes], bytes]) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    data = pack(b"a\nb\n")
-    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(data,))
-    writer.start()
-    assert list(LogLines(tmp_path / "pipe")) == [b"a\n", b"b\n"]
-    writer.join()

@@ -32,22 +32,13 @@ def write(folder: Path, pixels: Any = PIXELS, text: str = VALUES, name: str = "l
     return folder / name
 
 
-def test_labels_are_read_in_the_grids_order(tmp_path: Path) -> None:
-    labels = load_labels(write(tmp_path), NAMES, grid=free_grid(2, 3))
-    assert labels.tolist() == LABELS
-    assert labels.dtype == np.int16
-
-
-@pytest.mark.parametrize("suffix", ["png", "pgm", "bmp", "tiff"])
-def test_any_format_will_do(tmp_path: Path, suffix: str) -> None:
-    path = write(tmp_path, name=f"truth.{suffix}")
-    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
-
-
-@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
-def test_grey_in_colour_channels_will_do(tmp_path: Path, mode: str) -> None:
-    path = write(tmp_path, Image.fromarray(PIXELS).convert(mode))
-    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+@pytest.mark.parametrize("mode", ["L", "RGB", "RGBA", "LA"])
+def test_labels_are_read_in_the_grids_order_from_any_kind_of_grey(
+    tmp_path: Path, mode: str
+) -> None:
+    path = write(tmp_path, Image.fromarray(PIXELS).convert(mode), name="truth.tiff")
+    labels = load_labels(path, NAMES, grid=free_grid(2, 3))
+    assert labels.tolist() == LABELS and labels.dtype == np.int16
 
 
 def test_transparent_pixels_have_no_label(tmp_path: Path) -> None:
@@ -118,19 +109,6 @@ def test_labels_that_are_ignored_keep_their_colour(tmp_path: Path) -> None:
     assert load_labels(path, NAMES, grid=free_grid(1, 4)).tolist() == [[-1, 0, 1, -1]]
 
 
-def test_indices_and_colours_that_disagree_are_refused(tmp_path: Path) -> None:
-    picture = Image.fromarray(np.array([[1, 1, 0], [2, 0, 0]], np.uint8)).convert("P")
-    picture.putpalette([0, 0, 0, *LABEL_COLOURS[1], *LABEL_COLOURS[0]])
-    path = write(tmp_path, picture, "ignore: 0\nvalues: {room: 1, corridor: 2}\n")
-    with pytest.raises(LabelError) as caught:
-        load_labels(path, NAMES, grid=free_grid(2, 3))
-    assert str(caught.value) == (
-        f"{path}: its indices and its colours stand for different labels: index 1 has the colour "
-        "#e69f00, which stands for 2 (room #0072b2, corridor #e69f00, black for none); save it as "
-        "RGB or as greyscale"
-    )
-
-
 def test_names_are_translated_and_the_rest_has_no_label_unless_a_star_gives_it_one(
     tmp_path: Path,
 ) -> None:
@@ -172,11 +150,7 @@ def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path
     ("text", "message"),
     [
         ("ignore: 0\nvalues: {room: 77}\n", "the configured label 'corridor' has no grey value"),
-        (
-            "ignore: 0\nvalues: {rooms: 77, corridor: 115}\n",
-            "label 'rooms' is not among the configured labels. Did you mean 'room'? Known: "
-            "corridor, room. Correct the name, or move its value under 'ignore'",
-        ),
+        ("ignore: 0\nvalues: {rooms: 77, corridor: 115}\n", "label 'rooms' is not among the"),
         ("ignore: 0\n", "key 'values' is missing"),
         ("values: [77]\n", "key 'values' must map label names to grey values, e.g. {room: 77}"),
         ("values: {room: 77.5, corridor: 1}\n", "the grey value of 'room' must be a whole number"),
@@ -194,31 +168,11 @@ def test_bad_names_are_refused(tmp_path: Path, text: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_labels_of_another_size_are_refused(tmp_path: Path) -> None:
-    path = write(tmp_path)
-    with pytest.raises(LabelError) as caught:
-        load_labels(path, NAMES, grid=free_grid(3, 2))
-    assert str(caught.value) == (
-        f"{path}: the labels have 2 rows x 3 columns, the map has 3 x 2; draw the labels on the "
-        "map's own image"
-    )
-
-
-def test_greys_without_a_name_are_listed_with_their_count(tmp_path: Path) -> None:
-    path = write(tmp_path, np.array([[77, 78, 78], [115, 116, 0]], np.uint8))
-    with pytest.raises(LabelError) as caught:
-        load_labels(path, NAMES, grid=free_grid(2, 3))
-    assert str(caught.value) == (
-        f"{path}: grey values without a name: 78 (2 pixels), 116 (1 pixels). "
-        f"{tmp_path / 'labels.yaml'} names corridor = 115, room = 77; ignored: 0; add them under "
-        "'values', or under 'ignore' if they are not labels"
-    )
-
-
-def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
-    path = write(tmp_path, np.arange(12, dtype=np.uint8).reshape(3, 4))
-    with pytest.raises(LabelError, match=r"8 \(1 pixels\) and 3 more\. "):
-        load_labels(path, NAMES, grid=free_grid(3, 4))
+def swapped() -> Image.Image:
+    """Whose indices and colours stand for different labels."""
+    picture = Image.fromarray(np.array([[1, 1, 0], [2, 0, 0]], np.uint8)).convert("P")
+    picture.putpalette([0, 0, 0, *LABEL_COLOURS[1], *LABEL_COLOURS[0]])
+    return picture
 
 
 @pytest.mark.parametrize(
@@ -232,19 +186,33 @@ def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
         ),
         (np.array([[77, 115]], np.uint16), "16-bit grey values, but label values are 0 to 255"),
         (np.array([[0, 0]], np.uint8), "no pixel has a label; are all its values under 'ignore'?"),
+        (np.array([[77, 78, 78], [115, 116, 0]], np.uint8), "grey values without a name: 78 (2"),
+        (np.arange(12, dtype=np.uint8).reshape(3, 4), "grey values without a name: 1 (1 pixels),"),
+        (
+            swapped(),
+            "its indices and its colours stand for different labels: index 1 has the colour "
+            "#e69f00, which stands for 2 (room #0072b2, corridor #e69f00, black for none); save it "
+            "as RGB or as greyscale",
+        ),
+        (PIXELS[:, :2], "the labels have 2 rows x 2 columns, the map has 2 x 3; draw the labels"),
     ],
 )
 def test_bad_images_are_refused(tmp_path: Path, pixels: Any, message: str) -> None:
-    path = write(tmp_path, pixels)
+    indices = isinstance(pixels, Image.Image)
+    path = write(
+        tmp_path, pixels, "ignore: 0\nvalues: {room: 1, corridor: 2}" if indices else VALUES
+    )
+    shape = (2, 3) if indices or "the map has" in message else pixels.shape[:2]
     with pytest.raises(LabelError) as caught:
-        load_labels(path, NAMES, grid=free_grid(1, 2))
-    assert str(caught.value).startswith(f"{path}: {message}")
+        load_labels(path, NAMES, grid=free_grid(*shape))
+    assert str(caught.value).startswith(f"{path}: {message.replace('FOLDER', str(tmp_path))}")
 
 
-def test_a_missing_image_is_named(tmp_path: Path) -> None:
-    write(tmp_path)
-    with pytest.raises(LabelError, match=r"absent\.png: no such file; expected an image"):
-        load_labels(tmp_path / "absent.png", NAMES, grid=free_grid(2, 3))
+def test_a_jpeg_of_labels_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    Image.fromarray(PIXELS).save(path, "JPEG")
+    with pytest.raises(LabelError, match=r"a JPEG, whose compression changes values; save the im"):
+        load_labels(path, NAMES, grid=free_grid(2, 3))
 
 
 def l_shaped() -> tuple[OccupancyGrid, np.ndarray]:
@@ -265,13 +233,6 @@ def test_an_image_that_lies_the_wrong_way_is_refused(tmp_path: Path) -> None:
         f"{tmp_path / 'down.png'}: the label image is upside down: only 18.2 % of the labelled "
         "pixels lie on free cells of the map, the other way 100.0 % would; flip it vertically"
     )
-
-
-def test_a_jpeg_of_labels_is_refused(tmp_path: Path) -> None:
-    path = write(tmp_path)
-    Image.fromarray(PIXELS).save(path, "JPEG")
-    with pytest.raises(LabelError, match=r"a JPEG, whose compression changes values; save the im"):
-        load_labels(path, NAMES, grid=free_grid(2, 3))
 
 
 def test_labels_of_another_map_are_warned_about(

@@ -65,30 +65,6 @@ def test_both_compats_differ_exactly_at_the_thresholds() -> None:
     assert (nav2[51], ros1[51]) == (100, -1)
 
 
-def test_nav2s_thresholds_include_their_own_value_and_ros1s_do_not() -> None:
-    nav2 = PixelRules("trinary", False, 0.0, 1.0, "nav2").tables()[0]
-    assert (nav2[255], nav2[254], nav2[1], nav2[0]) == (0, -1, -1, 100)
-    assert (PixelRules("trinary", False, 0.0, 1.0, "ros1").tables()[0] == -1).all()
-
-
-def test_scale_is_linear_between_the_thresholds() -> None:
-    nav2 = PixelRules("scale", False, 0.0, 1.0).tables()[0]
-    assert nav2[[255, 204, 128, 51, 0]].tolist() == [0, 20, 50, 80, 100]
-    ros1 = PixelRules("scale", False, 0.0, 1.0, "ros1").tables()[0]
-    assert ros1[[255, 204, 128, 51, 0]].tolist() == [0, 19, 49, 79, 99]
-
-
-def test_negation_swaps_free_and_occupied() -> None:
-    plain = PixelRules("trinary", False, 0.3, 0.7).tables()[0]
-    assert (PixelRules("trinary", True, 0.3, 0.7).tables()[0] == plain[::-1]).all()
-
-
-def test_raw_values_above_100_are_unknown() -> None:
-    table = PixelRules("raw", False, 0.25, 0.65).tables()[0]
-    assert table[:101].tolist() == list(range(101))
-    assert (table[101:] == -1).all()
-
-
 def test_raw_cells_follow_the_thresholds_on_the_occupancy() -> None:
     occupancy, cells = PixelRules("raw", False, 0.25, 0.65).tables()
     assert cells[[0, 25, 26, 64, 65, 100, 101, 255]].tolist() == [0, 0, -1, -1, 100, 100, -1, -1]
@@ -110,21 +86,6 @@ def test_scale_and_trinary_give_the_same_cells(
     assert same is trinary
     assert (cells == trinary).all()
     assert (scale[cells != -1] == cells[cells != -1]).all()
-
-
-def test_grey_205_in_scale_mode_is_published_as_0_but_is_no_free_cell() -> None:
-    occupancy, cells = PixelRules("scale", False, 0.196, 0.65).tables()
-    assert (occupancy[205], cells[205]) == (0, -1)
-
-
-def test_transparency_is_unknown_in_scale_mode() -> None:
-    grey = np.full((1, 3, 1), 128, np.uint8)
-    alpha = np.array([[0, 254, 255]], np.uint8)
-    occupancy, cells = PixelRules("scale", False, 0.0, 1.0).read(grey, alpha)
-    assert occupancy.tolist() == [[-1, -1, 50]]
-    assert cells.tolist() == [[-1, -1, -1]]
-    occupancy, _ = PixelRules("scale", False, 0.0, 1.0, "ros1").read(grey, alpha)
-    assert occupancy.tolist() == [[-1, 49, 49]]
 
 
 def test_greys_keep_their_value_and_colours_take_their_luma() -> None:

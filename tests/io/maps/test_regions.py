@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError
-from pgm_places.io.maps import regions
 from pgm_places.io.maps.regions import load_regions, rasterize_polygon, read_regions
 from tests.reference.polygons import distance_to_edges, inside_even_odd
 
@@ -42,21 +41,6 @@ def write(folder: Path, *features: Any) -> Path:
     return path
 
 
-def test_cells_whose_centre_is_inside_have_the_label(tmp_path: Path) -> None:
-    path = write(tmp_path, feature([box(1.4, 2.6, 4.6, 4.4)]))
-    labels = load_regions(path, NAMES, grid())
-    assert np.argwhere(labels == 1).tolist() == [[3, 1], [3, 2], [3, 3], [3, 4]]
-    assert (labels == -1).sum() == 48 - 4
-    assert labels.dtype == np.int16
-
-
-def test_origin_and_yaw_are_respected(tmp_path: Path) -> None:
-    turned = grid(origin_xy_m=(10.0, -5.0), yaw_rad=np.pi / 2)
-    (x, y), (x2, y2) = turned.cell_centres_m([[2, 5], [3, 5]])
-    path = write(tmp_path, feature([box(min(x, x2) - 0.1, y - 0.1, max(x, x2) + 0.1, y2 + 0.1)]))
-    assert np.argwhere(load_regions(path, NAMES, turned) == 1).tolist() == [[2, 5], [3, 5]]
-
-
 def test_holes_and_several_polygons(tmp_path: Path) -> None:
     path = write(
         tmp_path,
@@ -73,18 +57,16 @@ def test_holes_and_several_polygons(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_smaller_region_wins(tmp_path: Path, order: tuple[int, int]) -> None:
+def test_the_smaller_region_wins_and_of_equal_ones_the_later(
+    tmp_path: Path, order: tuple[int, int]
+) -> None:
     features = [feature([box(0, 0, 4, 4)], "corridor"), feature([box(1, 1, 3, 3)], "room")]
     labels = load_regions(write(tmp_path, *(features[i] for i in order)), NAMES, grid())
-    assert labels[1, 1] == 1
-    assert (labels == 1).sum() == 4
-    assert (labels == 0).sum() == 12
-
-
-def test_of_equal_regions_the_later_wins(tmp_path: Path) -> None:
-    square = [box(0, 0, 2, 2)]
-    path = write(tmp_path, feature(square, "room"), feature(square, "corridor"))
-    assert load_regions(path, NAMES, grid())[0, 0] == 0
+    assert labels[1, 1] == 1 and labels.dtype == np.int16
+    assert [(labels == label).sum() for label in (1, 0, -1)] == [4, 12, 32]
+    codes = [feature([box(0, 0, 2, 2)], code) for code in ("corridor", "room")]
+    path = write(tmp_path, *(codes[i] for i in order))
+    assert load_regions(path, NAMES, grid())[0, 0] == order[1]
 
 
 def test_classes_are_translated_and_the_rest_hides_what_lies_beneath(
@@ -172,10 +154,7 @@ def test_polygons_that_share_edges_share_no_cell_and_leave_none(
         (feature([], kind="MultiPolygon"), "coordinates must be a list of polygons, got []"),
         (feature([]), "coordinates must be a list of rings, got []"),
         (feature(None), "coordinates must be a list of rings, got None"),
-        (
-            feature([box(0, 0, 1, 1)[:3]]),
-            "coordinates[0] must be a ring of at least 4 points, the last equal to the first, got ",
-        ),
+        (feature([box(0, 0, 1, 1)[:3]]), "coordinates[0] must be a ring of at least 4 points, the"),
         (
             feature([[box(0, 0, 1, 1), box(0, 0, 1, 1)[:3]]], kind="MultiPolygon"),
             "coordinates[0][1] must be a ring of at least 4 points",
@@ -184,15 +163,8 @@ def test_polygons_that_share_edges_share_no_cell_and_leave_none(
         (feature([[[0, 0], [1, "1"], [1, 0], [0, 0]]]), "coordinates[0][1][1] must be a number of"),
         (feature([[[0, 0], [True, 0], [1, 0], [0, 0]]]), "a number of metres below 1e9, got True"),
         (feature([[[0, 0], [1], [1, 0], [0, 0]]]), "must be a point [x, y] in metres, got [1]"),
-        (
-            feature([[[0, 0], [1e10, 1], [1, 0], [0, 0]]]),
-            "coordinates[0][1][0] must be a number of",
-        ),
-        (
-            feature([box(0, 0, 1, 1)], "rom"),
-            "has class 'rom', which is not a configured label. Did you mean 'room'? Known: "
-            "corridor, room. Translate the file's classes with a mapping 'classes'",
-        ),
+        (feature([[[0, 0], [1e10, 1], [1, 0], [0, 0]]]), "coordinates[0][1][0] must be a number"),
+        (feature([box(0, 0, 1, 1)], "rom"), "has class 'rom', which is not a configured label."),
     ],
 )
 def test_bad_features_are_refused_by_their_index(tmp_path: Path, item: Any, message: str) -> None:
@@ -220,18 +192,6 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(LabelError) as caught:
         read_regions(tmp_path / "x")
     assert message in str(caught.value)
-
-
-def test_missing_and_huge_files_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(LabelError, match=r"absent: no such file; expected regions \(GeoJSON\)"):
-        read_regions(tmp_path / "absent")
-    with pytest.raises(LabelError, match="is a folder; expected regions"):
-        read_regions(tmp_path)
-    monkeypatch.setattr(regions, "MAX_BYTES", 10)
-    with pytest.raises(LabelError, match="larger than 10 bytes; expected regions"):
-        read_regions(write(tmp_path, feature([box(0, 0, 1, 1)])))
 
 
 def test_a_mapping_that_leads_nowhere_is_refused(tmp_path: Path) -> None:

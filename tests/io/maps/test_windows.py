@@ -17,22 +17,12 @@ def grid(height: int = 4, width: int = 5, **frame: Any) -> OccupancyGrid:
     return OccupancyGrid(np.zeros((height, width), np.int8), **{"resolution_m": 0.5, **frame})
 
 
-def test_no_window_is_the_whole_map() -> None:
-    assert window_mask(grid()).all()
-
-
 def test_columns_and_rows_are_those_of_the_image() -> None:
     image = np.zeros((4, 5), np.bool_)
     image[:3, 2:] = True
     mask = window_mask(grid(), columns=(2, None), rows=(None, 3))
-    assert (mask[::-1] == image).all()
-
-
-def test_half_open_windows_split_a_map_without_overlap() -> None:
-    left, right = window_mask(grid(), columns=(None, 2)), window_mask(grid(), columns=[2, 5])
-    assert (left ^ right).all()
-    low, high = window_mask(grid(), x_m=(None, 1.25)), window_mask(grid(), x_m=(1.25, None))
-    assert (low ^ high).all()
+    assert (mask[::-1] == image).all() and window_mask(grid()).all()
+    low = window_mask(grid(), x_m=(None, 1.25))
     assert low[0].tolist() == [True, True, False, False, False]  # the centre at 1.25 is not below
 
 
@@ -66,11 +56,7 @@ EXTENT = "has 5 columns and 4 rows and reaches from 1 to 3.5 m in x and from 0 t
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        (
-            {"columns": (3, 9)},
-            "the window columns [3, 9] must be whole numbers with 0 <= start < stop <= 5, the "
-            "width of the map's image",
-        ),
+        ({"columns": (3, 9)}, "the window columns [3, 9] must be whole numbers with 0 <= start <"),
         ({"columns": (-1, 3)}, "the window columns [-1, 3] must be whole numbers with 0 <= start"),
         ({"columns": (3, 3)}, "the window columns [3, 3] must be whole numbers"),
         ({"columns": (0.5, 3)}, "the window columns [0.5, 3] must be whole numbers"),
@@ -81,10 +67,7 @@ EXTENT = "has 5 columns and 4 rows and reaches from 1 to 3.5 m in x and from 0 t
         ({"x_m": (float("nan"), 1.0)}, "is empty: low must be below high"),
         ({"x_m": (7.0, None)}, f"the window x_m [7, end] holds no cell of the map, which {EXTENT}"),
         ({"y_m": (0.0, 0.2)}, "the window y_m [0, 0.2] holds no cell of the map"),
-        (
-            {"columns": (0, 1), "x_m": (2.0, 3.0)},
-            "the window columns [0, 1], x_m [2, 3] holds no cell of the map",
-        ),
+        ({"columns": (0, 1), "x_m": (2.0, 3.0)}, "the window columns [0, 1], x_m [2, 3] holds no"),
     ],
 )
 def test_bad_windows_are_refused(limits: dict[str, Any], message: str) -> None:

@@ -1,7 +1,6 @@
 """Exports opened by what their readers use: GDAL for QGIS, MCAP's own library for Foxglove."""
 
 import dataclasses
-import json
 import re
 import sys
 from pathlib import Path
@@ -23,7 +22,7 @@ from tests.topology.floors import floor_labels, floor_map, gated_floor_map
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
 
 
-def test_gdal_reads_valid_polygons_in_metres(tmp_path: Path) -> None:
+def test_gdal_reads_valid_polygons_in_metres_and_the_route_graph(tmp_path: Path) -> None:
     topology = floor_map(**FRAME)
     [path] = export(topology, "regions", tmp_path)
     assert pyogrio.read_info(path)["crs"] == "EPSG:3857"
@@ -36,12 +35,7 @@ def test_gdal_reads_valid_polygons_in_metres(tmp_path: Path) -> None:
     for region, shape in zip(topology.regions, shapes, strict=True):
         assert shapely.contains_xy(shape, *region.anchor_m)
         assert shape.area == pytest.approx(region.area_m2, rel=0.05)
-
-
-def test_gdal_reads_the_route_graph(tmp_path: Path) -> None:
-    topology = floor_map(**FRAME)
-    [path] = export(topology, "nav2-route", tmp_path)
-    meta, _, wkb, _ = pyogrio.raw.read(path)
+    meta, _, wkb, _ = pyogrio.raw.read(export(topology, "nav2-route", tmp_path)[0])
     assert {"id", "startid", "endid"} <= set(meta["fields"])
     assert set(shapely.get_type_id(shapely.from_wkb(wkb))) == {0, 5}  # Point, MultiLineString
 
@@ -57,12 +51,8 @@ def test_gdal_finds_each_place_where_it_is(name: str, tmp_path: Path) -> None:
         band = image.read(1)
         for region in topology.regions:
             row, column = image.index(*region.anchor_m)
-            wanted = region.id if name == "regions.tif" else _number(topology, region.label)
-            assert band[row, column] == wanted
-
-
-def _number(topology: Any, label: str) -> int:
-    return 1 + int(topology.label_names.index(label))
+            number = 1 + topology.label_names.index(region.label)
+            assert band[row, column] == (region.id if name == "regions.tif" else number)
 
 
 def test_every_line_is_graphvizs_syntax_even_with_odd_names(tmp_path: Path) -> None:
@@ -150,13 +140,3 @@ def test_without_rosbags_the_message_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(InputError, match=r'pip install .*\[bags\]"'):
         write_place_bag(tmp_path / "bag", floor_map())
-
-
-def test_web_maps_read_the_regions(tmp_path: Path) -> None:
-    [path] = export(floor_map(), "regions", tmp_path)
-    features = json.loads(path.read_text())["features"]
-    assert len(features) == len(floor_map().regions)
-    for feature in features:
-        for ring in feature["geometry"]["coordinates"]:
-            assert ring[0] == ring[-1]
-            assert len(ring) >= 4

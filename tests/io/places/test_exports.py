@@ -24,6 +24,7 @@ from pgm_places.simulation import generate_building
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
 from pgm_places.topology.topological_map import TopologicalMap
+from tests.io.places.nav2_loaders import check_metadata
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
 
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
@@ -33,14 +34,6 @@ def building_map() -> TopologicalMap:
     made = generate_building(size="small")
     grid = OccupancyGrid(made.grid.cells, made.grid.resolution_m, (1.0, 2.0), -0.6)
     return topological_map(grid, made.labels, made.label_names)
-
-
-def check_metadata(value: Any) -> None:
-    """The loader takes numbers, booleans, texts, arrays and objects of them; null throws."""
-    assert isinstance(value, bool | int | float | str | list | dict)
-    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    for part in parts:
-        check_metadata(part)
 
 
 @pytest.mark.parametrize("make", [lambda: floor_map(**FRAME), building_map])
@@ -84,16 +77,6 @@ def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalM
         assert nx.has_path(route, a, b) == nx.has_path(topology.graph, a, b)
 
 
-def test_a_robot_too_wide_and_a_map_without_ways() -> None:
-    floor = floor_map()
-    with pytest.raises(InputError, match="at least one edge"):
-        route_features(floor, route_graph(floor, robot_radius_m=1.0))
-    labels = np.ones((2, 2), np.int16)
-    room = topological_map(floor_grid(labels), labels, NAMES)
-    with pytest.raises(InputError, match="at least one edge"):
-        route_features(room, route_graph(room))
-
-
 def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
     topology = floor_map(**FRAME)
     _, path, params_path = write_filter_mask(
@@ -123,10 +106,12 @@ def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
     assert "local_costmap" not in params
 
 
-def filter_of(params_path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The parameters of the info server, and those of the filter in the global costmap."""
+def filter_of(
+    params_path: Path, of: str = "global_costmap"
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The parameters of the info server, and those of the filter in a costmap."""
     params = yaml.safe_load(params_path.read_text())
-    costmap = params["global_costmap"]["global_costmap"]["ros__parameters"]
+    costmap = params[of][of]["ros__parameters"]
     info = params["costmap_filter_info_server"]["ros__parameters"]
     return info, costmap[costmap["filters"][0]]
 
@@ -170,11 +155,10 @@ def test_a_binary_mask_flips_the_filter(tmp_path: Path) -> None:
     mask = load_map(path).occupancy
     for region in topology.regions:
         [(row, column)] = topology.grid.cells_at_m([region.anchor_m])
-        is_on = (
-            info["base"] + info["multiplier"] * float(mask[row, column])
-            > (binary["flip_threshold"])
+        value = info["base"] + info["multiplier"] * float(mask[row, column])
+        assert (value > binary["flip_threshold"]) == (
+            region.label == "room" and region.name != "room 2"
         )
-        assert is_on == (region.label == "room" and region.name != "room 2")
 
 
 def test_what_is_kept_out_of_grows_by_the_robot(tmp_path: Path) -> None:
@@ -219,15 +203,6 @@ def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
         export(topology, "dot", tmp_path, robot_radius_m=0.3)
 
 
-def test_zones_number_the_classes(tmp_path: Path) -> None:
-    topology = floor_map()
-    _, path, params_path = write_filter_mask(tmp_path / "zones", topology, "zones")
-    labels = floor_labels()
-    assert (load_map(path).occupancy == labels + 1).all()
-    assert "type: 4" in params_path.read_text()
-    assert "1 corridor, 2 room, 3 doorway" in params_path.read_text()
-
-
 @pytest.mark.parametrize("values", [None, {"room": 5, "room 2": 7, "corridor": 5}])
 def test_the_zone_filter_knows_every_state_of_the_mask(
     values: dict[str, int] | None, tmp_path: Path
@@ -235,15 +210,16 @@ def test_the_zone_filter_knows_every_state_of_the_mask(
     # It throws at a value without a state: ids must be complete, from 1 to 255, names unique.
     topology = floor_map()
     _, path, params_path = write_filter_mask(tmp_path / "zones", topology, "zones", values=values)
-    params = yaml.safe_load(params_path.read_text())
-    costmap = params["local_costmap"]["local_costmap"]["ros__parameters"]
-    zones = costmap[costmap["filters"][0]]
-    assert zones["plugin"] == "nav2_costmap_2d::ZoneParameterFilter"
-    info = params["costmap_filter_info_server"]["ros__parameters"]
+    info, zones = filter_of(params_path, "local_costmap")
+    assert zones["plugin"] == "nav2_costmap_2d::ZoneParameterFilter" and info["type"] == 4
     assert zones["filter_info_topic"] == info["filter_info_topic"]
+    mask = load_map(path).occupancy
     ids = [zones[state]["id"] for state in zones["states"]]
-    assert sorted(ids) == sorted({int(v) for v in np.unique(load_map(path).occupancy)} - {0})
+    assert sorted(ids) == sorted({int(v) for v in np.unique(mask)} - {0})
     assert all(state.isidentifier() for state in zones["states"])
+    if values is None:
+        assert (mask == floor_labels() + 1).all()
+        assert "1 corridor, 2 room, 3 doorway" in params_path.read_text()
 
 
 def test_graph_files_are_read_back(tmp_path: Path) -> None:

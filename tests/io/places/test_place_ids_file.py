@@ -57,10 +57,7 @@ def test_the_next_map_finds_the_same_ids(memory: PlaceIds, tmp_path: Path) -> No
     assert ids(read.take(parted())) == ids(maps.take(parted()))
 
 
-def test_a_session_without_maps_and_none_at_all(tmp_path: Path) -> None:
-    assert read_session(tmp_path / "none.json").places == {}
-    found = read_session(write_session(tmp_path / "empty.json", PlaceIds()))
-    assert (found.places, found.n_maps, found.raster) == ({}, 0, None)
+RUNS = ([[0, 5, 4]], [[0, 0, 10**12]], [[k, 0, 9_999_999] for k in range(11)], [[0, 1]], 7)
 
 
 @pytest.mark.parametrize(
@@ -75,12 +72,14 @@ def test_a_session_without_maps_and_none_at_all(tmp_path: Path) -> None:
         ("raster", {"resolution_m": 0.1, "origin_xy_m": [0], "yaw_rad": 0}),
         ("places", None),
         ("places", [{"id": 1}]),
+        *(("runs", runs) for runs in (*RUNS, [["a", 0, 1]])),
     ],
 )
 def test_damage_is_said(memory: PlaceIds, tmp_path: Path, key: str, value: object) -> None:
     path = write_session(tmp_path / "session.json", memory)
     record = json.loads(path.read_text())
-    path.write_text(json.dumps({**record, key: value}))
+    (record["places"][0] if key == "runs" else record)[key] = value
+    path.write_text(json.dumps(record))
     with pytest.raises(
         InputError,
         match=r"(is damaged \(.*\)|json: (a count|a name|resolution_m) must.*); name another file",
@@ -88,32 +87,16 @@ def test_damage_is_said(memory: PlaceIds, tmp_path: Path, key: str, value: objec
         read_session(path)
 
 
-@pytest.mark.parametrize(
-    "runs",
-    [
-        [[0, 5, 4]],
-        [[0, 0, 10**12]],
-        [[k, 0, 9_999_999] for k in range(11)],
-        [[0, 1]],
-        [["a", 0, 1]],
-        7,
-    ],
-)
-def test_cells_that_no_map_has_are_damage(memory: PlaceIds, tmp_path: Path, runs: object) -> None:
-    path = write_session(tmp_path / "session.json", memory)
-    record = json.loads(path.read_text())
-    record["places"][0]["runs"] = runs
-    path.write_text(json.dumps(record))
-    with pytest.raises(InputError, match="is damaged"):
-        read_session(path)
-
-
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "session.json"
-    for text, words in (("{}", "does not hold a session"), ("nothing", "not a JSON file")):
+    assert read_session(tmp_path / "none.json").places == {}
+    path = write_session(tmp_path / "empty.json", PlaceIds())
+    found = read_session(path)
+    assert (found.places, found.n_maps, found.raster) == ({}, 0, None)
+    for text, words in (
+        ("{}", "does not hold a session"),
+        ("nothing", "not a JSON file"),
+        ('{"format": "pgm-places-session", "schema": 2}', "has schema 2, but only 1 can be read"),
+    ):
         path.write_text(text)
         with pytest.raises(InputError, match=words):
             read_session(path)
-    path.write_text('{"format": "pgm-places-session", "schema": 2}')
-    with pytest.raises(InputError, match="has schema 2, but only 1 can be read"):
-        read_session(path)
