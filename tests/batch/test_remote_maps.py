@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from benchmarks.far_requests import REQUEST_S, Clock
 from pgm_places.batch.batch_folder import recorded_root
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, Plan, label_batch, plan
@@ -22,6 +21,7 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.options import LabelOptions
 from pgm_places.progress import Silent
 from tests.batch.shared import Here, failures, far_rows
+from tests.batch.simulated_clock import REQUEST_S, Clock
 
 fsspec = pytest.importorskip("fsspec")
 
