@@ -26,7 +26,7 @@ class Clock:
         """Count the requests of the block."""
         ours = {"find": _find, "get_file": _get_file}
         requests = ours | {name: getattr(MemoryFileSystem, name) for name in _OTHERS}
-        timed = {name: self._timed(name, request) for name, request in requests.items()}
+        timed: dict[str, Any] = {name: self._timed(name, each) for name, each in requests.items()}
         at_once = patch.object(RemoteFolder, "at_once", self._at_once)
         with patch.multiple(MemoryFileSystem, **timed), at_once:
             yield
