@@ -11,6 +11,7 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.bootstrap import block_bootstrap, square_blocks
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from tests.refusals import refused
 
 NAMES = ["room", "corridor", "doorway", "kitchen"]
 
@@ -114,10 +115,8 @@ def test_merged_is_the_evaluation_of_everything_together() -> None:
 
 def test_merging_other_labels_is_refused() -> None:
     first, second = evaluate([0], [0], ["a", "b"]), evaluate([0], [0], ["a", "c"])
-    with pytest.raises(LabelError, match="different labels"):
-        Evaluation.merged([first, second])
-    with pytest.raises(InputError, match="at least one"):
-        Evaluation.merged([])
+    refused(LabelError, "different labels", Evaluation.merged, [first, second])
+    refused(InputError, "at least one", Evaluation.merged, [])
 
 
 @pytest.mark.parametrize(
@@ -131,8 +130,7 @@ def test_merging_other_labels_is_refused() -> None:
     ],
 )
 def test_bad_input(truth: list[int], predicted: list[int], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        evaluate(truth, predicted, ["a", "b"])
+    refused(InputError, message, evaluate, truth, predicted, ["a", "b"])
 
 
 # ---------------------------------------------------------------------- bootstrap
@@ -181,12 +179,9 @@ def test_bootstrap_agrees_with_evaluate_and_repeats() -> None:
 
 
 def test_bootstrap_checks_its_input() -> None:
-    with pytest.raises(InputError, match="confidence"):
-        block_bootstrap([0], [0], [0], n_labels=1, confidence=1.0)
-    with pytest.raises(InputError, match="no node"):
-        block_bootstrap([-1], [0], [0], n_labels=1)
-    with pytest.raises(InputError, match="square_blocks"):
-        square_blocks(np.zeros((3, 3), int), 2)
+    refused(InputError, "confidence", block_bootstrap, [0], [0], [0], n_labels=1, confidence=1.0)
+    refused(InputError, "no node", block_bootstrap, [-1], [0], [0], n_labels=1)
+    refused(InputError, "square_blocks", square_blocks, np.zeros((3, 3), int), 2)
 
 
 def test_balanced_accuracy_is_the_mean_recall_of_the_labels_that_occur() -> None:

@@ -8,6 +8,7 @@ import pytest
 from pgm_places import LabelGraph, LabelledMap, OccupancyGrid
 from pgm_places.errors import InputError
 from pgm_places.evaluation.folds import building_folds, contiguous_blocks, contiguous_parts
+from tests.refusals import refused
 
 
 @pytest.fixture
@@ -51,8 +52,7 @@ def test_places_at_one_position_are_in_one_block_whatever_their_type() -> None:
     graph = LabelGraph.from_points(0.05 * cells[:, ::-1])
     assert (contiguous_parts(graph, 3) == blocks).all()
     assert len(contiguous_blocks(np.zeros((0, 2)), 3)) == 0
-    with pytest.raises(InputError, match="n_blocks must be at least 1, got 0"):
-        contiguous_blocks(cells, 0)
+    refused(InputError, "n_blocks must be at least 1, got 0", contiguous_blocks, cells, 0)
 
 
 def test_nodes_without_a_layout_are_cut_label_by_label() -> None:

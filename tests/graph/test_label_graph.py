@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import sparse
 
-from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
+from pgm_places import EdgeKind, LabelGraph, OccupancyGrid, Potentials, score
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import GridLayout
 from pgm_places.graph.raster_edges import RasterEdges
-from pgm_places.inference.potentials import Potentials, score
+from tests.refusals import refused
 from tests.strategies import edge_lists, varied_arrays
 
 
@@ -31,14 +31,6 @@ def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, in
 
 
 masks = varied_arrays(np.bool_, st.tuples(st.integers(1, 5), st.integers(1, 5)))
-
-
-@pytest.mark.parametrize("connectivity", [4, 8])
-@given(free=masks)
-def test_grid_joins_neighbouring_free_cells(connectivity: int, free: np.ndarray) -> None:
-    graph = LabelGraph.from_grid(free, connectivity=connectivity)
-    assert set(map(tuple, graph.edges.tolist())) == neighbours_by_hand(free, connectivity)
-    assert graph.n_nodes == free.sum()
 
 
 @given(free=masks)
@@ -93,13 +85,42 @@ def test_bad_edges_are_refused(edges: list[tuple[int, ...]], message: str) -> No
     assert message in str(caught.value)
 
 
-def test_edge_list_refuses_unsorted_edges() -> None:
-    with pytest.raises(InputError, match="sorted"):
-        EdgeList(np.array([[1, 2], [0, 1]], np.int32))
-    with pytest.raises(InputError, match="i < j, sorted"):
-        EdgeList(np.array([[1, 0]], np.int32))
-    with pytest.raises(InputError, match="from 0 to 2, got 3"):
-        LabelGraph(3, EdgeList(np.array([[1, 3]], np.int32)))
+def test_what_does_not_fit_is_refused() -> None:
+    path = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    order = path.edge_order([(1, 2), (0, 1)])
+    layout = GridLayout.of_mask(np.ones((2, 2), np.bool_))
+
+    def listed(*edges: tuple[int, int]) -> EdgeList:
+        return EdgeList(np.array(edges, np.int32))
+
+    of_sparse, square = LabelGraph.from_sparse, sparse.csr_array(np.eye(2))
+    for message, call in (
+        ("sorted", lambda: listed((1, 2), (0, 1))),
+        ("i < j, sorted", lambda: listed((1, 0))),
+        ("from 0 to 2, got 3", lambda: LabelGraph(3, listed((1, 3)))),
+        ("join 4 cells but the graph has 3 nodes", lambda: LabelGraph(3, RasterEdges(layout))),
+        (
+            r"links must be .* got \[\(0, 1\)\]; LabelGraph.from_edges",
+            lambda: LabelGraph(3, [(0, 1)]),  # type: ignore[arg-type]
+        ),
+        (r"one row per pair \(2\), got shape \(3,\)", lambda: order.values([1.0, 2.0, 3.0])),
+        (
+            r"shape \(E, K, K\) or \(K, K\), got \(2, 2, 3\)",
+            lambda: order.tables(np.zeros((2, 2, 3))),
+        ),
+        (
+            r"a tuple of sizes or a boolean mask.*dtype int64",
+            lambda: LabelGraph.from_lattice(np.ones((3, 3), np.int64)),
+        ),
+        (r"shape \(N, N\), got \(2, 3\)", lambda: of_sparse(sparse.csr_array((2, 3)))),
+        (r"0 on its diagonal, got 2 other values.*setdiag", lambda: of_sparse(square)),
+        (r"must have shape \(3, 3\), got \(2, 2\)", lambda: path.edge_values(square)),
+        (
+            r"shape \(E, 2\), got \(2, 3\); transpose them",
+            lambda: LabelGraph.from_edges(4, [[0, 1, 2], [1, 2, 3]]),
+        ),
+    ):
+        refused(InputError, message, call)
 
 
 @given(edge_lists(6), st.randoms(use_true_random=False))
@@ -135,16 +156,7 @@ def test_tables_and_features_follow_their_pairs(edges: np.ndarray, chance: rando
 )
 def test_pairs_of_another_graph_have_no_order(pairs: list[tuple[int, int]], message: str) -> None:
     graph = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
-    with pytest.raises(InputError, match=message):
-        graph.edge_order(pairs)
-
-
-def test_an_order_refuses_values_of_other_pairs() -> None:
-    order = LabelGraph.from_edges(3, [(0, 1), (1, 2)]).edge_order([(1, 2), (0, 1)])
-    with pytest.raises(InputError, match=r"one row per pair \(2\), got shape \(3,\)"):
-        order.values([1.0, 2.0, 3.0])
-    with pytest.raises(InputError, match=r"shape \(E, K, K\) or \(K, K\), got \(2, 2, 3\)"):
-        order.tables(np.zeros((2, 2, 3)))
+    refused(InputError, message, graph.edge_order, pairs)
 
 
 def test_networkx_round_trip() -> None:
@@ -177,8 +189,7 @@ def test_networkx_nodes_keep_their_names_in_the_order_that_is_wanted() -> None:
     assert few.node_values({32: 1.0}, default=0.0).tolist() == [0.0, 1.0, 0.0]
     with pytest.raises(InputError, match="values has none for 2 nodes, the first 33; give a"):
         few.node_values({32: 1.0})
-    with pytest.raises(InputError, match=r"none for the edge \(33, 32\); give a default"):
-        few.edge_values({})
+    refused(InputError, r"none for the edge \(33, 32\); give a default", few.edge_values, {})
     assert few.edge_values({(32, 33): 2.0}, default=0.5).max() == 2.0
 
 
@@ -270,11 +281,6 @@ def test_lattice_of_a_shape_is_the_one_of_a_full_mask() -> None:
     assert LabelGraph.from_lattice((5,)).is_chain
 
 
-def test_lattice_refuses_numbers_for_a_mask() -> None:
-    with pytest.raises(InputError, match=r"a tuple of sizes or a boolean mask.*dtype int64"):
-        LabelGraph.from_lattice(np.ones((3, 3), np.int64))
-
-
 points = varied_arrays(
     np.float64,
     st.tuples(st.integers(0, 8), st.integers(1, 3)),
@@ -326,29 +332,16 @@ def test_sparse_matrix_has_an_edge_where_it_is_not_zero(matrix: np.ndarray) -> N
     assert values.tolist() == larger[tuple(expected.T)].tolist()
 
 
-def test_sparse_matrix_must_be_square_without_loops() -> None:
-    with pytest.raises(InputError, match=r"must have shape \(N, N\), got \(2, 3\)"):
-        LabelGraph.from_sparse(sparse.csr_array((2, 3)))
-    with pytest.raises(InputError, match=r"0 on its diagonal, got 2 other values.*setdiag"):
-        LabelGraph.from_sparse(sparse.csr_array(np.eye(2)))
-    with pytest.raises(InputError, match=r"matrix must have shape \(3, 3\), got \(2, 2\)"):
-        LabelGraph.from_edges(3, []).edge_values(sparse.csr_array(np.eye(2)))
-
-
-def test_edges_in_two_rows_are_told_to_be_transposed() -> None:
-    with pytest.raises(InputError, match=r"shape \(E, 2\), got \(2, 3\); transpose them"):
-        LabelGraph.from_edges(4, [[0, 1, 2], [1, 2, 3]])
-
-
 @pytest.mark.parametrize("connectivity", [4, 8])
 @given(free=masks)
-def test_edges_of_a_grid_are_counted_without_listing_them(
+def test_grid_joins_neighbouring_free_cells_and_counts_them_unlisted(
     connectivity: int, free: np.ndarray
 ) -> None:
-    graph = LabelGraph.from_grid(free, connectivity=connectivity)
-    assert graph.n_edges == len(neighbours_by_hand(free, connectivity))
+    graph, wanted = LabelGraph.from_grid(free, connectivity=connectivity), free.sum()
+    by_hand = neighbours_by_hand(free, connectivity)
+    assert (graph.n_nodes, graph.n_edges) == (wanted, len(by_hand))
     assert "_listed" not in vars(graph.links)
-    assert len(graph.edges) == graph.n_edges
+    assert set(map(tuple, graph.edges.tolist())) == by_hand
     EdgeList(graph.edges, graph.edge_kind)  # which checks their order
 
 
@@ -367,14 +360,3 @@ def test_a_grid_can_be_replaced_in_part_without_listing_its_edges() -> None:
     assert moved.positions_m.shape == (6, 3)
     assert "_listed" not in vars(moved.links)
     assert moved.edges.tolist() == graph.edges.tolist()
-
-
-def test_links_must_fit_the_nodes() -> None:
-    free = np.ones((2, 2), np.bool_)
-    layout = GridLayout.of_mask(free)
-    with pytest.raises(InputError, match="join 4 cells but the graph has 3 nodes"):
-        LabelGraph(3, RasterEdges(layout))
-    with pytest.raises(
-        InputError, match=r"links must be .* got \[\(0, 1\)\]; LabelGraph.from_edges"
-    ):
-        LabelGraph(3, [(0, 1)])  # type: ignore[arg-type]

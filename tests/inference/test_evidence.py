@@ -19,14 +19,15 @@ from pgm_places import (
     Status,
     StructuredLabeler,
     build,
+    decode,
 )
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import Backend
 from pgm_places.inference.labeling import keep_evidence
 from pgm_places.models.built_in_decoders import DECODERS as BUILT_IN
-from pgm_places.models.decoding import decode
 from pgm_places.models.hmm import MODES
 from tests.reference.energy import Model, labelings, score
+from tests.refusals import refused
 from tests.strategies import models
 
 NAMES = ("a", "b", "c")
@@ -227,18 +228,18 @@ def test_known_labels_alone_are_a_problem() -> None:
 def test_a_node_with_no_label_left_is_refused_by_name() -> None:
     graph, unary = LabelGraph.from_lattice((3,)), np.zeros((3, 2))
     unary[1] = -np.inf
-    with pytest.raises(InputError, match="unary forbids every label at node 1; allow at least"):
-        LabelingProblem(graph, ["a", "b"], unary)
-    unary[1, 0] = 0.0
-    with pytest.raises(InputError, match="node 1 is known to be 'b', which unary forbids there"):
-        LabelingProblem(graph, ["a", "b"], unary, known=np.array([-1, 1, -1]))
-    with pytest.raises(InputError, match="unary forbids every label at node 1"):
-        decode(graph, Potentials(unary), "icm", known=[-1, 1, -1])
-    with pytest.raises(InputError, match=r"known must hold integers from -1 to 1, got 2"):
-        LabelingProblem(graph, ["a", "b"], unary, known=np.array([2, -1, -1]))
 
+    def problem(unary: Any, **known: Any) -> LabelingProblem:
+        return LabelingProblem(graph, ["a", "b"], unary, **known)
 
-def test_a_node_is_refused_by_the_name_that_it_has() -> None:
-    graph = LabelGraph.from_networkx(nx.path_graph(["hall", "stairs"]))
-    with pytest.raises(InputError, match="unary forbids every label at node 'stairs'; allow at"):
-        LabelingProblem(graph, ["a", "b"], np.array([[0.0, 0.0], [-np.inf, -np.inf]]))
+    wanted = "unary forbids every label at node 1"
+    refused(InputError, f"{wanted}; allow at least", problem, unary)
+    some = np.array([[0.0, 0.0], [0.0, -np.inf], [0.0, 0.0]])
+    known = "node 1 is known to be 'b', which unary forbids there"
+    refused(InputError, known, problem, some, known=np.array([-1, 1, -1]))
+    refused(InputError, wanted, decode, graph, Potentials(some), "icm", known=[-1, 1, -1])
+    other = r"known must hold integers from -1 to 1, got 2"
+    refused(InputError, other, problem, some, known=np.array([2, -1, -1]))
+    named = LabelGraph.from_networkx(nx.path_graph(["hall", "up", "stairs"]))
+    wanted = "unary forbids every label at node 'up'; allow at"
+    refused(InputError, wanted, LabelingProblem, named, ["a", "b"], unary)

@@ -8,10 +8,9 @@ import pytest
 import scipy.sparse as sp
 from sklearn.linear_model import LogisticRegression
 
-from pgm_places import LabelGraph, LabelingProblem, Potentials, StructuredLabeler, build
+from pgm_places import LabelGraph, LabelingProblem, Potentials, StructuredLabeler, build, decode
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.inference.backends import backend_names
-from pgm_places.models.decoding import decode
 
 GRAPH = LabelGraph.from_lattice((3,))
 NAMES = ["a", "b"]

@@ -4,6 +4,7 @@ import pytest
 from pgm_places import build
 from pgm_places.errors import InputError
 from pgm_places.inference.tables import labeling_table, problem_from_tables
+from tests.refusals import refused
 
 NODES = {
     "node": ["a", "b", "c", "d"],
@@ -76,8 +77,7 @@ def test_a_labelling_goes_back_to_names() -> None:
 def test_tables_that_do_not_fit_are_refused_in_one_line(
     nodes: object, edges: object, message: str
 ) -> None:
-    with pytest.raises(InputError, match=message):
-        problem_from_tables(nodes, edges)
+    refused(InputError, message, problem_from_tables, nodes, edges)
 
 
 @pytest.mark.parametrize(

@@ -7,14 +7,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated, likeliest_temperature, tempered
 from pgm_places.models.decoders import Decoder
 from pgm_places.models.independent import Independent
 from pgm_places.models.mrf import PottsField
+from tests.refusals import refused
 
 
 def beliefs_of(seed: int, n: int = 200, sharpness: float = 1.0) -> NDArray[np.float64]:
@@ -49,15 +48,19 @@ def test_each_row_is_divided_by_its_own_sum(
     assert (found.score, found.status) == (given.score, given.status)
 
 
-def test_what_is_certain_stays_certain() -> None:
+def test_what_is_certain_stays_certain_and_what_is_cold_is_left() -> None:
     sure = Labeling(np.array([1]), Status.EXACT, beliefs=np.array([[0.0, 1.0, 0.0]]))
     for temperature in (0.01, 1.4, 50.0):
         assert beliefs_at(temperature, sure).tolist() == [[0.0, 1.0, 0.0]]
-
-
-def test_cold_beliefs_do_not_vanish_all() -> None:
     close = Labeling(np.array([0]), Status.EXACT, beliefs=np.full((1, 3), 1 / 3))
     np.testing.assert_allclose(beliefs_at(1e-4, close), 1 / 3, rtol=1e-12)
+
+
+def test_temperatures_have_limits() -> None:
+    assert likeliest_temperature([[[0.6, 0.4]] * 5], [[0] * 5]) == 1.0  # always right
+    assert likeliest_temperature([[[1.0, 0.0]] * 5], [[1] * 5]) == pytest.approx(100.0, rel=1e-5)
+    wanted = "no node has a true label, so no temperature"
+    refused(InputError, wanted, likeliest_temperature, [[[0.5, 0.5]]], [[-1]])
 
 
 @pytest.mark.parametrize("temperature", ["auto", 1.0])
@@ -100,19 +103,6 @@ def test_it_makes_the_true_labels_likeliest_with_every_graph_weighing_the_same()
 
     best = minimize_scalar(cross_entropy, bounds=(0.01, 1.0), options={"xatol": 1e-8})
     assert likeliest_temperature(beliefs, truths) == pytest.approx(1 / best.x, rel=1e-4)
-
-
-def test_what_is_always_right_is_not_made_surer() -> None:
-    assert likeliest_temperature([[[0.6, 0.4]] * 5], [[0] * 5]) == 1.0
-
-
-def test_what_is_certain_and_wrong_ends_at_the_limit() -> None:
-    assert likeliest_temperature([[[1.0, 0.0]] * 5], [[1] * 5]) == pytest.approx(100.0, rel=1e-5)
-
-
-def test_without_labels_there_is_no_temperature() -> None:
-    with pytest.raises(InputError, match="no node has a true label, so no temperature"):
-        likeliest_temperature([[[0.5, 0.5]]], [[-1]])
 
 
 def noisy_floor(seed: int) -> tuple[LabelingProblem, NDArray[np.int64]]:

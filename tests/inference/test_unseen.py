@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places import LabelGraph, LabelingProblem
+from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.errors import InputError
-from pgm_places.inference.backends import BACKENDS, build
+from pgm_places.inference.backends import BACKENDS
 from pgm_places.models.decoders import decoder_names
 from pgm_places.models.hmm import HiddenMarkovModel
+from tests.refusals import refused
 
 NAMES = ["common", "rare"]
 TRUTH = np.r_[np.zeros(30, int), np.ones(10, int)]
@@ -129,9 +130,6 @@ def test_rows_that_are_nan_in_part_are_refused() -> None:
     unary[7, 1] = np.nan
     graph = LabelGraph.from_lattice((40,))
     for make in (chain, lambda x: LabelingProblem.from_probabilities(graph, NAMES, np.exp(x))):
-        with pytest.raises(InputError, match="row 7 is NaN in part"):
-            make(unary)
-    with pytest.raises(InputError, match="must hold finite numbers or -inf"):
-        fitted("hmm").advance([np.nan, 0.0])
-    with pytest.raises(InputError, match="unseen must be a mask of shape"):
-        chain(CLEAN, unseen=np.zeros(3, bool))
+        refused(InputError, "row 7 is NaN in part", make, unary)
+    refused(InputError, "must hold finite numbers or -inf", fitted("hmm").advance, [np.nan, 0.0])
+    refused(InputError, "unseen must be a mask of shape", chain, CLEAN, unseen=np.zeros(3, bool))

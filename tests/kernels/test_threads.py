@@ -11,6 +11,7 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import ThreadTeam, _Worker, resolve_threads, run_tasks, thread_limit
+from tests.refusals import refused
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])
@@ -55,8 +56,7 @@ def test_the_first_error_is_raised_and_stops_the_rest(n_threads: int) -> None:
         if task == 2:
             raise RuntimeError("task 2")
 
-    with pytest.raises(RuntimeError, match="task 2"):
-        run_tasks(work, 10_000, n_threads=n_threads)
+    refused(RuntimeError, "task 2", run_tasks, work, 10_000, n_threads=n_threads)
     assert len(seen) < 10_000
 
 
@@ -107,8 +107,7 @@ def test_an_error_in_a_helper_is_raised_and_the_crew_goes_on() -> None:
     done: list[int] = []
     with ThreadTeam(2) as crew:
         for _ in range(3):
-            with pytest.raises(RuntimeError, match="a helper"):
-                crew.run(fail, 2)
+            refused(RuntimeError, "a helper", crew.run, fail, 2)
             crew.run(done.append, 3)
     assert sorted(done) == sorted([0, 1, 2] * 3)
     assert set(threading.enumerate()) <= before
@@ -119,10 +118,8 @@ def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> N
     assert resolve_threads() == 3
     assert resolve_threads(2) == 2
     monkeypatch.setenv("PGM_PLACES_NUM_THREADS", "many")
-    with pytest.raises(InputError, match="whole number of threads, got 'many'"):
-        resolve_threads()
-    with pytest.raises(InputError, match="from 1 to 1024, got 0"):
-        resolve_threads(0)
+    refused(InputError, "whole number of threads, got 'many'", resolve_threads)
+    refused(InputError, "from 1 to 1024, got 0", resolve_threads, 0)
 
 
 def test_no_more_threads_than_the_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.models import tree_search
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import BoostedTrees, VoteTable
 from tests.models.columns import random_columns
 from tests.reference import gentle_boosting as reference
+from tests.refusals import refused
 
 Matrix = NDArray[np.float32]
 
@@ -79,15 +79,6 @@ def large_set(n: int = 3_000) -> tuple[Matrix, NDArray[np.int64]]:
     return X, np.where(np.argsort(np.argsort(-margin)) < n // 3, 1, -1)
 
 
-def test_grows_the_trees_of_the_exhaustive_search_on_larger_data() -> None:
-    X, y = large_set(1_000)
-    order = np.argsort(-y, kind="stable")
-    X, y = X[order], y[order]
-    got = learned(X, y, n_rounds=3, max_depth=4, shrinkage=0.5, least_weight=0.001)
-    wanted = reference.boost(X, y, np.ones(len(y)), 3, 4, 0.5, 0.001)
-    assert_same_trees(got, wanted, 0.5)
-
-
 def test_splits_lie_between_bins_where_values_are_many() -> None:
     rng = np.random.default_rng(2)
     X = rng.normal(size=(20_000, 3)).astype(np.float32)
@@ -98,18 +89,19 @@ def test_splits_lie_between_bins_where_values_are_many() -> None:
     assert np.mean((found.scores(X) > 0) == (y > 0)) > 0.995
 
 
-def test_any_number_of_threads_gives_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tree_search, "_WORTH_THREADS", 0)
-    X, y = large_set(20_000)
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    """Three tasks of features, and as many examples as are worth threads."""
+    rng = np.random.default_rng(5)
+    X = rng.integers(0, 200, (100_000, 48)).astype(np.float32)
+    y = np.where(X[:, 0] * X[:, 40] + 3000 * rng.normal(size=100_000) > 10_000, 1, -1)
     models = []
     for count in (1, 2, 5):
         with thread_limit(count):
-            models.append(learned(X, y, n_rounds=6, max_depth=3))
+            models.append(learned(X, y, n_rounds=2, max_depth=3))
+            np.testing.assert_array_equal(models[-1].scores(X), models[0].scores(X))
     for model in models[1:]:
         for name in ("feature", "cut", "value"):
             np.testing.assert_array_equal(getattr(model, name), getattr(models[0], name))
-        with thread_limit(5):
-            np.testing.assert_array_equal(model.scores(X), models[0].scores(X))
 
 
 def small_numbers() -> tuple[Matrix, NDArray[np.int64]]:
@@ -140,16 +132,15 @@ def test_trees_tell_apart_what_no_sum_of_stumps_can() -> None:
     assert np.mean((trees.scores(X) > 0) == (y > 0)) > 0.97
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6])
+@pytest.mark.parametrize("share", [0.3, 0.6, 1.0])
 def test_each_tree_searches_the_features_that_are_drawn_for_it(share: float) -> None:
     X, y = large_set(400)
     order = np.argsort(-y, kind="stable")
     X, y = X[order], y[order]
     options = {"n_rounds": 8, "max_depth": 2, "shrinkage": 0.5, "least_weight": 0.001}
     got = learned(X, y, feature_share=share, **options)
-    wanted = reference.boost(X, y, np.ones(len(y)), 8, 2, 0.5, 0.001, share)
-    assert_same_trees(got, wanted, 0.5)
-    assert not np.array_equal(got.feature, learned(X, y, **options).feature)
+    assert_same_trees(got, reference.boost(X, y, np.ones(400), 8, 2, 0.5, 0.001, share), 0.5)
+    assert (share == 1.0) == np.array_equal(got.feature, learned(X, y, **options).feature)
 
 
 def test_every_round_lowers_the_exponential_loss_and_votes_stay_within_shrinkage() -> None:
@@ -207,12 +198,6 @@ def test_examples_of_hardly_any_weight_do_no_harm() -> None:
     without = learned(X, y, np.where(weights < 1, 0.0, 1.0), n_rounds=5, max_depth=3)
     odd = np.arange(len(y)) % 2 == 1
     np.testing.assert_allclose(light.scores(X[odd]), without.scores(X[odd]), rtol=0, atol=1e-4)
-
-
-def test_one_class_alone_is_refused() -> None:
-    X = np.arange(6, dtype=np.float32).reshape(-1, 1)
-    with pytest.raises(InputError, match="no negative example carries weight"):
-        learned(X, np.ones(6))
 
 
 def obvious_scores(trees: BoostedTrees, X: Matrix) -> NDArray[np.float64]:
@@ -281,11 +266,7 @@ def test_renumbered_trees_find_their_columns() -> None:
     ],
 )
 def test_trees_that_do_not_fit_together_are_refused(changes: dict[str, Any], message: str) -> None:
-    parts = {
-        "feature": np.zeros((1, 3), int),
-        "cut": np.zeros((1, 3)),
-        "value": np.zeros((1, 4)),
-        **changes,
-    }
-    with pytest.raises(InputError, match=message):
-        BoostedTrees(**parts)
+    parts = {"feature": np.zeros((1, 3), int), "cut": np.zeros((1, 3)), "value": np.zeros((1, 4))}
+    refused(InputError, message, BoostedTrees, **parts | changes)
+    alone = np.arange(6, dtype=np.float32).reshape(-1, 1)
+    refused(InputError, "no negative example carries weight", learned, alone, np.ones(6))

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places import LabelGraph, LabelingProblem, Status, build
+from pgm_places import LabelGraph, LabelingProblem, Potentials, Status, build
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
-from pgm_places.inference.potentials import Potentials
 from pgm_places.models.cliques import clique_score, decode_with_cliques
 from tests.reference.cliques import set_score
 from tests.reference.energy import Model, labelings, score

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places import LabelGraph, Potentials, score
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.differentiable import (
     ValueAndGradient,
     entropy,
@@ -205,18 +204,6 @@ def test_unknown_labels_are_completed_and_cost_nothing() -> None:
     assert found.value == pytest.approx(every_score(graph, raised).max() - right)
     many = structured_hinges([graph, graph], [potentials] * 2, [known, known])
     assert [item.value for item in many] == [found.value] * 2
-
-
-def test_a_step_against_the_gradient_lowers_the_loss() -> None:
-    """Learning unaries by gradient descent reaches the labels."""
-    graph = GRAPHS["tree"]
-    truth = np.array([0, 1, 2, 1, 0])
-    potentials = random_potentials(graph, 2)
-    for _ in range(200):
-        free = log_partition(graph, potentials)
-        step = free.unary - np.eye(3)[truth]
-        potentials = replace(potentials, unary=potentials.unary - 0.5 * step)
-    assert free.value - score(graph, potentials, truth) < 0.1
 
 
 @pytest.mark.parametrize("name", ["chain", "ring"])

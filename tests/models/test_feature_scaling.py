@@ -1,7 +1,6 @@
 """Features on one scale: what is standardised, what stays, and that units do not matter."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pgm_places import LabelGraph, LabelingProblem, build, load, save
+from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.errors import InputError, LearningWarning
 from pgm_places.graph.cliques import Cliques
 from pgm_places.models.feature_scaling import CLIP, Standardization, column_sizes
@@ -115,14 +114,6 @@ def test_the_unit_of_clique_features_does_not_matter(method: str) -> None:
     np.testing.assert_allclose(rewards[1], rewards[0], rtol=1e-6, atol=1e-12)
 
 
-def test_learning_goes_on_where_it_ended_whatever_the_unit() -> None:
-    examples = [spot(seed, unit=1000.0) for seed in range(2)]
-    before = fitted("crf", examples, warm_start=True, learner="piecewise", C=1000.0)
-    again = before.fit(*zip(*examples, strict=True))
-    assert again.summary["iterations"] < before.summary["iterations"] / 4
-    np.testing.assert_allclose(again.tables, before.tables, rtol=0.05, atol=0.02)
-
-
 def test_problems_with_other_numbers_of_edge_features_are_refused() -> None:
     (first, truth), (second, _) = spot(0), spot(1)
     assert second.edge_features is not None
@@ -151,16 +142,6 @@ def test_a_gap_is_at_most_all_of_the_objective_and_says_what_to_do() -> None:
     assert found.summary["lower_bound"] == 0
     with pytest.warns(LearningWarning, match=r"take a smaller C, or method 'crf'"):
         fitted("amn", examples, learner="qp", C=1e10)
-
-
-@pytest.mark.parametrize("scale", ["auto", "none"])
-def test_a_saved_model_labels_as_before(scale: str, tmp_path: Path) -> None:
-    problem, truth = spot(0)
-    found = fitted("amn", [(problem, truth)], scale=scale)
-    save(found, tmp_path / "model", label_names=problem.label_names)
-    again = load(tmp_path / "model")
-    np.testing.assert_array_equal(again.potentials(problem).unary, found.potentials(problem).unary)
-    assert again.infer(problem).score == found.infer(problem).score
 
 
 def test_models_that_know_no_clip_were_clipped() -> None:

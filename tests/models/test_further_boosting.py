@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import thread_limit
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.further_boosting import (
@@ -18,6 +17,7 @@ from pgm_places.models.further_boosting import (
     with_first_class,
 )
 from pgm_places.models.strong_classifier import BoostedTrees
+from tests.refusals import refused
 
 DEPTHS = (1, 3)
 RNG = np.random.default_rng(2)
@@ -120,8 +120,7 @@ def test_a_new_class_is_asked_for_first(depth: int) -> None:
     np.testing.assert_allclose(shares / shares.sum(axis=1, keepdims=True), given, rtol=0, atol=1e-2)
     loaded = BoostedList.from_arrays(*after.to_arrays())
     np.testing.assert_array_equal(loaded.log_histogram(X), after.log_histogram(X))
-    with pytest.raises(InputError, match="a new class must come after 2"):
-        with_first_class(before, 1, examples(Y))
+    refused(InputError, "a new class must come after 2", with_first_class, before, 1, examples(Y))
 
 
 @pytest.mark.parametrize("depth", [2, 3, 4])
@@ -137,16 +136,5 @@ def test_deeper_trees_that_split_nothing_say_the_same(depth: int) -> None:
 
 
 def test_examples_are_checked() -> None:
-    with pytest.raises(InputError, match="at least one example, all of positive weight"):
-        examples(Y, 0.0)
-    with pytest.raises(InputError, match="labels"):
-        replace(examples(Y), labels=Y[:3])
-
-
-def test_any_number_of_threads_gives_the_same_bits() -> None:
-    lists = []
-    for n in (1, 2):
-        with thread_limit(n):
-            lists.append(boosted_further(fitted(3), examples((Y + 1) % 3)))
-    one, two = lists
-    np.testing.assert_array_equal(one.log_histogram(X), two.log_histogram(X))
+    refused(InputError, "at least one example, all of positive weight", examples, Y, 0.0)
+    refused(InputError, "labels", replace, examples(Y), labels=Y[:3])

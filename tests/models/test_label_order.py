@@ -4,9 +4,7 @@ from itertools import permutations
 
 import numpy as np
 
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import build
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.unary.space_model import log_sum
 

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
+from pgm_places import EdgeKind, LabelGraph, LabelingProblem
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.graph.edge_kind import EdgeKind
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.feature_scaling import Standardization
 from pgm_places.models.linear_features import (
     LOG_FLOOR,
@@ -14,6 +12,7 @@ from pgm_places.models.linear_features import (
     parse_edge_features,
     parse_node_features,
 )
+from tests.refusals import refused
 
 
 def grid_problem(**parts: np.ndarray) -> LabelingProblem:
@@ -59,20 +58,16 @@ def test_impossible_labels_are_floored() -> None:
 def test_missing_inputs_are_named(
     parts: tuple[str, ...], missing: dict[str, np.ndarray], message: str
 ) -> None:
-    with pytest.raises(InputError, match=message):
-        node_features(grid_problem(**missing), parts)
+    refused(InputError, message, node_features, grid_problem(**missing), parts)
 
 
 def test_names_are_parsed_or_the_nearest_is_offered() -> None:
     assert parse_node_features("logz+raw") == ("logz", "raw")
     assert parse_edge_features("constant+diagonal") == ("constant", "diagonal")
     assert parse_edge_features(["constant"]) == ("constant",)
-    with pytest.raises(ConfigError, match=r"unknown part 'logx'\. Did you mean 'logz'"):
-        parse_node_features("logx")
-    with pytest.raises(ConfigError, match="each once"):
-        parse_edge_features(["constant", "constant"])
-    with pytest.raises(ConfigError, match="unknown part ''"):
-        parse_edge_features("")
+    refused(ConfigError, r"unknown part 'logx'\. Did you mean 'logz'", parse_node_features, "logx")
+    refused(ConfigError, "each once", parse_edge_features, ["constant", "constant"])
+    refused(ConfigError, "unknown part ''", parse_edge_features, "")
 
 
 def test_edge_features_by_hand() -> None:

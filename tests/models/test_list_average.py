@@ -10,6 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.list_average import list_average
+from tests.refusals import refused
 
 RNG = np.random.default_rng(8)
 X = RNG.normal(size=(600, 6)).astype(np.float32)
@@ -44,13 +45,6 @@ def test_the_mean_of_one_list_is_that_list() -> None:
     assert list_average([one]) is one
 
 
-def test_the_mean_of_equal_lists_says_what_each_says() -> None:
-    one = fitted()
-    np.testing.assert_allclose(
-        list_average([one, one]).log_histogram(X), one.log_histogram(X), rtol=0, atol=1e-5
-    )
-
-
 @pytest.mark.parametrize(
     ("other", "message"),
     [
@@ -60,11 +54,6 @@ def test_the_mean_of_equal_lists_says_what_each_says() -> None:
     ],
 )
 def test_lists_that_do_not_match_are_refused(other: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        list_average([fitted(), other()])
-
-
-def test_lists_of_stumps_are_refused() -> None:
+    refused(InputError, message, list_average, [fitted(), other()])
     stumps = fitted(max_depth=1, shrinkage=1.0)
-    with pytest.raises(InputError, match="lists of stumps cannot be averaged"):
-        list_average([stumps, stumps])
+    refused(InputError, "lists of stumps cannot be averaged", list_average, [stumps, stumps])

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places import LabelGraph, LabelingProblem, build
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import build
-from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.observed_labels import mask_observed_losses, observed_in_folds
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.likelihood import maximize_likelihood, negative_log_likelihood

@@ -5,21 +5,25 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places import (
+    LabelGraph,
+    Labeling,
+    LabelingProblem,
+    LabelledMap,
+    OccupancyGrid,
+    Status,
+    build,
+    load_labels,
+    load_map,
+)
 from pgm_places._checks import freeze
-from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import Backend, Learnable, build
-from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem
-from pgm_places.io.maps.label_image import load_labels
-from pgm_places.io.maps.map_server import load_map
-from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.errors import InputError, NotFittedError
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.models.relaxation import Relaxation, grid_connectivity
-from pgm_places.options import option_fields
-from pgm_places.solvers.compatibility import grid_pair_counts, yamamoto_coefficients
+from pgm_places.solvers.compatibility import yamamoto_coefficients
 from tests.real_data import real_data_folder
 from tests.reference.relaxation import pair_counts, relaxed_grid
+from tests.refusals import refused
 
 NAMES = ("corridor", "room", "doorway")
 WALL = len(NAMES)
@@ -54,22 +58,6 @@ def a_problem(noise: float, seed: int = 0) -> tuple[LabelingProblem, NDArray[np.
 def beliefs(labeling: Labeling) -> NDArray[np.floating[Any]]:
     assert labeling.beliefs is not None
     return labeling.beliefs
-
-
-def test_it_keeps_the_contract_of_backends() -> None:
-    method = build("relaxation", {"max_iterations": 5})
-    assert isinstance(method, Backend)
-    assert isinstance(method, Learnable)
-    assert [item.name for item in option_fields(Relaxation)] == [
-        "max_iterations",
-        "tolerance",
-        "damping",
-        "directional",
-        "diagonal_weight",
-        "smoothing",
-        "floor",
-        "evidence",
-    ]
 
 
 def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
@@ -239,28 +227,6 @@ def test_an_edgeless_graph_keeps_its_beliefs() -> None:
     assert result.status is Status.CONVERGED
 
 
-def test_permuting_the_labels_permutes_the_answer() -> None:
-    problem, truth = a_problem(0.3, seed=5)
-    order = np.array([2, 0, 1])
-    other = LabelingProblem(
-        problem.graph, [NAMES[k] for k in order], unary=np.asarray(problem.unary)[:, order]
-    )
-    method = Relaxation(max_iterations=10)
-    first = method.fit([problem], [truth]).infer(problem)
-    second = method.fit([other], [np.argsort(order)[truth]]).infer(other)
-    np.testing.assert_allclose(beliefs(first)[:, order], beliefs(second), rtol=0, atol=2e-6)
-
-
-def test_constants_per_node_do_not_matter() -> None:
-    problem, truth = a_problem(0.3, seed=6)
-    shift = np.random.default_rng(0).normal(size=(problem.graph.n_nodes, 1)) * 50
-    other = LabelingProblem(problem.graph, NAMES, unary=np.asarray(problem.unary) + shift)
-    method = Relaxation(max_iterations=10).fit([problem], [truth])
-    np.testing.assert_allclose(
-        beliefs(method.infer(problem)), beliefs(method.infer(other)), rtol=0, atol=1e-5
-    )
-
-
 @pytest.mark.real_data
 def test_noise_on_the_real_building_is_smoothed_away() -> None:
     """Learned on the left half of building 79, a third of the labels wrong on the right half."""
@@ -281,65 +247,24 @@ def test_noise_on_the_real_building_is_smoothed_away() -> None:
     assert (result.labels == true).mean() > 0.99
 
 
-def test_fitting_leaves_the_unfitted_one_alone() -> None:
-    problem, truth = a_problem(0.0)
-    method = Relaxation()
-    method.fit([problem], [truth])
-    assert method.compatibility is None
-    with pytest.raises(NotFittedError, match="call fit first"):
-        method.infer(problem)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"max_iterations": 0},
-            "max_iterations must be a whole number of at least 1 or 'auto', got 0",
-        ),
-        ({"max_iterations": 2.5}, "whole number"),
-        ({"damping": 1.0}, "damping"),
-        ({"tolerance": -1e-3}, "tolerance"),
-        ({"smoothing": -1}, "smoothing"),
-        ({"diagonal_weight": float("nan")}, "diagonal_weight"),
-        ({"floor": 1.0}, "floor"),
-    ],
-)
-def test_bad_options(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        build("relaxation", options)
-
-
-def test_damaged_coefficients_are_refused() -> None:
-    with pytest.raises(InputError, match="compatibility must have shape"):
-        Relaxation(compatibility=np.zeros((4, 3)))
-
-
 def test_bad_problems() -> None:
     problem, truth = a_problem(0.0)
-    chain = LabelGraph.from_trajectory(np.zeros((5, 2)))
+    chain, five = LabelGraph.from_trajectory(np.zeros((5, 2))), np.zeros(5, int)
     on_chain = LabelingProblem(chain, NAMES, unary=np.zeros((5, 3)))
-    with pytest.raises(InputError, match="at least one problem and a labelling for each"):
-        Relaxation().fit([problem], [])
-    with pytest.raises(InputError, match="nothing to count"):
-        Relaxation().fit([problem], [np.full(len(truth), -1)])
-    with pytest.raises(InputError, match="8 directions on grids and 2"):
-        Relaxation(directional=True).fit([problem, on_chain], [truth, np.zeros(5, int)])
-    with pytest.raises(InputError, match=r"labelings\[0\] must have shape"):
-        Relaxation().fit([problem], [truth[1:]])
-    fitted = Relaxation(directional=True).fit([problem], [truth])
-    with pytest.raises(InputError, match="learned coefficients for 8 directions"):
-        fitted.infer(on_chain)
     fewer = LabelingProblem(chain, NAMES[:2], unary=np.zeros((5, 2)))
-    with pytest.raises(InputError, match="learned 3 labels"):
-        fitted.infer(fewer)
-    with pytest.raises(InputError, match="different labels"):
-        Relaxation().fit([problem, fewer], [truth, np.zeros(5, int)])
     bare = LabelingProblem(chain, NAMES, node_features=np.zeros((5, 1)))
-    with pytest.raises(InputError, match="needs unary"):
-        fitted.infer(bare)
-
-
-def test_grid_counts_match_the_plain_counts_of_the_same_raster() -> None:
-    _, truth = a_floor()
-    np.testing.assert_array_equal(grid_pair_counts(truth, 3), pair_counts(truth, 3))
+    plain, directional = Relaxation(), Relaxation(directional=True)
+    fitted = directional.fit([problem], [truth])
+    assert directional.compatibility is None
+    refused(NotFittedError, "call fit first", directional.infer, problem)
+    refused(InputError, "learned coefficients for 8 directions", fitted.infer, on_chain)
+    refused(InputError, "learned 3 labels", fitted.infer, fewer)
+    refused(InputError, "needs unary", fitted.infer, bare)
+    for message, model, problems, labels in (
+        ("at least one problem and a labelling for each", plain, [problem], []),
+        ("nothing to count", plain, [problem], [np.full(len(truth), -1)]),
+        ("8 directions on grids and 2", directional, [problem, on_chain], [truth, five]),
+        (r"labelings\[0\] must have shape", plain, [problem], [truth[1:]]),
+        ("different labels", plain, [problem, fewer], [truth, five]),
+    ):
+        refused(InputError, message, model.fit, problems, labels)

@@ -8,10 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from pgm_places import LabelGraph, LabelingProblem, PlaceMethod
 from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.labelers.place_learning import learn_from_scores
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.models.relaxation_choice import best_row
@@ -117,16 +115,10 @@ def test_without_scores_to_compare_there_are_fifty_iterations() -> None:
     assert fitted.infer(problem).info["iterations"] <= 50
 
 
-def test_relaxation_alone_gets_scores_to_choose_by() -> None:
-    assert learn_from_scores({"relaxation": PlaceMethod("relaxation")})
-
-
 @pytest.mark.parametrize("given", [{"max_iterations": 10}, {"compatibility": np.eye(3)}])
 def test_relaxation_with_nothing_to_choose_needs_no_scores(given: dict[str, Any]) -> None:
-    method = Relaxation(**given)
-    assert not learn_from_scores({"relaxation": PlaceMethod(method)})
-    again = replace(method, max_iterations="auto", compatibility=None)
-    assert learn_from_scores({"relaxation": PlaceMethod(again)})
+    assert learn_from_scores({"relaxation": PlaceMethod("relaxation")})
+    assert not learn_from_scores({"relaxation": PlaceMethod(Relaxation(**given))})
 
 
 ALONE = (0, 0.0, 0.900, 0.70)

@@ -6,6 +6,7 @@ import pytest
 from pgm_places._core import bin_members, count_bins
 from pgm_places.errors import InputError
 from pgm_places.models.sorted_features import SortedFeatures, prepare
+from tests.refusals import refused
 
 
 def prepared_example() -> tuple[SortedFeatures, Any, Any]:
@@ -111,8 +112,7 @@ def test_memory_is_at_most_two_bytes_per_example_and_feature() -> None:
     ],
 )
 def test_bad_input_is_refused(X: Any, part: Any, text: str) -> None:
-    with pytest.raises(InputError, match=text):
-        prepare(X, part)
+    refused(InputError, text, prepare, X, part)
 
 
 def test_huge_finite_values_pass() -> None:

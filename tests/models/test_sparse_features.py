@@ -19,6 +19,7 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import problem_oracle
 from pgm_places.solvers.table_field import TableField, beside
+from tests.refusals import refused
 
 Example = tuple[LabelingProblem, NDArray[np.int64]]
 N_WORDS = 60
@@ -74,10 +75,9 @@ def test_columns_are_scaled_and_clipped_without_their_mean() -> None:
     np.testing.assert_allclose(found.toarray(), wanted)
     np.testing.assert_allclose(scaling.apply(dense), wanted)
     of_dense = Standardization.of(dense)
-    with pytest.raises(
-        InputError, match="trained on dense node features, whose means it subtracts"
-    ):
-        of_dense.apply(rows)
+    refused(
+        InputError, "trained on dense node features, whose means it subtracts", of_dense.apply, rows
+    )
 
 
 def test_likeness_of_sparse_ends_is_that_of_dense_ones() -> None:

@@ -17,6 +17,7 @@ from pgm_places.models import evidence_weight
 from pgm_places.models.chain_statistics import transition_powers
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
+from tests.refusals import refused
 
 NAMES = ("corridor", "room", "doorway")
 TABLE = np.array([[0.9, 0.04, 0.06], [0.03, 0.92, 0.05], [0.2, 0.25, 0.55]])
@@ -84,16 +85,6 @@ def test_smoother_path_and_filter_are_those_of_all_sequences(
     np.testing.assert_allclose(filtered.beliefs[-1], marginals[-1], atol=1e-9)
 
 
-def test_equal_lengths_are_one_table() -> None:
-    places = np.column_stack([0.1 * np.arange(9), np.zeros(9)])
-    problem = LabelingProblem(LabelGraph.from_trajectory(places), NAMES, unary=scores(9))
-    for mode in ("filter", "smooth"):
-        one = model(mode=mode).infer(problem).beliefs
-        other = model(mode=mode, step_length="positions").infer(problem).beliefs
-        assert one is not None and other is not None
-        np.testing.assert_allclose(other, one, atol=1e-12)
-
-
 def test_online_beliefs_are_those_of_the_whole_drive() -> None:
     problem = chain()
     by_length = model(step_length="positions", shrinkage=0.2, stay_below_m=0.05)
@@ -121,12 +112,6 @@ def test_the_usual_length_is_the_median_in_training_and_powers_are_exact() -> No
     found = transition_powers(TABLE, np.array([0.5, 1.0, 3.0]))
     np.testing.assert_allclose(found[0] @ found[0], TABLE, atol=1e-9)
     np.testing.assert_allclose(found[2], TABLE @ TABLE @ TABLE, atol=1e-9)
-
-
-def test_shrunk_to_the_shares_each_step_stands_alone() -> None:
-    found = model(shrinkage=1.0, mode="smooth").infer(chain()).beliefs
-    assert found is not None
-    np.testing.assert_allclose(found[1:], np.exp(scores())[1:], atol=1e-9)
 
 
 def test_updates_at_another_distance_leave_rates_as_they_are() -> None:
@@ -163,8 +148,7 @@ def test_without_positions_there_are_no_distances() -> None:
 
 def test_durations_take_the_place_of_both_options() -> None:
     for options in ({"step_length": "positions"}, {"shrinkage": 0.5}):
-        with pytest.raises(ConfigError, match="always uses the distances between steps"):
-            SemiMarkovModel(**options)
+        refused(ConfigError, "always uses the distances between steps", SemiMarkovModel, **options)
     built = METHODS.build("hmm", {"step_length": "positions", "shrinkage": 0.5})
     assert (built.step_length, built.shrinkage) == ("positions", 0.5)
 

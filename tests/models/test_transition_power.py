@@ -5,9 +5,10 @@ import pytest
 from scipy.linalg import expm
 
 from pgm_places.errors import InputError
-from pgm_places.models.chain_statistics import _logarithm, transition_power
+from pgm_places.models.chain_statistics import transition_power
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
+from tests.refusals import refused
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -27,17 +28,6 @@ def test_powers_do_not_depend_on_global_random_numbers() -> None:
     transition_power([[0.9, 0.06, 0.04], [0.2, 0.7, 0.1], [0.05, 0.25, 0.7]], 0.37)
     after = np.random.get_state()  # noqa: NPY002
     assert str(before) == str(after)
-
-
-@pytest.mark.parametrize("n_labels", [1, 2, 5, 13])
-def test_halves_of_tables_whose_labels_nearly_never_change_or_nearly_always(n_labels: int) -> None:
-    rng = np.random.default_rng(n_labels)
-    for stay in (0.0, 0.5, 0.999999):
-        table = stay * np.eye(n_labels) + (1 - stay) * rng.dirichlet(np.ones(n_labels), n_labels)
-        power = np.linalg.matrix_power(table, 2)
-        half = _logarithm(power) / 2
-        root = expm(half)
-        np.testing.assert_allclose(root @ root, power, rtol=0, atol=1e-10)
 
 
 def test_whole_powers_are_products_even_where_there_is_no_logarithm() -> None:
@@ -69,8 +59,7 @@ def test_the_nearest_process_is_taken_and_said_to_be_another() -> None:
 def test_what_has_no_power_is_refused(
     table: list[list[float]], exponent: float, message: str
 ) -> None:
-    with pytest.raises(InputError, match=message):
-        transition_power(table, exponent)
+    refused(InputError, message, transition_power, table, exponent)
 
 
 def a_model(counted_m: float | None) -> HiddenMarkovModel:

@@ -12,6 +12,7 @@ from pgm_places_plugins.cascades import OPENCV_CASCADES, CascadeDetector
 
 from pgm_places.errors import InputError
 from pgm_places.vision.object_counts import PAPER_OBJECTS, Detector, count_objects
+from tests.refusals import refused
 
 
 def drawn_face(side: int = 100) -> NDArray[np.uint8]:
@@ -76,8 +77,7 @@ def test_further_cascades_come_after_opencvs_own() -> None:
     ],
 )
 def test_what_is_no_image_is_refused(image: NDArray[np.uint8], detector: CascadeDetector) -> None:
-    with pytest.raises(InputError, match="an image must be"):
-        detector.count([image])
+    refused(InputError, "an image must be", detector.count, [image])
 
 
 def test_files_that_are_no_cascades(tmp_path: Path) -> None:
@@ -86,18 +86,15 @@ def test_files_that_are_no_cascades(tmp_path: Path) -> None:
     (tmp_path / "monitor.xml").write_text("<opencv_storage></opencv_storage>")
     with pytest.raises(InputError, match="not a Haar cascade"):
         CascadeDetector({"monitor on": tmp_path / "monitor.xml"})
-    with pytest.raises(InputError, match="at least one cascade"):
-        CascadeDetector({})
+    refused(InputError, "at least one cascade", CascadeDetector, {})
 
 
 def test_without_opencv_the_message_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(InputError, match=r'pip install .*\[vision\]"'):
-        CascadeDetector.of_people()
+    refused(InputError, r'pip install .*\[vision\]"', CascadeDetector.of_people)
 
 
 def test_opencv_5_is_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     cv2: Any = importlib.import_module("cv2")
     monkeypatch.delattr(cv2, "CascadeClassifier")
-    with pytest.raises(InputError, match="has no Haar cascades; install an older one"):
-        CascadeDetector.of_people()
+    refused(InputError, "has no Haar cascades; install an older one", CascadeDetector.of_people)

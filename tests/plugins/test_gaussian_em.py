@@ -12,6 +12,7 @@ from sklearn.mixture import GaussianMixture
 
 from pgm_places import LabelGraph, decode
 from pgm_places.errors import InputError
+from tests.refusals import refused
 
 Array = NDArray[Any]
 
@@ -175,8 +176,7 @@ def test_labels_that_no_node_begins_with_end_well() -> None:
 
 def test_wrong_input_is_refused() -> None:
     x = np.zeros((6, 1))
-    with pytest.raises(InputError, match="got 1 graphs, 2 features and 1 labelings"):
-        gaussian_em([CHAIN], [x, x], 2)
+    refused(InputError, "got 1 graphs, 2 features and 1 labelings", gaussian_em, [CHAIN], [x, x], 2)
     with pytest.raises(InputError, match=r"features\[0\] must be finite numbers of shape"):
         gaussian_em([CHAIN], [np.zeros((5, 1))], 2)
     with pytest.raises(InputError, match="n_labels must be from 1 to the number of nodes, got 7"):
@@ -188,5 +188,4 @@ def test_wrong_input_is_refused() -> None:
     with pytest.raises(InputError, match=r"covariance must be one of .* got 'sphere'"):
         gaussian_em([CHAIN], [x + np.arange(6.0)[:, None]], 2, covariance="sphere")  # type: ignore[arg-type]
     learned = gaussian_em([CHAIN], [np.arange(6.0)[:, None]], 2)
-    with pytest.raises(InputError, match="the transitions of chains were learned"):
-        learned.potentials(RING, x)
+    refused(InputError, "the transitions of chains were learned", learned.potentials, RING, x)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pgm_places_plugins.toulbar2 import decode_by_toulbar2, exact_search, search_factors
 
-from pgm_places import LabelGraph, Potentials, decode
+from pgm_places import LabelGraph, Potentials, Status, decode
 from pgm_places.errors import InfeasibleError, InputError
-from pgm_places.inference.labeling import Status
 from pgm_places.models.decoder_checks import check_decoder
 from pgm_places.models.decoders import register_decoder
 from pgm_places.solvers.bucket_tree import BucketTree, Factor
 from pgm_places.solvers.pairwise import pairwise_model
+from tests.refusals import refused
 
 
 def test_without_toulbar2_a_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,8 +91,7 @@ class TestSearch:
     def test_what_forbids_everything_is_proved_to(self) -> None:
         unlike = np.where(np.eye(2, dtype=np.bool_), -np.inf, 0.0)
         factors = [Factor(s, unlike) for s in [(0, 1), (1, 2), (0, 2)]]
-        with pytest.raises(InfeasibleError, match="forbids every labelling"):
-            search_factors([2, 2, 2], factors)
+        refused(InfeasibleError, "forbids every labelling", search_factors, [2, 2, 2], factors)
         with pytest.raises(InfeasibleError, match="forbids every labelling"):
             search_factors([2], [Factor((0,), np.full(2, -np.inf))])
 

@@ -31,34 +31,6 @@ def grid_problem(
     )
 
 
-def renumbered(problem: MaxMarginProblem, order: np.ndarray) -> MaxMarginProblem:
-    """The same problem with node ``order[i]`` called i."""
-    number = np.empty(problem.n_nodes, np.int32)
-    number[order] = np.arange(problem.n_nodes, dtype=np.int32)
-    return MaxMarginProblem(
-        problem.node_features[order],
-        number[problem.edges][:, ::-1],
-        problem.edge_features,
-        problem.labels[order],
-        problem.n_labels,
-        problem.loss[order],
-        problem.penalty,
-    )
-
-
-def relabelled(problem: MaxMarginProblem, names: np.ndarray) -> MaxMarginProblem:
-    """The same problem with label k called ``names[k]``."""
-    return MaxMarginProblem(
-        problem.node_features,
-        problem.edges,
-        problem.edge_features,
-        names[problem.labels],
-        problem.n_labels,
-        problem.loss,
-        problem.penalty,
-    )
-
-
 def tiny_problem(seed: int) -> MaxMarginProblem:
     """A few nodes with rounded features, so that many cuts are alike: degenerate, but valid."""
     rng = np.random.default_rng(seed)

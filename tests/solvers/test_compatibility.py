@@ -11,6 +11,7 @@ from pgm_places.solvers.compatibility import (
     yamamoto_coefficients,
 )
 from tests.reference.relaxation import STEPS, pair_counts, yamamoto
+from tests.refusals import refused
 
 
 def test_directions_are_the_references() -> None:
@@ -95,20 +96,14 @@ def test_tables_of_directions_are_computed_each_on_its_own() -> None:
 
 
 def test_bad_input() -> None:
-    with pytest.raises(InputError, match="labels must hold integers"):
-        grid_pair_counts([[3]], 3)
-    with pytest.raises(InputError, match="labels must"):
-        edge_pair_counts([0, 3], [[0, 1]], 3)
-    with pytest.raises(InputError, match="n_labels"):
-        grid_pair_counts([[0]], 40_000)
+    refused(InputError, "labels must hold integers", grid_pair_counts, [[3]], 3)
+    refused(InputError, "labels must", edge_pair_counts, [0, 3], [[0, 1]], 3)
+    refused(InputError, "n_labels", grid_pair_counts, [[0]], 40_000)
     with pytest.raises(InputError, match=r"counts must have shape \(\.\.\., L, L\)"):
         yamamoto_coefficients(np.zeros((2, 3)))
-    with pytest.raises(InputError, match="at least 0"):
-        yamamoto_coefficients([[-1.0]])
+    refused(InputError, "at least 0", yamamoto_coefficients, [[-1.0]])
 
 
 def test_labels_that_are_fractions_are_refused() -> None:
-    with pytest.raises(InputError, match="labels must hold integers"):
-        grid_pair_counts([[0.5]], 2)
-    with pytest.raises(InputError, match="labels must hold integers"):
-        edge_pair_counts([0.5], [], 2)
+    refused(InputError, "labels must hold integers", grid_pair_counts, [[0.5]], 2)
+    refused(InputError, "labels must hold integers", edge_pair_counts, [0.5], [], 2)

@@ -14,7 +14,8 @@ from pgm_places.solvers.max_margin import MaxMarginProblem, joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import Certificate, certify_weights, graph_cut_oracle
 from tests.reference import max_margin as reference
-from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered, tiny_problem
+from tests.refusals import refused
+from tests.solvers.max_margin_problems import grid_problem, tiny_problem
 
 
 def learn(problem: MaxMarginProblem, **options: object) -> LearnedWeights:
@@ -141,22 +142,6 @@ def test_several_maps_are_the_union_of_their_blocks() -> None:
 # ---------------------------------------------------------------- what must not matter
 
 
-def test_renumbering_nodes_changes_nothing() -> None:
-    problem = grid_problem(6, 6, 2, seed=8, weighted=True)
-    order = np.random.default_rng(4).permutation(problem.n_nodes)
-    found, again = learn(problem), learn(renumbered(problem, order))
-    np.testing.assert_allclose(again.weights, found.weights, rtol=0, atol=1e-6)
-
-
-def test_renaming_labels_permutes_the_weights() -> None:
-    problem = grid_problem(6, 6, 2, seed=9)
-    found = learn(problem, tolerance=1e-6)
-    again = learn(relabelled(problem, np.array([1, 0])), tolerance=1e-6)
-    np.testing.assert_allclose(
-        again.weights.reshape(-1, 2)[:, ::-1], found.weights.reshape(-1, 2), rtol=0, atol=5e-3
-    )
-
-
 def in_other_units(problem: MaxMarginProblem, feature: float, loss: float) -> MaxMarginProblem:
     """The same problem with features and losses in other units: weights are worth loss/feature."""
     return replace(
@@ -192,11 +177,6 @@ def test_units_of_features_and_losses_do_not_matter(
     assert other.lower_bound / worth**2 == pytest.approx(found.lower_bound, rel=1e-6)
 
 
-def test_the_same_call_gives_the_same_bits() -> None:
-    problem = grid_problem(6, 6, 3, seed=10)
-    np.testing.assert_array_equal(learn(problem).weights, learn(problem).weights)
-
-
 def test_cuts_are_a_warm_start_at_another_penalty() -> None:
     problem = grid_problem(8, 8, 2, seed=11)
     before = learn(problem)
@@ -222,10 +202,15 @@ def test_weights_of_other_maps_are_a_warm_start(seed: int) -> None:
 
 def test_a_start_that_no_weights_can_be_is_refused() -> None:
     problem = grid_problem(3, 3, 2)
-    with pytest.raises(InputError, match=r"start must have shape \(12,\), got \(3,\)"):
-        learn(problem, start=np.zeros(3))
-    with pytest.raises(InputError, match="start must be at least 0 in the weights of edges"):
-        learn(problem, start=-np.ones(problem.n_weights))
+    wanted = r"start must have shape \(12,\), got \(3,\)"
+    refused(InputError, wanted, learn, problem, start=np.zeros(3))
+    wanted = "start must be at least 0 in the weights of edges"
+    refused(InputError, wanted, learn, problem, start=-np.ones(problem.n_weights))
+
+
+def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+    """An oracle that does not look at edges, and misses cuts."""
+    return unary.argmax(axis=1)
 
 
 # ---------------------------------------------------------------- stopping
@@ -279,25 +264,12 @@ def test_a_poor_oracle_is_said_to_stall() -> None:
 def test_the_thorough_oracle_takes_over_from_one_that_misses_cuts() -> None:
     problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
     exact, _ = reference.optimum(problem)
-
-    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
-        return unary.argmax(axis=1)
-
     strong = reference.exact_oracle(problem)
     found = cutting_plane(problem, lazy, thorough=strong, tolerance=1e-6, exact=True)
     assert found.status == "optimal"
     assert found.objective == pytest.approx(exact, rel=2e-6)
-
-
-def test_a_stopped_learner_tells_the_objective_that_the_thorough_oracle_finds() -> None:
-    problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
-
-    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
-        return unary.argmax(axis=1)
-
-    strong = reference.exact_oracle(problem)
-    found = cutting_plane(problem, lazy, thorough=strong, max_iterations=3)
-    assert found.objective == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)
+    early = cutting_plane(problem, lazy, thorough=strong, max_iterations=3)
+    assert early.objective == pytest.approx(reference.objective(problem, early.weights), rel=1e-9)
 
 
 def test_starting_from_the_last_cut_comes_to_the_same_optimum() -> None:
@@ -312,15 +284,10 @@ def test_starting_from_the_last_cut_comes_to_the_same_optimum() -> None:
 def test_a_verifier_finds_the_cuts_that_the_oracle_misses() -> None:
     problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
     exact, _ = reference.optimum(problem)
-    strong = reference.exact_oracle(problem)
-    asked = 0
-
-    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
-        return unary.argmax(axis=1)
+    strong, asked = reference.exact_oracle(problem), []
 
     def verifier(task: MaxMarginProblem, weights: NDArray[np.float64]) -> Certificate:
-        nonlocal asked
-        asked += 1
+        asked.append(weights)
         labels = strong(*task.augmented_potentials(weights))
         return Certificate(reference.objective(task, weights), labels)
 
@@ -328,7 +295,7 @@ def test_a_verifier_finds_the_cuts_that_the_oracle_misses() -> None:
     assert (alone.certified, alone.status) == (None, "oracle_limit")
     assert alone.lower_bound < 0.999 * exact
     found = cutting_plane(problem, lazy, tolerance=1e-6, verifier=verifier, verified_tolerance=1e-5)
-    assert asked > 1
+    assert len(asked) > 1
     assert found.status == "optimal"
     assert found.certified == pytest.approx(exact, rel=2e-5)
     assert found.certified == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)

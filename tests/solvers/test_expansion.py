@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
@@ -51,34 +50,6 @@ def test_two_labels_are_solved_exactly_or_refused(model: Model) -> None:
         return
     assert found.exact
     np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-9)
-
-
-@given(models(REGULAR, exact=True), st.integers(0, 999))
-def test_numbering_direction_and_constants_do_not_matter(model: Model, seed: int) -> None:
-    n_nodes = len(model.unary)
-    order = np.random.default_rng(seed).permutation(n_nodes)
-    place = np.argsort(order).astype(np.int64)
-    raised = model.unary[order] + np.arange(n_nodes)[:, None]
-    pairwise = None if model.pairwise is None else model.pairwise.swapaxes(-1, -2)
-    edges = place[model.edges][:, ::-1] if len(model.edges) else model.edges
-    moved = alpha_expansion(pairwise_model(raised, edges, model.agreement, pairwise))
-    found = alpha_expansion(pairwise_model(*model.arrays))
-    np.testing.assert_array_equal(moved.labels, found.labels[order])
-    assert moved.score == found.score + sum(range(n_nodes))
-
-
-@given(models(REGULAR))
-def test_forbidden_labels_are_never_given(model: Model) -> None:
-    found = alpha_expansion(pairwise_model(*model.arrays))
-    assert np.isfinite(model.unary[np.arange(len(model.unary)), found.labels]).all()
-
-
-@given(models(REGULAR, max_nodes=6))
-def test_without_edges_each_node_takes_its_best_label(model: Model) -> None:
-    found = alpha_expansion(pairwise_model(model.unary, np.zeros((0, 2), np.int64)))
-    assert found.exact
-    best = model.unary.max(axis=1, initial=-np.inf)
-    np.testing.assert_array_equal(model.unary[np.arange(len(best)), found.labels], best)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -133,24 +104,6 @@ def test_limit_on_sweeps_is_reported() -> None:
     )
     assert not found.converged
     assert seen == [1] and found.n_sweeps == 1
-
-
-def test_a_start_at_the_answer_stays_there() -> None:
-    model = grid_model(7, 3)
-    found = alpha_expansion(pairwise_model(*model.arrays))
-    again = alpha_expansion(pairwise_model(*model.arrays), initial=found.labels)
-    np.testing.assert_array_equal(again.labels, found.labels)
-    assert again.n_moves == 3
-
-
-def test_inputs_stay_as_they_are() -> None:
-    model = grid_model(3, 3, 10, 10)
-    start: NDArray[np.int64] = np.zeros(100, np.int64)
-    unary, edges = model.unary.copy(), model.edges.copy()
-    alpha_expansion(pairwise_model(*model.arrays), initial=start)
-    np.testing.assert_array_equal(model.unary, unary)
-    np.testing.assert_array_equal(model.edges, edges)
-    assert not start.any()
 
 
 @pytest.mark.parametrize(

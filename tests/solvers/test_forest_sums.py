@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pgm_places.solvers import forest_sums as forest_sums_module
 from pgm_places.solvers.adjacency import rooted_forest
 from pgm_places.solvers.forest import forest_marginals
 from pgm_places.solvers.forest_sums import ForestSums, forest_sums, sums_by_logarithms
@@ -121,9 +120,7 @@ def test_wide_ranges_are_left_to_logarithms(scale: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["shared", "tables", "agreement"])
-def test_products_up_to_the_widest_range_keep_their_digits(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_products_up_to_the_widest_range_keep_their_digits(kind: str) -> None:
     model = tree(3, kind)
     degree = int(np.bincount(model.edges.ravel()).max())
     model = replace(model, unary=np.where(model.unary > -np.inf, model.unary * 4.0, -np.inf))
@@ -135,5 +132,3 @@ def test_products_up_to_the_widest_range_keep_their_digits(
         assert model.agreement is not None
         model = replace(model, agreement=factor * np.abs(model.agreement) / 4.0)
     assert_same(in_probability_space(model), by_logarithms(model))
-    monkeypatch.setattr(forest_sums_module, "WIDEST_RANGE", 1.0)
-    assert not hasattr(forest_sums(*ordered_forest(*model.arrays)), "gain")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import networkx as nx
@@ -79,34 +80,25 @@ def _table(model: Model, edge: int) -> NDArray[np.float64]:
     return model.pairwise if model.pairwise.ndim == 2 else model.pairwise[edge]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+CASES = [*product(KINDS, [0], [False]), ("likelihood", -1, False), ("piecewise", -1, False)]
+CASES += [("pseudo-likelihood", 0, True), ("piecewise", 0, True)]
+
+
+@pytest.mark.parametrize(("kind", "lowest", "weighed"), CASES)
 @pytest.mark.parametrize("seed", range(6))
-def test_likelihoods_are_sums_over_all_labellings(seed: int, kind: Likelihood) -> None:
+def test_likelihoods_are_sums_over_all_labellings(
+    seed: int, kind: Likelihood, lowest: int, weighed: bool
+) -> None:
+    """Also over those of labels that are not known (-1), and with nodes that count differently."""
     found = field(seed, forest=kind == "likelihood")
-    weights = weights_of(found, seed)
-    labels = np.random.default_rng(seed).integers(0, 3, 5)
-    value, _ = negative_log_likelihood(found, labels, weights, kind)
-    assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["likelihood", "piecewise"])
-@pytest.mark.parametrize("seed", range(6))
-def test_unknown_labels_are_summed_over(seed: int, kind: Likelihood) -> None:
-    found = field(seed, forest=kind == "likelihood")
-    weights = weights_of(found, seed)
-    labels = np.random.default_rng(seed).integers(-1, 3, 5)
-    value, _ = negative_log_likelihood(found, labels, weights, kind)
-    assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["pseudo-likelihood", "piecewise"])
-@pytest.mark.parametrize("seed", range(4))
-def test_terms_of_nodes_and_pairs_count_by_weight(seed: int, kind: Likelihood) -> None:
-    found = field(seed, forest=False)
     weights, rng = weights_of(found, seed), np.random.default_rng(seed)
-    labels, counts = rng.integers(0, 3, 5), rng.integers(0, 4, 5).astype(float)
+    labels = rng.integers(lowest, 3, 5)
+    counts = rng.integers(0, 4, 5).astype(float) if weighed else None
     value, _ = negative_log_likelihood(found, labels, weights, kind, node_weight=counts)
     assert value == pytest.approx(plain(found, labels, weights, kind, counts), abs=1e-9)
+    if weighed:
+        by = partial(_weighed, found, rng.integers(-1, 3, 5), counts, kind)
+        assert check_grad(*_parts(by), weights) < 1e-5
 
 
 @pytest.mark.parametrize("lowest", [0, -1])
@@ -124,16 +116,6 @@ def test_connected_parts_count_by_weight_in_the_likelihood(seed: int, lowest: in
 
 def _weighed(found: TableField, labels: Any, counts: Any, kind: Likelihood, weights: Any) -> Any:
     return negative_log_likelihood(found, labels, weights, kind, node_weight=counts)
-
-
-@pytest.mark.parametrize("kind", ["pseudo-likelihood", "piecewise"])
-def test_gradients_follow_the_weights_of_nodes(kind: Likelihood) -> None:
-    for seed in range(4):
-        found = field(seed, forest=False)
-        rng = np.random.default_rng(seed)
-        labels, counts = rng.integers(-1, 3, 5), rng.random(5)
-        by = partial(_weighed, found, labels, counts, kind)
-        assert check_grad(*_parts(by), weights_of(found, seed)) < 1e-5
 
 
 def test_the_likelihood_refuses_different_weights_in_one_part() -> None:
@@ -160,21 +142,6 @@ def test_gradients_are_those_of_the_value(kind: Likelihood, symmetric: bool, low
         by: Any = partial(negative_log_likelihood, found, labels, kind=kind, expected=expected)
         gradient_error = check_grad(*_parts(by), weights_of(found, seed))
         assert gradient_error < 1e-5
-
-
-def test_the_piecewise_likelihood_is_never_above_the_true_one() -> None:
-    for seed in range(20):
-        found = field(seed, forest=False)
-        weights = weights_of(found, seed)
-        labels = np.random.default_rng(seed).integers(0, 3, 5)
-        value, _ = negative_log_likelihood(found, labels, weights, "piecewise")
-        assert value >= plain(found, labels, weights, "likelihood") - 1e-9
-
-
-def test_symmetric_tables_do_not_tell_the_ends_apart() -> None:
-    found = field(0, forest=True, symmetric=True)
-    tables = found.split(weights_of(found, 0))[1]
-    np.testing.assert_array_equal(tables, tables.transpose(0, 2, 1))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -6,6 +6,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.local_search import allowed_labels, iterated_conditional_modes
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from tests.reference.energy import Model, score
+from tests.refusals import refused
 from tests.strategies import models
 
 
@@ -52,5 +53,4 @@ def test_labels_that_there_are_none_of_reach_no_kernel(labels: list[float]) -> N
     """They were read as places in memory."""
     model = pairwise_model(np.zeros((4, 3)), [(0, 1), (1, 2), (2, 3)], np.ones((3, 3)))
     for take in (total_score, allowed_labels):
-        with pytest.raises(InputError, match="labels must h"):
-            take(model, np.array(labels))
+        refused(InputError, "labels must h", take, model, np.array(labels))

@@ -1,5 +1,4 @@
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places import LabelGraph
-from pgm_places.errors import InputError, SolverError
+from pgm_places.errors import SolverError
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.duals import dual_value
 from pgm_places.solvers.forest import forest_maximum
@@ -54,12 +53,6 @@ def test_on_forests_it_is_viterbi(model: Model) -> None:
     np.testing.assert_allclose(found.score, best, rtol=0, atol=1e-6)
 
 
-@given(models(("associative",), n_labels=st.just(2)))
-def test_two_associative_labels_are_solved(model: Model) -> None:
-    found = solve_marginal_lp(pairwise_model(*model.arrays))
-    np.testing.assert_allclose(found.bound, best_score(model), rtol=0, atol=1e-6)
-
-
 @given(models(("associative",)))
 def test_both_forms_have_the_same_value(model: Model) -> None:
     assert model.agreement is not None
@@ -71,22 +64,6 @@ def test_both_forms_have_the_same_value(model: Model) -> None:
     compact = solve_marginal_lp(pairwise_model(*model.arrays), eliminate=False)
     full = solve_marginal_lp(pairwise_model(unary, model.edges, pairwise=lifted), eliminate=False)
     np.testing.assert_allclose(full.bound, compact.bound, rtol=0, atol=1e-6)
-
-
-@given(models(("associative", "tables"), forbid=False), st.randoms(use_true_random=False))
-def test_numbering_of_nodes_and_labels_does_not_matter(model: Model, random: Any) -> None:
-    n_nodes, n_labels = model.unary.shape
-    order = np.array(random.sample(range(n_nodes), n_nodes), np.int64)
-    names = np.array(random.sample(range(n_labels), n_labels), np.int64)
-    place = np.argsort(order)
-    agreement = None if model.agreement is None else model.agreement[:, names]
-    pairwise = None if model.pairwise is None else model.pairwise[..., names, :][..., names]
-    edges = place[model.edges] if len(model.edges) else model.edges
-    moved = solve_marginal_lp(
-        pairwise_model(model.unary[order][:, names], edges, agreement, pairwise)
-    )
-    found = solve_marginal_lp(pairwise_model(*model.arrays))
-    np.testing.assert_allclose(moved.bound, found.bound, rtol=0, atol=1e-6)
 
 
 def test_a_fractional_solution_is_reported() -> None:
@@ -128,21 +105,6 @@ def test_rounding_is_never_worse_than_the_largest_marginals(model: Model) -> Non
         return
     found = solve_marginal_lp(pairwise_model(*model.arrays))
     assert found.score >= score(model, tuple(found.node_marginals.argmax(axis=1).tolist())) - 1e-9
-
-
-def test_scale_of_the_potentials_does_not_matter() -> None:
-    unary, edges = np.array([[0.0, 3e9], [2e9, 0.0]]), [(0, 1)]
-    large = solve_marginal_lp(pairwise_model(unary, edges, [[3e9, 3e9]]), eliminate=False)
-    small = solve_marginal_lp(pairwise_model(unary * 1e-18, edges, [[3e-9, 3e-9]]), eliminate=False)
-    assert large.labels.tolist() == small.labels.tolist() == [1, 1]
-    np.testing.assert_allclose(large.bound, 6e9, rtol=1e-9)
-    np.testing.assert_allclose(small.bound, 6e-9, rtol=1e-9)
-
-
-def test_problems_without_a_labelling_are_refused() -> None:
-    never = np.full((2, 2), -np.inf)
-    with pytest.raises(InputError, match="pairwise forbids every labelling"):
-        solve_marginal_lp(pairwise_model(np.zeros((2, 2)), [(0, 1)], pairwise=never))
 
 
 def test_anything_but_an_optimum_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

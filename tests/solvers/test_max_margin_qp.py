@@ -14,13 +14,13 @@ from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
     hinge,
-    joined,
     objective,
     relaxed_lower_bound,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp, relaxed_objective
 from tests.reference import max_margin as reference
-from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered
+from tests.refusals import refused
+from tests.solvers.max_margin_problems import grid_problem
 
 SOLVERS = ["clarabel", "osqp"]
 
@@ -100,17 +100,6 @@ def test_solvers_agree_and_their_bounds_close(solver: str) -> None:
 # ---------------------------------------------------------------- optimality
 
 
-def test_no_direction_leads_down_from_the_optimum() -> None:
-    problem = grid_problem(2, 4, 2, seed=6, weighted=True)
-    found = max_margin_qp(problem, tolerance=1e-9)
-    least = reference.objective(problem, found.weights)
-    rng = np.random.default_rng(0)
-    for _ in range(30):
-        moved = found.weights + 0.05 * rng.normal(size=len(found.weights))
-        moved[problem.n_free :] = np.maximum(moved[problem.n_free :], 0)
-        assert reference.objective(problem, moved) >= least - 1e-6
-
-
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_any_marginals_bound_any_weights(seed: int) -> None:
@@ -144,58 +133,14 @@ def test_edge_duals_out_of_bounds_are_repaired_before_they_count() -> None:
 # ---------------------------------------------------------------- what must not matter
 
 
-def test_renumbering_nodes_and_turning_edges_changes_nothing() -> None:
-    problem = grid_problem(5, 5, 3, seed=7, weighted=True)
-    order = np.random.default_rng(3).permutation(problem.n_nodes)
-    found = max_margin_qp(problem, tolerance=1e-8)
-    again = max_margin_qp(renumbered(problem, order), tolerance=1e-8)
-    assert again.objective == pytest.approx(found.objective, rel=1e-6)
-    np.testing.assert_allclose(again.weights, found.weights, rtol=0, atol=1e-3)
-
-
-def test_renaming_labels_permutes_the_weights() -> None:
-    problem = grid_problem(5, 5, 3, seed=8)
-    names = np.array([2, 0, 1])
-    found = max_margin_qp(problem, tolerance=1e-8)
-    again = max_margin_qp(relabelled(problem, names), tolerance=1e-8)
-    assert again.objective == pytest.approx(found.objective, rel=1e-6)
-    np.testing.assert_allclose(
-        again.weights.reshape(-1, 3)[:, names], found.weights.reshape(-1, 3), rtol=0, atol=1e-3
-    )
-
-
-def test_doubling_the_map_leaves_the_optimum() -> None:
-    problem = grid_problem(4, 4, 3, seed=9)
-    once = max_margin_qp(problem, tolerance=1e-8)
-    twice = max_margin_qp(joined([problem, problem]), tolerance=1e-8)
-    assert twice.objective == pytest.approx(once.objective, rel=1e-6)
-
-
 def test_without_edges_the_qp_is_a_plain_margin_classifier() -> None:
-    full = grid_problem(2, 3, 2, seed=10)
-    problem = type(full)(
-        full.node_features,
-        np.zeros((0, 2), np.int32),
-        np.zeros((0, 2)),
-        full.labels,
-        2,
-        full.loss,
-        full.penalty,
-    )
+    none: dict[str, Any] = {"edges": np.zeros((0, 2), np.int32), "edge_features": np.zeros((0, 2))}
+    problem = replace(grid_problem(2, 3, 2, seed=10), **none)
     exact, _ = reference.optimum(problem)
     assert max_margin_qp(problem).objective == pytest.approx(exact, rel=1e-5)
 
 
 # ---------------------------------------------------------------- statuses and refusals
-
-
-def test_a_solver_that_fails_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_ITERATIONS", 1)
-    monkeypatch.setattr(module, "CHUNK", 1)
-    problem = grid_problem(3, 3, 2)
-    found = max_margin_qp(problem, solver="osqp")
-    assert found.status == "optimal"
-    assert found.gap < 1e-4
 
 
 def test_when_all_fail_the_error_has_every_status(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,8 +206,7 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatc
     entries = 3 * (100 * (5 + 2 + 1) + 2 * len(problem.edges) * 4)
     assert module.n_entries(problem) == entries
     monkeypatch.setattr(module, "_free_bytes", lambda: entries * module.BYTES_PER_ENTRY - 1)
-    with pytest.raises(InputError, match="100 nodes and 342 edges with 3 labels needs about"):
-        max_margin_qp(problem)
+    refused(InputError, "100 nodes and 342 edges with 3 labels needs about", max_margin_qp, problem)
     monkeypatch.setattr(module, "_free_bytes", lambda: None)
     monkeypatch.setattr(module, "CLARABEL_ENTRIES", entries - 1)
     with pytest.raises(InputError, match="use solver='osqp' or learner='cutting-plane'"):
@@ -302,23 +246,11 @@ def test_with_three_labels_both_learners_agree_with_enumeration_on_costs() -> No
     assert reference.objective(problem, found.weights) <= found.objective * (1 + 1e-9)
 
 
-def test_an_unknown_solver_is_refused() -> None:
-    with pytest.raises(InputError, match="one of osqp, clarabel, got 'gurobi'"):
-        max_margin_qp(grid_problem(2, 2, 2), solver="gurobi")
-
-
 def test_a_problem_checks_what_it_is_given() -> None:
     good = grid_problem(2, 2, 2)
-    make: Any = type(good)
-    parts: list[Any] = [
-        good.node_features,
-        good.edges,
-        good.edge_features,
-        good.labels,
-        2,
-        good.loss,
-    ]
-    with pytest.raises(InputError, match=r"penalty \(C\) must be a positive number, got 0"):
-        make(*parts, 0.0)
-    with pytest.raises(InputError, match="edge_features must be at least 0"):
-        make(parts[0], parts[1], -good.edge_features, *parts[3:], 1.0)
+    wanted = r"penalty \(C\) must be a positive number, got 0"
+    refused(InputError, wanted, replace, good, penalty=0.0)
+    wanted = "edge_features must be at least 0"
+    refused(InputError, wanted, replace, good, edge_features=-good.edge_features)
+    wanted = "one of osqp, clarabel, got 'gurobi'"
+    refused(InputError, wanted, max_margin_qp, good, solver="gurobi")

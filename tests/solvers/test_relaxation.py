@@ -1,4 +1,5 @@
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pgm_places.solvers.grid_relaxation import BLOCK, neighbour_weights, relax_g
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from tests.on_threads import on
 from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
+from tests.refusals import refused
 
 Raster = NDArray[np.float64]
 
@@ -69,50 +71,33 @@ def test_grid_kernel_is_the_reference(
 
 
 @pytest.mark.parametrize("tables", [1, 8])
-def test_long_rows_and_many_parts_are_the_reference(
+def test_rows_in_many_parts_by_any_number_of_threads_are_the_reference(
     tables: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 256)
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
+    monkeypatch.setattr(grid_relaxation, "PARTS_AT_ONCE", 2)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
     shape = (7, 582)
     unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
-    got = relax_grid(unary, cells, shape, r, walls=walls, max_iterations=2, tolerance=0)
-    want = relaxed_grid(start, walls, r, max_iterations=2)
-    np.testing.assert_allclose(got.beliefs, at(want, cells), rtol=0, atol=5e-6)
-
-
-@pytest.mark.parametrize("tables", [1, 8])
-def test_any_number_of_threads_gives_the_same_bits(
-    tables: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 512)
-    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
-    shape = (60, 90)
-    unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
+    mask = np.zeros(shape, np.bool_)
+    mask[cells[:, 0], cells[:, 1]] = True
+    want = at(relaxed_grid(start, walls, r, max_iterations=2), cells)
+    options = {"walls": walls, "max_iterations": 2, "tolerance": 0}
     first, *others = (
-        on(n, relax_grid, unary, cells, shape, r, walls=walls, max_iterations=8, tolerance=0)
-        for n in (1, 2, 5)
+        on(n, relax_grid, unary, given, shape, r, **options)
+        for n, given in ((1, cells), (2, cells), (5, cells), (1, MaskCells.of(mask)))
     )
+    np.testing.assert_allclose(first.beliefs, want, rtol=0, atol=5e-6)
     for other in others:
         np.testing.assert_array_equal(other.beliefs, first.beliefs)
         assert other.max_change == first.max_change
+        assert other.mean_change == first.mean_change
         assert other.support == first.support
-
-
-@pytest.mark.parametrize("n_threads", [1, 3])
-def test_the_cells_of_a_mask_need_no_list(n_threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 700)
-    monkeypatch.setattr(grid_relaxation, "PARTS_AT_ONCE", 2)
-    shape = (300, 40)
-    unary, cells, walls, r, _ = a_raster(6, shape, 3)
-    mask = np.zeros(shape, np.bool_)
-    mask[cells[:, 0], cells[:, 1]] = True
-    listed = on(1, relax_grid, unary, cells, shape, r, walls=walls)
-    found = on(n_threads, relax_grid, unary, MaskCells.of(mask), shape, r, walls=walls)
-    assert np.array_equal(found.beliefs, listed.beliefs)
-    assert found.mean_change == listed.mean_change
-    with pytest.raises(InputError, match=r"cells of a mask of shape \(40, 300\), got"):
-        relax_grid(unary, MaskCells.of(mask), shape[::-1], r)
+    unary[-1] = -np.inf
+    wanted = f"every label at node {len(cells) - 1}"
+    refused(InputError, wanted, relax_grid, unary, cells, shape, r)
+    refused(InputError, wanted, starting_beliefs, unary)
 
 
 def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,33 +209,6 @@ def test_too_large_a_graph_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_walls_are_fixed_evidence() -> None:
-    """A door cell likes walls at its sides; only 'door' is compatible with wall."""
-    r = np.zeros((1, 3, 3))
-    r[0, 0, 2], r[0, 1, 2] = -0.5, 0.9
-    walls = np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], np.bool_)
-    cells = np.argwhere(~walls)
-    result = relax_grid(
-        np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, walls=walls, max_iterations=10
-    )
-    assert (result.beliefs[:, 1] > 0.99).all()
-    alone = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, max_iterations=10)
-    np.testing.assert_allclose(alone.beliefs, 0.5, rtol=1e-6)
-    assert alone.converged
-    assert alone.iterations == 1
-
-
-def test_first_step_by_hand() -> None:
-    """Two cells: q = r/8 of the other's belief; p (1 + q) normalised."""
-    r = np.array([[[0.8, -0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.0]]])
-    result = relax_grid(
-        np.log([[0.6, 0.4], [0.9, 0.1]]), [[0, 0], [0, 1]], (1, 2), r, max_iterations=1
-    )
-    q = np.array([0.8 * 0.9 - 0.4 * 0.1, -0.4 * 0.9 + 0.8 * 0.1]) / 8
-    grown = np.array([0.6, 0.4]) * (1 + q)
-    np.testing.assert_allclose(result.beliefs[0], grown / grown.sum(), rtol=1e-6)
-
-
 def test_forbidden_labels_stay_forbidden_and_the_floor_lifts_the_others() -> None:
     unary = np.array([[0.0, -50.0, -np.inf], [0.0, -1.0, -2.0]])
     p = starting_beliefs(unary, floor=1e-6)
@@ -330,13 +288,6 @@ def test_it_stops_when_nothing_changes_any_more_and_tells_each_iteration() -> No
     assert stopped.iterations == 3
 
 
-def test_damping_slows_the_change() -> None:
-    unary, cells, walls, r, _ = a_raster(2, (6, 6), 3)
-    free = relax_grid(unary, cells, (6, 6), r, walls=walls, max_iterations=1)
-    slow = relax_grid(unary, cells, (6, 6), r, walls=walls, max_iterations=1, damping=0.75)
-    np.testing.assert_allclose(slow.max_change[0], 0.25 * free.max_change[0], rtol=1e-4)
-
-
 def test_far_apart_parts_cost_only_their_own_store() -> None:
     cells = np.array([[0, 0], [9_999, 9_999]])
     rows = grid_relaxation._lay_out(cells.astype(np.int32), (10_000, 10_000))
@@ -374,39 +325,28 @@ def test_weights_sum_to_one() -> None:
         ({"compatibility": np.zeros((1, 2, 2))}, "compatibility must have shape"),
         ({"cells_rc": [[0, 3]]}, "cells_rc"),
         ({"cells_rc": [[0, 0], [0, 1]]}, "cells_rc"),
+        (
+            {"cells_rc": MaskCells.of(np.ones((1, 1), np.bool_))},
+            r"cells of a mask of shape \(1, 3\), got",
+        ),
         ({"walls": np.zeros((2, 2), np.bool_)}, "walls"),
         ({"unary": [[np.nan, 0.0]]}, "unary"),
     ],
 )
-def test_bad_options(change: dict[str, object], message: str) -> None:
-    arguments: dict[str, object] = {
-        "unary": [[0.0, 0.0]],
-        "cells_rc": [[0, 0]],
-        "shape": (1, 3),
-        "compatibility": np.zeros((1, 3, 3)),
-    }
-    with pytest.raises(InputError, match=message):
-        relax_grid(**{**arguments, **change})  # type: ignore[arg-type]
+def test_bad_options(change: dict[str, Any], message: str) -> None:
+    given: dict[str, Any] = {"unary": [[0.0, 0.0]], "cells_rc": [[0, 0]], "shape": (1, 3)}
+    given |= {"compatibility": np.zeros((1, 3, 3))}
+    refused(InputError, message, relax_grid, **given | change)
 
 
-def test_bad_graphs() -> None:
+@pytest.mark.parametrize(
+    ("start", "options", "message"),
+    [
+        ([0, 2, 1], {}, "start must rise"),
+        ([0, 1, 2], {"weight": [1.5, 0.5]}, "sum to at most 1"),
+        ([0, 1, 2], {"table": [0, 1]}, "table must hold integers"),
+    ],
+)
+def test_bad_graphs(start: list[int], options: dict[str, Any], message: str) -> None:
     unary, table = np.zeros((2, 2)), np.zeros((1, 2, 2))
-    with pytest.raises(InputError, match="start must rise"):
-        relax_graph(unary, [0, 2, 1], [1, 0], table)
-    with pytest.raises(InputError, match="sum to at most 1"):
-        relax_graph(unary, [0, 1, 2], [1, 0], table, weight=[1.5, 0.5])
-    with pytest.raises(InputError, match="table must hold integers"):
-        relax_graph(unary, [0, 1, 2], [1, 0], table, table=[0, 1])
-
-
-def test_a_node_without_labels_is_named_by_its_own_number(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 3)
-    unary = np.zeros((8, 2))
-    unary[7] = -np.inf
-    cells = np.argwhere(np.ones((2, 4), np.bool_))
-    with pytest.raises(InputError, match="every label at node 7"):
-        relax_grid(unary, cells, (2, 4), np.zeros((1, 3, 3)))
-    with pytest.raises(InputError, match="every label at node 7"):
-        starting_beliefs(unary)
+    refused(InputError, message, relax_graph, unary, start, [1, 0], table, **options)

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers import semi_markov
 from pgm_places.solvers.chains import markov_chain
 from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 from tests.reference.chains import marginals
 from tests.reference.semi_markov import joint, log_joint
+from tests.refusals import refused
 
 Array = NDArray[np.float64]
 Parts = tuple[Array, Array, Array, Array]
@@ -110,19 +110,6 @@ def test_likelihoods_hundreds_of_nats_apart_are_the_full_enumeration(
     assert filtered.log_evidence == pytest.approx(evidence, rel=1e-12)
 
 
-def test_logarithms_and_floats_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(5)
-    chain = SemiMarkovChain([0.3, 0.7], OTHER, [0.0, 0.5, 1.5], [[0.1, 0.3, 0.2], [0.1, 4.0, 4.0]])
-    moved, observed = rng.random(300) * 0.4, rng.normal(0, 2, (301, 2))
-    observed[40, 0] = -np.inf
-    found = chain.filtered(moved, observed), chain.smoothed(moved, observed)
-    monkeypatch.setattr(semi_markov, "RARE_BELIEF", 2.0)
-    again = chain.filtered(moved, observed), chain.smoothed(moved, observed)
-    for one, other in zip(found, again, strict=True):
-        np.testing.assert_allclose(one.beliefs, other.beliefs, rtol=0, atol=1e-11)
-        assert one.log_evidence == pytest.approx(other.log_evidence, rel=1e-12)
-
-
 @pytest.mark.parametrize("n_edges", [1, 3])
 def test_constant_rates_are_a_hidden_markov_chain(n_edges: int) -> None:
     rng = np.random.default_rng(4)
@@ -147,20 +134,6 @@ def test_constant_rates_are_a_hidden_markov_chain(n_edges: int) -> None:
     assert (chain.viterbi(moved, observed).labels == viterbi(markov_chain(*start)).labels).all()
 
 
-def test_steps_in_between_without_observation_change_nothing() -> None:
-    _, moved, likelihood = a_chain(7, 5, 2, zeros=0.0)
-    halves = np.repeat(moved / 2, 2)
-    observed = np.zeros((9, 2))
-    observed[::2] = np.log(likelihood)
-    # Left only once: with two changes, a step in between allows paths that others do not have.
-    one_way = SemiMarkovChain([1.0, 0.0], OTHER, [0.0, 0.5], [[0.3, 2.0], [0.0, 0.0]])
-    np.testing.assert_allclose(
-        one_way.smoothed(halves, observed).beliefs[::2],
-        one_way.smoothed(moved, np.log(likelihood)).beliefs,
-        rtol=1e-9,
-    )
-
-
 def test_the_smoother_keeps_its_digits_along_a_long_drive() -> None:
     rng = np.random.default_rng(0)
     moved = np.full(20_000, 0.1)
@@ -171,18 +144,6 @@ def test_the_smoother_keeps_its_digits_along_a_long_drive() -> None:
     backward = chain.smoothed(moved, observed).beliefs
     part = chain.smoothed(moved[:2000], observed[:2001]).beliefs
     np.testing.assert_allclose(backward[:1900], part[:1900], rtol=0, atol=1e-11)
-
-
-def test_likelihoods_of_any_size_leave_beliefs_finite() -> None:
-    chain = SemiMarkovChain([1.0, 0.0], OTHER, [0.0, 1.0], [[1e-9, 1e-9], [1.0, 1.0]])
-    observed = np.array([[0.0, -2000.0], [-900.0, 0.0], [-5000.0, 0.0], [0.0, -1e5], [0.0, 0.0]])
-    for found in (
-        chain.filtered(np.full(4, 1e-3), observed),
-        chain.smoothed(np.full(4, 1e-3), observed),
-    ):
-        np.testing.assert_allclose(found.beliefs.sum(axis=1), 1, rtol=1e-9)
-    assert not len(found.impossible)
-    assert found.beliefs[:4].argmax(axis=1).tolist() == [0, 1, 1, 0]
 
 
 def test_a_chain_without_steps_is_empty() -> None:
@@ -204,18 +165,7 @@ def test_a_chain_without_steps_is_empty() -> None:
 )
 def test_what_is_no_chain_is_refused(change: dict[str, Any], message: str) -> None:
     whole = {"initial": [0.5, 0.5], "leaving": OTHER, "edges_m": [0.0], "rates": [[1.0], [1.0]]}
-    with pytest.raises(InputError, match=message):
-        SemiMarkovChain(**{**whole, **change})
-
-
-def test_distances_are_checked() -> None:
-    chain = SemiMarkovChain([0.5, 0.5], OTHER, [0.0], [[1.0], [1.0]])
-    with pytest.raises(InputError, match=r"moved_m must have shape \(1,\)"):
-        chain.filtered([0.1, 0.1], np.zeros((2, 2)))
-    with pytest.raises(InputError, match=r"moved_m must be at least 0 metres, got -0\.1"):
-        chain.viterbi([-0.1], np.zeros((2, 2)))
-    with pytest.raises(InputError, match="moved_m must be at least 0"):
-        chain.step([0.0, 0.0], None, moved_m=-1.0)
+    refused(InputError, message, SemiMarkovChain, **{**whole, **change})
 
 
 @pytest.mark.parametrize(
@@ -231,9 +181,16 @@ def test_a_state_of_another_chain_is_refused(
     state: tuple[Array, Array, Array], message: str
 ) -> None:
     chain = SemiMarkovChain([0.5, 0.5], OTHER, [0.0, 1.0], [[1.0, 1.0], [1.0, 1.0]])
-    with pytest.raises(InputError, match=message):
-        chain.step([0.0, 0.0], SemiMarkovState(*state), 1.0)
-    with pytest.raises(InputError, match="moved_m must hold finite numbers"):
-        chain.step([0.0, 0.0], None, np.inf)
-    with pytest.raises(InputError, match="moved_m adds up to more metres than a float holds"):
-        chain.filtered([1e308, 1e308], np.zeros((3, 2)))
+    refused(InputError, message, chain.step, [0.0, 0.0], SemiMarkovState(*state), 1.0)
+
+
+def test_distances_are_checked() -> None:
+    chain, seen = SemiMarkovChain([0.5, 0.5], OTHER, [0.0], [[1.0], [1.0]]), np.zeros((2, 2))
+    for message, call, arguments in (
+        (r"moved_m must have shape \(1,\)", chain.filtered, [[0.1, 0.1], seen]),
+        (r"moved_m must be at least 0 metres, got -0\.1", chain.viterbi, [[-0.1], seen]),
+        ("moved_m must be at least 0", chain.step, [[0.0, 0.0], None, -1.0]),
+        ("moved_m must hold finite numbers", chain.step, [[0.0, 0.0], None, np.inf]),
+        ("adds up to more metres", chain.filtered, [[1e308, 1e308], np.zeros((3, 2))]),
+    ):
+        refused(InputError, message, call, *arguments)

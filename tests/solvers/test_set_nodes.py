@@ -1,7 +1,6 @@
 """Sets of nodes as further nodes: energies and cuts against all labellings."""
 
 import itertools
-from functools import partial
 
 import networkx as nx
 import numpy as np
@@ -10,8 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
-from pgm_places.solvers.expansion import alpha_expansion
-from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.set_terms import SetNodes
 from tests.reference.cliques import set_score
 
@@ -67,33 +64,6 @@ def total_score(
     return found + sum(
         set_score(s, labels, r, dissent) for s, r in zip(members, rewards, strict=True)
     )
-
-
-@pytest.mark.parametrize("part", range(8))
-def test_one_cut_is_the_best_of_all_labellings_of_two_labels(part: int) -> None:
-    """Every graph of two to six nodes."""
-    for number, graph in list(enumerate(GRAPHS))[part::8]:
-        rng = np.random.default_rng(number)
-        n, dissent = len(graph), float(rng.uniform(0.1, 1.0))
-        members = random_sets(rng, n)
-        sets = SetNodes(Cliques.of(members, n), n, 2, dissent)
-        unary, agreement = rng.normal(size=(n, 2)), rng.random((graph.size(), 2))
-        rewards = rng.random((len(members), 2))
-        edges = np.array(graph.edges, np.int64).reshape(-1, 2)
-
-        rows = rewards.tolist()
-        total = partial(total_score, unary, edges, agreement, members, rows, dissent)
-        best = max(total(labels) for labels in itertools.product(range(2), repeat=n))
-        found = alpha_expansion(
-            pairwise_model(
-                sets.unary(unary, rewards),
-                np.concatenate([edges, sets.links]),
-                sets.agreement(agreement, rewards),
-            )
-        )
-        assert found.exact
-        assert found.score == pytest.approx(best)
-        assert total(tuple(found.labels[:n].tolist())) == pytest.approx(best)
 
 
 @pytest.mark.parametrize("dissent", [0.0, 1.5, float("nan")])

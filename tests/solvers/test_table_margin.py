@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.max_margin import hinge, objective
 from pgm_places.solvers.table_field import TableField
 from pgm_places.solvers.table_margin import TableMarginProblem, certify_tables, table_oracle
 from tests.reference.max_margin import all_labelings, constrained_optimum
+from tests.refusals import refused
 
 
 def task(seed: int, *, forest: bool, n: int = 5, k: int = 3) -> TableMarginProblem:
@@ -85,35 +85,10 @@ def test_on_cycles_the_bounds_hold_the_optimum(seed: int) -> None:
     assert plain_objective(problem, found.weights) >= best * (1 - 1e-6)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_cuts_lie_below_the_hinge_and_touch_it(seed: int) -> None:
-    problem = task(seed, forest=True)
-    rng = np.random.default_rng(seed)
-    here, there = rng.normal(size=(2, problem.n_weights))
-    labels = table_oracle(problem.field)(*problem.augmented_potentials(here))
-    cut = problem.cut_of(labels)
-
-    def height(weights: NDArray[np.float64]) -> float:
-        """H(w), by enumeration."""
-        rest = plain_objective(problem, weights) - 0.5 * float(weights @ weights)
-        return rest / problem.penalty
-
-    assert cut.value(here) == pytest.approx(height(here))
-    assert cut.value(there) <= height(there) + 1e-9
-    top = max(
-        _score(problem, here, y) + float(problem.loss[y != problem.labels].sum())
-        for y in all_labelings(problem.n_nodes, 3)
-    )
-    assert objective(problem, here, hinge(problem, here, top)) == pytest.approx(
-        plain_objective(problem, here)
-    )
-
-
 def test_wrong_input_is_refused() -> None:
     good = task(0, forest=True)
     with pytest.raises(InputError, match="positive at some"):
         TableMarginProblem(good.field, good.labels, np.zeros(5), 1.0)
     with pytest.raises(InputError, match=r"penalty \(C\) must be a positive number, got 0"):
         TableMarginProblem(good.field, good.labels, good.loss, 0.0)
-    with pytest.raises(InputError, match="labels"):
-        TableMarginProblem(good.field, np.full(5, 3), good.loss, 1.0)
+    refused(InputError, "labels", TableMarginProblem, good.field, np.full(5, 3), good.loss, 1.0)

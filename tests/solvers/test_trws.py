@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,21 +64,6 @@ def test_bound_never_rises_and_score_never_falls(model: Model, eliminate: bool) 
     assert (np.diff(history[:, 1]) <= 0).all()
 
 
-@given(models(forbid=False), st.integers(0, 999))
-def test_direction_of_edges_and_constants_do_not_matter(model: Model, seed: int) -> None:
-    shift = np.random.default_rng(seed).integers(-8, 8, len(model.unary)) / 4
-    pairwise = None if model.pairwise is None else model.pairwise.swapaxes(-1, -2)
-    turned = trws(
-        pairwise_model(
-            model.unary + shift[:, None], model.edges[:, ::-1], model.agreement, pairwise
-        ),
-        tolerance=0,
-    )
-    found = trws(pairwise_model(*model.arrays), tolerance=0)
-    np.testing.assert_allclose(turned.bound, found.bound + shift.sum(), rtol=0, atol=1e-6)
-    np.testing.assert_allclose(turned.score, found.score + shift.sum(), rtol=0, atol=1e-6)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_agreement_and_tables_pass_the_same_messages(seed: int) -> None:
     model = grid_model(seed, 3, 12, 15)
@@ -114,22 +101,11 @@ def test_a_labelling_to_beat_is_returned_where_none_is_better() -> None:
 
 def test_each_iteration_is_reported_with_the_bound() -> None:
     seen: list[tuple[int, float]] = []
-    found = trws(
-        pairwise_model(*grid_model(1, 3).arrays), on_iteration=lambda *step: seen.append(step)
-    )
-    assert [step for step, _ in seen] == list(range(1, len(found.history) + 1))
+    model = pairwise_model(*grid_model(1, 3).arrays)
+    found = trws(model, max_iterations=2, on_iteration=lambda *step: seen.append(step))
+    assert [step for step, _ in seen] == [1, 2]
     assert [bound for _, bound in seen] == found.history[:, 1].tolist()
-
-
-def test_the_limit_is_reported() -> None:
-    found = trws(pairwise_model(*grid_model(1, 3).arrays), max_iterations=2)
-    assert (len(found.history), found.converged) == (2, False)
-
-
-def test_graphs_without_a_labelling_are_refused() -> None:
-    never = np.full((2, 2), -np.inf)
-    with pytest.raises(InputError, match="pairwise forbids every labelling"):
-        trws(pairwise_model(np.zeros((3, 2)), [(0, 1), (1, 2)], pairwise=never))
+    assert not found.converged
 
 
 @pytest.mark.parametrize(
@@ -142,11 +118,11 @@ def test_graphs_without_a_labelling_are_refused() -> None:
         ({"edges": [(0, 0)]}, "edge 0 joins node 0 to itself"),
     ],
 )
-def test_bad_problems_are_refused(changed: dict[str, object], text: str) -> None:
-    changed = dict(changed)
-    unary, edges = changed.pop("unary", [[0.0, 1.0]] * 2), changed.pop("edges", [(0, 1)])
+def test_bad_problems_are_refused(changed: dict[str, Any], text: str) -> None:
+    options = dict(changed)
+    unary, edges = options.pop("unary", [[0.0, 1.0]] * 2), options.pop("edges", [(0, 1)])
     with pytest.raises(InputError, match=text):
-        trws(pairwise_model(unary, edges), **changed)  # type: ignore[arg-type]
+        trws(pairwise_model(unary, edges), **options)
 
 
 def test_decoding_again_finds_the_best_of_a_chain_and_nearly_that_of_a_grid() -> None:

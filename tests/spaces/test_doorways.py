@@ -10,6 +10,7 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.segmentation import Segmentation
+from tests.refusals import refused
 from tests.spaces.floors import corridor_with_rooms, grid_of, two_rooms
 
 
@@ -33,39 +34,25 @@ def test_doorways_that_are_known_are_certain() -> None:
     assert len(more) == 3 and np.array_equal(more.place, found.place)
 
 
-def test_gates_that_are_refused_are_no_doorways() -> None:
-    found = found_in(two_rooms(), 0.5)
-    assert len(found) == 0
-    assert np.unique(found.place).tolist() == [-1, 0]
-
-
-@pytest.mark.parametrize("resolution_m", [0.05, 0.03])
-def test_finer_cells_lie_in_the_place_at_their_centre(resolution_m: float) -> None:
+@pytest.mark.parametrize("resolution_m", [0.03, 0.05, 0.3])
+def test_other_cells_lie_in_the_place_at_their_centre(resolution_m: float) -> None:
     found = found_in(two_rooms(), 0.9)
-    fine = refine(found.grid, resolution_m)
-    assert fine.shape != found.grid.shape
-    r, c = found.grid.cells_at_m(fine.cell_centres_m(np.argwhere(np.ones(fine.shape, np.bool_)))).T
-    np.testing.assert_array_equal(found.place_on(fine).ravel(), found.place[r, c])
-
-
-def test_coarser_cells_do_too() -> None:
-    found = found_in(two_rooms(), 0.9)
-    coarse = coarsen(found.grid, 0.3)
-    inside = np.argwhere(coarse.free)
-    r, c = found.grid.cells_at_m(coarse.cell_centres_m(inside)).T
-    np.testing.assert_array_equal(found.place_on(coarse)[coarse.free], found.place[r, c])
+    finer = resolution_m < 0.1
+    other = (refine if finer else coarsen)(found.grid, resolution_m)
+    assert other.shape != found.grid.shape
+    asked = np.ones(other.shape, np.bool_) if finer else other.free
+    r, c = found.grid.cells_at_m(other.cell_centres_m(np.argwhere(asked))).T
+    np.testing.assert_array_equal(found.place_on(other)[asked], found.place[r, c])
 
 
 def test_a_map_elsewhere_is_refused() -> None:
-    found = found_in(two_rooms(), 0.9)
-    other = OccupancyGrid(np.zeros((4, 4), np.int8), 0.2, (1.0, 0.0))
-    with pytest.raises(InputError, match=r"found in a map with its origin at \(0.0, 0.0\)"):
-        found.place_on(other)
-    moved = OccupancyGrid(found.grid.cells, 0.1, (1.0, 0.0))
-    with pytest.raises(InputError, match=r"but the map has \(1.0, 0.0\)"):
-        found.place_on(moved)
-    with pytest.raises(InputError, match=r"a map of 4.3 x 8.3 m, but the map has 0.8 x 0.8 m"):
-        found.place_on(OccupancyGrid(np.zeros((4, 4), np.int8), 0.2))
+    found, cells = found_in(two_rooms(), 0.9), np.zeros((4, 4), np.int8)
+    for message, grid in (
+        (r"found in a map with its origin at \(0.0, 0.0\)", OccupancyGrid(cells, 0.2, (1.0, 0.0))),
+        (r"but the map has \(1.0, 0.0\)", OccupancyGrid(found.grid.cells, 0.1, (1.0, 0.0))),
+        (r"a map of 4.3 x 8.3 m, but the map has 0.8 x 0.8 m", OccupancyGrid(cells, 0.2)),
+    ):
+        refused(InputError, message, found.place_on, grid)
 
 
 def test_probabilities_and_places_must_fit() -> None:

@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places import OccupancyGrid, load_labels, load_map
 from pgm_places._core import narrowest_chords, width_profiles
 from pgm_places.errors import InputError
-from pgm_places.io.maps.label_image import load_labels
-from pgm_places.io.maps.map_server import load_map
-from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import Gates, gate_candidates, gate_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import GATE_FEATURES
 from tests.real_data import real_data_folder
+from tests.refusals import refused
 from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of, two_rooms
 
 LABELS = ("corridor", "room", "doorway")
@@ -215,8 +215,7 @@ def test_gates_match_the_doors_that_they_lie_in() -> None:
     some = match.scores(np.array([True, True, False]))
     assert (some.doors, some.found, some.accepted, some.right) == (3, 2, 2, 2)
     assert some.precision == 1.0 and some.recall == pytest.approx(2 / 3)
-    with pytest.raises(InputError, match="one per gate"):
-        match.scores(np.array([True]))
+    refused(InputError, "one per gate", match.scores, np.array([True]))
 
 
 def test_a_gate_that_is_no_door_is_invented() -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.spaces.cell_features import CellFeatures
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import place_features, places_between
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import PLACE_FEATURES
+from tests.refusals import refused
 from tests.spaces.floors import corridor_with_rooms, grid_of, two_rooms
 
 NAMES = [spec.id for spec in PLACE_FEATURES]
@@ -30,12 +30,6 @@ def test_every_accepted_gate_parts_a_room(gates: Gates, accepted: list[bool]) ->
     corridor, *rooms = found.segments.at(cells).tolist()
     assert [room != corridor for room in rooms] == accepted
     assert found.segments.area_m2.sum() == pytest.approx(gates.segmentation.scales[0].area_m2.sum())
-
-
-def test_with_no_gate_each_component_is_a_place(gates: Gates) -> None:
-    found = places_between(gates, np.zeros(3))
-    assert found.count == 1 and len(found.segments.openings) == 0
-    assert (found.gate_places == 0).all()
 
 
 def test_with_all_gates_places_are_the_segments_here(gates: Gates) -> None:
@@ -100,35 +94,22 @@ def test_a_corner_behind_a_crack_is_no_place() -> None:
     assert places_between(gates, []).count == 1
 
 
-def test_cells_look_places_up(gates: Gates) -> None:
-    found = places_between(gates, [True, False, False])
-    features = CellFeatures.of(gates.segmentation, found)
-    rows = features.lookup([[10, 67], [50, 23]])
-    at = features.names.index("gates[place]")
-    assert rows[:, at].tolist() == [1, 1]
-    assert rows[:, features.names.index("area[place]")] == pytest.approx(
-        found.segments.area_m2[found.segments.at([[10, 67], [50, 23]])], rel=1e-6
-    )
-
-
 @pytest.mark.parametrize(
-    ("accepted", "message"),
+    ("accepted", "threshold", "message"),
     [
-        ([True], "one boolean or probability per gate"),
-        ([1, 0, 1], "one boolean or probability per gate"),
-        ([0.5, 1.5, 0.0], "probabilities from 0 to 1"),
-        ([0.5, np.nan, 0.0], "probabilities from 0 to 1"),
+        ([True], 0.5, "one boolean or probability per gate"),
+        ([1, 0, 1], 0.5, "one boolean or probability per gate"),
+        ([0.5, 1.5, 0.0], 0.5, "probabilities from 0 to 1"),
+        ([0.5, np.nan, 0.0], 0.5, "probabilities from 0 to 1"),
+        ([0.5] * 3, 0.0, "threshold must lie between 0 and 1"),
+        ([0.5] * 3, 1.0, "threshold must lie between 0 and 1"),
+        ([0.5] * 3, np.nan, "threshold must lie between 0 and 1"),
     ],
 )
-def test_wrong_acceptance_is_refused(gates: Gates, accepted: list[float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        places_between(gates, accepted)
-
-
-@pytest.mark.parametrize("threshold", [0.0, 1.0, np.nan])
-def test_a_threshold_is_a_doubtful_probability(gates: Gates, threshold: float) -> None:
-    with pytest.raises(InputError, match="threshold must lie between 0 and 1"):
-        places_between(gates, np.full(3, 0.5), threshold=threshold)
+def test_wrong_acceptance_is_refused(
+    gates: Gates, accepted: list[float], threshold: float, message: str
+) -> None:
+    refused(InputError, message, places_between, gates, accepted, threshold=threshold)
 
 
 def test_maps_without_gates_have_places_too() -> None:

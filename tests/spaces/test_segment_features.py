@@ -9,11 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places import LabelGraph, OccupancyGrid, load_map
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.io.maps.map_server import load_map
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces import cell_features
 from pgm_places.spaces.cell_features import CellFeatures, NodeFeatures, space_feature_names
 from pgm_places.spaces.components import neighbour_lists
@@ -32,6 +30,7 @@ from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 from tests.on_threads import on
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
+from tests.refusals import refused
 from tests.spaces.floors import TURNS, corridor_with_doors, corridor_with_rooms, grid_of, two_rooms
 
 NAMES = tuple(spec.id for spec in SEGMENT_FEATURES)
@@ -232,12 +231,6 @@ def test_cells_take_the_features_of_their_segments() -> None:
     assert features.lookup(np.empty((0, 2), int)).shape == (0, len(features.names))
 
 
-def test_a_chunk_has_the_same_rows() -> None:
-    grid = grid_of(corridor_with_rooms())
-    features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
-    assert (features.lookup(cells)[70:90] == features.lookup(cells[70:90])).all()
-
-
 def test_some_columns_in_any_order_on_any_number_of_threads(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -273,8 +266,7 @@ def test_unknown_columns_and_cells_are_refused() -> None:
         features.lookup([[1, 1]], [121])
     with pytest.raises(InputError, match=r"must lie on the map .* got \(80, 3\) at index 1"):
         features.lookup([[79, 3], [80, 3]])
-    with pytest.raises(InputError, match=r"integers of shape \(n, 2\)"):
-        features.lookup([1, 2, 3])
+    refused(InputError, r"integers of shape \(n, 2\)", features.lookup, [1, 2, 3])
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (20, 20)])

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from pgm_places import OccupancyGrid, load_map
 from pgm_places._core import grow_pieces, sum_pieces
 from pgm_places.errors import InputError
-from pgm_places.io.maps.map_server import load_map
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.spaces.unentered import Unentered, find_unentered
 from tests.real_data import real_data_folder
 from tests.reference import unentered as slow
@@ -34,8 +33,7 @@ def add_room(cells: np.ndarray, rows: slice, columns: slice) -> None:
 
 def two_rooms(gap: int, *, jambs: int = OCCUPIED) -> np.ndarray:
     """Two rooms of 4 m, side by side, with a passage of 0.2 m depth between."""
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
+    cells = one_room()
     add_room(cells, slice(20, 100), slice(94, 174))
     cells[20:100, 90:93] = jambs
     cells[60 : 60 + gap, 89:94] = FREE
@@ -57,31 +55,112 @@ def found_in(cells: np.ndarray, radius_m: float = 0.2) -> Unentered:
     return find_unentered(OccupancyGrid(cells, SIDE_M), radius_m)
 
 
-def test_rays_through_a_window_are_found_and_nothing_of_the_room() -> None:
-    cells, rays = with_window()
+def test_the_area_of_rays_is_told() -> None:
+    cells, _ = with_window()
     found = found_in(cells)
-    assert not found.cells[~rays].any()
-    assert found.cells[rays].mean() > 0.97
     assert found.area_m2 == pytest.approx(found.cells.sum() * SIDE_M**2)
     assert found.free_m2 == pytest.approx((cells == FREE).sum() * SIDE_M**2)
     assert f"{found.area_m2:.1f} m² of free space" in str(found)
 
 
-@pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS.keys())
-def test_turned_maps_have_turned_rays(turn: Callable[[np.ndarray], np.ndarray]) -> None:
+@pytest.mark.parametrize("turn", [np.asarray, *TURNS.values()])
+def test_rays_through_a_window_are_found_and_nothing_of_the_room(
+    turn: Callable[[np.ndarray], np.ndarray],
+) -> None:
     cells, rays = with_window()
     found = found_in(np.ascontiguousarray(turn(cells)))
     assert not found.cells[~turn(rays)].any()
     assert found.cells[turn(rays)].mean() > 0.97
 
 
-@pytest.mark.parametrize("gap", [5, 7, 18])
-def test_a_narrow_door_leads_to_a_room(gap: int) -> None:
-    assert not found_in(two_rooms(gap)).cells.any()
+def one_room() -> np.ndarray:
+    """A room of 4 m."""
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    return cells
 
 
-def test_a_closed_door_does_not_make_a_room_unentered() -> None:
-    assert not found_in(two_rooms(0)).cells.any()
+def with_niches() -> np.ndarray:
+    """Of which nobody has seen the walls."""
+    cells = one_room()
+    for row in range(24, 96, 8):
+        cells[row - 1 : row + 5, 89:95] = UNKNOWN
+        cells[row : row + 4, 89:94] = FREE
+    return cells
+
+
+def with_scraps() -> np.ndarray:
+    """In a doubled wall."""
+    cells = one_room()
+    for row in (30, 50, 70):
+        cells[row : row + 10, 91:94] = FREE
+    return cells
+
+
+def in_part(*walls: tuple[slice, slice], gap: int = 0) -> np.ndarray:
+    cells = two_rooms(gap)
+    for part in walls:
+        cells[part] = UNKNOWN
+    return cells
+
+
+def with_a_table() -> np.ndarray:
+    """Its edges are walls."""
+    cells = blank()
+    add_room(cells, slice(10, 110), slice(10, 190))
+    add_room(cells, slice(40, 60), slice(40, 70))
+    return cells
+
+
+def with_benches() -> np.ndarray:
+    """Of which only shadows are seen."""
+    cells = blank()
+    add_room(cells, slice(10, 110), slice(10, 190))
+    cells[30:100:9, 40:160] = UNKNOWN
+    return cells
+
+
+def with_a_rim() -> np.ndarray:
+    """Of unknown cells before walls."""
+    cells = two_rooms(16)
+    rim = np.zeros(cells.shape, np.bool_)
+    for dr, dc in slow.STEPS:
+        rim |= (cells == FREE) & (np.roll(cells, (dr, dc), (0, 1)) == OCCUPIED)
+    cells[rim] = UNKNOWN
+    return cells
+
+
+def hall() -> np.ndarray:
+    cells = np.full((100, 150), FREE, np.int8)
+    cells[40:60, 70:80] = OCCUPIED
+    return cells
+
+
+ALL, FAR = slice(None), slice(94, None)
+ENTERED: dict[str, Callable[[], np.ndarray]] = {
+    "a narrow door": lambda: two_rooms(5),
+    "a wider door": lambda: two_rooms(7),
+    "a wide door": lambda: two_rooms(18),
+    "a closed door": lambda: two_rooms(0),
+    "niches and sills": with_niches,
+    "a closed room without one of its walls": lambda: in_part((ALL, slice(174, None))),
+    "a room seen in part through its narrow door": lambda: in_part(
+        (slice(20), FAR), (slice(100, None), FAR), (slice(60), slice(174, None)), gap=7
+    ),
+    "scraps": with_scraps,
+    "a table": with_a_table,
+    "a rim": with_a_rim,
+    "shadows of benches": with_benches,
+    "a cropped room": lambda: two_rooms(16)[:60, :60],
+    "a closed cropped room": lambda: two_rooms(0)[:, :110],
+    "a map cropped through its rooms": lambda: two_rooms(18)[30:90, 20:160],
+    "a hall without walls": hall,
+}
+
+
+@pytest.mark.parametrize("name", ENTERED)
+def test_what_was_entered_is_kept(name: str) -> None:
+    assert not found_in(ENTERED[name]()).cells.any()
 
 
 def test_what_lies_behind_a_slit_was_not_entered_unless_it_is_a_room() -> None:
@@ -94,8 +173,7 @@ def test_what_lies_behind_a_slit_was_not_entered_unless_it_is_a_room() -> None:
 
 
 def test_a_wedge_through_a_door_was_seen_and_not_entered() -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
+    cells = one_room()
     for column in range(90, 150):
         half = 3 + (column - 90) // 8
         cells[60 - half : 60 + half, column] = FREE
@@ -105,8 +183,7 @@ def test_a_wedge_through_a_door_was_seen_and_not_entered() -> None:
 
 
 def test_a_wide_space_without_walls_was_only_seen() -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
+    cells = one_room()
     cells[57:63, 88:94] = FREE  # half the disc gets through
     cells[40:80, 94:134] = FREE
     found = found_in(cells)
@@ -114,73 +191,14 @@ def test_a_wide_space_without_walls_was_only_seen() -> None:
     assert not found.cells[:, :89].any()
 
 
-def test_niches_and_sills_belong_to_their_room() -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
-    for row in range(24, 96, 8):  # of which nobody has seen the walls
-        cells[row - 1 : row + 5, 89:95] = UNKNOWN
-        cells[row : row + 4, 89:94] = FREE
-    assert not found_in(cells).cells.any()
-
-
 @pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS.keys())
 def test_a_niche_behind_a_slit_belongs_to_its_room(
     turn: Callable[[np.ndarray], np.ndarray],
 ) -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
+    cells = one_room()
     cells[55:65, 90:99] = UNKNOWN  # nobody has seen its walls
     cells[56:64, 91:97] = cells[60, 90] = FREE
     assert not found_in(np.ascontiguousarray(turn(cells))).cells.any()
-
-
-def test_a_closed_room_need_not_have_all_its_walls() -> None:
-    cells = two_rooms(0)
-    cells[:, 174:] = UNKNOWN
-    assert not found_in(cells).cells.any()
-
-
-def test_a_room_seen_in_part_was_entered_through_its_narrow_door() -> None:
-    cells = two_rooms(7)
-    cells[:20, 94:] = cells[100:, 94:] = cells[:60, 174:] = UNKNOWN  # most of its walls are missing
-    assert not found_in(cells).cells.any()
-
-
-def test_scraps_in_a_doubled_wall_are_let_be() -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
-    for row in (30, 50, 70):
-        cells[row : row + 10, 91:94] = FREE
-    assert not found_in(cells).cells.any()
-
-
-def test_what_is_walled_in_was_entered() -> None:
-    cells = blank()
-    add_room(cells, slice(10, 110), slice(10, 190))
-    add_room(cells, slice(40, 60), slice(40, 70))  # a table whose edges are walls
-    assert not found_in(cells).cells.any()
-
-
-def test_a_rim_of_unknown_cells_before_walls_changes_nothing() -> None:
-    cells = two_rooms(16)
-    rim = np.zeros(cells.shape, np.bool_)
-    for dr, dc in slow.STEPS:
-        rim |= (cells == FREE) & (np.roll(cells, (dr, dc), (0, 1)) == OCCUPIED)
-    cells[rim] = UNKNOWN
-    assert not found_in(cells).cells.any()
-
-
-def test_shadows_of_furniture_are_no_unknown_space() -> None:
-    cells = blank()
-    add_room(cells, slice(10, 110), slice(10, 190))
-    for row in range(30, 100, 9):  # benches of which only shadows are seen
-        cells[row, 40:160] = UNKNOWN
-    assert not found_in(cells).cells.any()
-
-
-def test_a_cropped_room_was_entered() -> None:
-    assert not found_in(two_rooms(16)[:60, :60]).cells.any()
-    assert not found_in(two_rooms(0)[:, :110]).cells.any()
 
 
 def test_a_sliver_in_which_no_disc_fits_is_no_place() -> None:
@@ -240,16 +258,6 @@ def test_the_corners_of_a_turned_picture_are_outside() -> None:
     assert found.cells[corners].all() and not found.cells[~corners].any()
 
 
-def test_a_map_cropped_through_its_rooms_has_no_outside() -> None:
-    assert not found_in(two_rooms(18)[30:90, 20:160]).cells.any()  # walls cross the edge twice
-
-
-def test_a_hall_without_walls_has_no_outside() -> None:
-    cells = np.full((100, 150), FREE, np.int8)
-    cells[40:60, 70:80] = OCCUPIED
-    assert not found_in(cells).cells.any()
-
-
 def test_a_radius_of_zero_takes_everything_as_entered() -> None:
     cells, _ = with_window()
     assert not found_in(cells, 0.0)
@@ -258,8 +266,7 @@ def test_a_radius_of_zero_takes_everything_as_entered() -> None:
 
 
 def test_a_larger_disc_reaches_less() -> None:
-    cells = blank()
-    add_room(cells, slice(20, 100), slice(10, 90))
+    cells = one_room()
     cells[54:66, 90:170] = FREE  # a corridor of 0.6 m whose walls nobody has seen
     assert found_in(cells).cells[:, 95:].sum() == 12 * 75
     assert not found_in(cells).cells[:, :89].any()
@@ -309,11 +316,6 @@ def test_cells_join_the_nearest_piece_that_grows(seed: int, shape: tuple[int, in
         else:
             assert reached[piece[cell]] == min(reached.values())
     np.testing.assert_array_equal(piece[before >= 0], before[before >= 0])
-
-
-def test_options_refuse_a_negative_radius() -> None:
-    with pytest.raises(ValueError, match="disc_radius_m must be a number of at least 0"):
-        EnteredOptions(disc_radius_m=-0.1)
 
 
 @pytest.mark.real_data

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.vision.object_counts import PAPER_OBJECTS, Detector, ObjectCounts, count_objects
+from tests.refusals import refused
 
 
 class Fixed:
@@ -89,11 +90,9 @@ def test_counts_are_put_in_order_of_time() -> None:
 def test_what_does_not_fit_is_refused(
     times: list[float], counts: list[list[int]], names: tuple[str, ...], words: str
 ) -> None:
-    with pytest.raises(InputError, match=words):
-        ObjectCounts(np.array(times), np.array(counts), names)
+    refused(InputError, words, ObjectCounts, np.array(times), np.array(counts), names)
 
 
 def test_a_negative_tolerance_is_refused() -> None:
     seen = ObjectCounts(np.array([1.0]), np.array([[2]]), ("cup",))
-    with pytest.raises(InputError, match="within_s must be at least 0"):
-        seen.at([1.0], within_s=-1.0)
+    refused(InputError, "within_s must be at least 0", seen.at, [1.0], within_s=-1.0)
