@@ -15,14 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.cold import cold_table
 from experiments.drives.kept_text import KeptText
 from experiments.drives.methods import (
     CHAIN,
     JOINT,
     LOOPS,
     graphs_table,
-    kinds_table,
     methods_table,
 )
 from experiments.map_prior import map_prior_table
@@ -36,21 +34,11 @@ from pgm_places.unary.scan_model import BeamOptions
 TABLES = (
     "beams",
     "methods",
-    "floors",
     "prior",
     "graphs",
     "categories",
-    "cold",
 )
 SHOWN: Mapping[str, tuple[SideBySide, ...]] = {
-    "floors": (
-        SideBySide(
-            ("method",),
-            "{drives in}",
-            "{accuracy} / {balanced} / {doorway recall}",
-            {"passages": "{passages found}, {invented}"},
-        ),
-    ),
     "prior": (SideBySide(("method",), "weight {weight of the map}", "{right half}"),),
     "graphs": (
         SideBySide(("method",), "{drives}", f"{{{CHAIN}}}"),
@@ -187,11 +175,9 @@ def main() -> None:
     parts: Mapping[str, Callable[[], str]] = {
         "beams": lambda: places_table(building),
         "methods": lambda: methods_table("building79.toml"),
-        "floors": lambda: kinds_table("floors.toml"),
         "prior": lambda: map_prior_table(building),
         "graphs": lambda: graphs_table(kept),
         "categories": lambda: categories_table(building),
-        "cold": lambda: cold_table(Path(data)),
     }
     for name in chosen.parts or TABLES:
         text = shown(name, kept.text(name, parts[name]))

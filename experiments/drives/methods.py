@@ -1,6 +1,6 @@
 """Every method on the same drives, from configuration files, as tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,28 +21,13 @@ LOOP_M = 0.4
 CHAIN, LOOPS, JOINT = "chain", "chain with loops", "joint with the cells"
 CHAINS_ONLY = ("hmm", "semi_markov")
 COLUMNS = "method | accuracy | 95 % | balanced | doorway recall | passages found | invented |"
-KINDS = {"": "floors", "office": "offices", "school": "schools"}
-"""How the names of drives begin, and what they are called in tables."""
 
 
 def methods_table(name: str) -> str:
     """Accuracy, balanced accuracy, doorway recall and passages of each method of a file here."""
     found = _compared(name)
-    everything = range(len(found.maps))
     lines = [f"| {COLUMNS}", "|---" * 7 + "|"]
-    lines += [f"| {_figures_of(found, method, everything)}" for method in found.methods]
-    return "\n".join(lines)
-
-
-def kinds_table(name: str) -> str:
-    """The same by kind of building: drives whose names begin alike."""
-    found = _compared(name)
-    lines = [f"| drives in | {COLUMNS}", "|---" * 8 + "|"]
-    for start, kind in KINDS.items():
-        some = [i for i, item in enumerate(found.maps) if item.name.startswith(start)]
-        lines += [
-            f"| {len(some)} {kind} | {_figures_of(found, method, some)}" for method in found.methods
-        ]
+    lines += [f"| {_figures_of(found, method)}" for method in found.methods]
     return "\n".join(lines)
 
 
@@ -50,12 +35,12 @@ def _compared(name: str) -> Comparison:
     return compare(Experiment(load_config(FOLDER / name), FOLDER))
 
 
-def _figures_of(found: Comparison, method: MethodResult, some: Sequence[int]) -> str:
-    """A method's row over some of the drives, its interval by stretches of their ways."""
-    items, labelings = [found.maps[i] for i in some], [[method.labelings[i] for i in some]]
-    scored = Evaluation.merged([method.evaluations[i] for i in some])
+def _figures_of(found: Comparison, method: MethodResult) -> str:
+    """A method's row over all drives, its interval by stretches of their ways."""
+    scored = Evaluation.merged(method.evaluations)
+    items, labelings = found.maps, [method.labelings]
     interval = score_intervals(items, labelings, len(found.label_names))["accuracy"]
-    doors = DoorScores.total(method.doors[i] for i in some)
+    doors = DoorScores.total(method.doors)
     text = (
         f"`{method.id}` | {100 * scored.accuracy:.1f} | "
         f"{100 * interval.low:.1f} to {100 * interval.high:.1f} | "
