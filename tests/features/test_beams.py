@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.features.beams import clean_beams, resample_beams
+from tests.refusals import refused
 
 
 def test_readings_without_an_answer_become_the_maximum_range() -> None:
@@ -73,23 +74,13 @@ def test_resampling_stays_within_the_scan_and_commutes_with_mirroring(
     ],
 )
 def test_wrong_ranges_are_refused(ranges: NDArray[Any], text: str) -> None:
-    with pytest.raises(InputError, match=text):
-        clean_beams(ranges, max_range_m=3.0)
-    with pytest.raises(InputError, match=text):
-        resample_beams(ranges, 360)
+    refused(InputError, text, clean_beams, ranges, max_range_m=3.0)
+    refused(InputError, text, resample_beams, ranges, 360)
 
 
-@pytest.mark.parametrize("max_range_m", [0.0, -1.0, np.nan, np.inf])
-def test_wrong_maximum_ranges_are_refused(max_range_m: float) -> None:
-    with pytest.raises(InputError, match="max_range_m"):
-        clean_beams(np.ones((1, 9)), max_range_m=max_range_m)
-
-
-def test_an_unknown_treatment_is_refused() -> None:
-    with pytest.raises(InputError, match="'zero'"):
-        clean_beams(np.ones((1, 9)), max_range_m=3.0, invalid="zero")  # type: ignore[arg-type]
-
-
-def test_too_few_beams_are_refused() -> None:
-    with pytest.raises(InputError, match="n_beams"):
-        resample_beams(np.ones((1, 9)), 2)
+def test_wrong_options_are_refused() -> None:
+    scan = np.ones((1, 9))
+    for reach in (0.0, -1.0, np.nan, np.inf):
+        refused(InputError, "max_range_m", clean_beams, scan, max_range_m=reach)
+    refused(InputError, "'zero'", clean_beams, scan, max_range_m=3.0, invalid="zero")
+    refused(InputError, "n_beams", resample_beams, scan, 2)

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, Trajectory
+from pgm_places import (
+    LabelledMap,
+    OccupancyGrid,
+    PlaceLabeler,
+    Sensor,
+    Trajectory,
+    TrajectoryLabeler,
+    load,
+    save,
+)
 from pgm_places.errors import ConfigError, InputError, ModelFileError, OutputError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.setup import make_labeler
@@ -24,9 +33,8 @@ from pgm_places.features.custom import (
     values_on_map,
 )
 from pgm_places.features.extraction import extract
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.persistence.stored import load, save
+from tests.refusals import refused
 
 NAMES = ("near a wall", "in the open")
 SENSOR = Sensor(n_beams=360, max_range_m=10.0)
@@ -220,8 +228,7 @@ def test_a_scan_feature_serves_trajectories(
 
 def test_a_map_feature_serves_no_trajectory(known: LabelledMap) -> None:
     places = unfitted(East()).fit([known])
-    with pytest.raises(InputError, match="East looks at a map's cells"):
-        TrajectoryLabeler.from_places(places)
+    refused(InputError, "East looks at a map's cells", TrajectoryLabeler.from_places, places)
     with pytest.raises(InputError, match="East looks at a map's cells"):
         TrajectoryLabeler(NAMES, features=[East()]).fit([known])
 
@@ -262,16 +269,13 @@ def test_a_configuration_that_does_not_fit_is_refused(
 
 
 def test_without_plugins_the_message_says_where_they_come_from() -> None:
-    with pytest.raises(ConfigError, match=r"unknown feature 'glass'.*pgm_places\.features"):
-        as_features(["glass"])
+    refused(ConfigError, r"unknown feature 'glass'.*pgm_places\.features", as_features, ["glass"])
 
 
 @pytest.mark.parametrize("bad", [object(), "f2", 3])
 def test_what_is_no_feature_is_refused(bad: object) -> None:
-    with pytest.raises(ConfigError, match="feature"):
-        as_features([bad])
-    with pytest.raises(ConfigError, match="must be a list"):
-        as_features("east")
+    refused(ConfigError, "feature", as_features, [bad])
+    refused(ConfigError, "must be a list", as_features, "east")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from pgm_places.features.laser import (
     LASER_FEATURES,
@@ -8,36 +7,6 @@ from pgm_places.features.laser import (
     first_column,
     laser_feature_names,
 )
-
-
-def test_there_are_321_features_with_unique_names() -> None:
-    assert len(LASER_FEATURES) == 321
-    assert len(set(laser_feature_names())) == 321
-
-
-@pytest.mark.parametrize(("group", "count"), [("beams", 99), ("polygon", 222)])
-def test_sizes_of_the_groups(group: str, count: int) -> None:
-    assert sum(spec.group == group for spec in LASER_FEATURES) == count
-
-
-@pytest.mark.parametrize(
-    ("family", "count"),
-    [
-        ("f3", 10),
-        ("f14", 20),
-        ("f33", 20),
-        ("f30", 10),
-        ("f34", 10),
-        ("f25", 10),
-        ("f26", 10),
-        ("f16", 199),
-        ("f21", 7),
-        ("f17_2", 1),
-        ("f32", 1),
-    ],
-)
-def test_sizes_of_the_families(family: str, count: int) -> None:
-    assert sum(spec.id == family for spec in LASER_FEATURES) == count
 
 
 def test_names_show_the_parameter() -> None:

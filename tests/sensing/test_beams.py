@@ -23,15 +23,3 @@ def test_multiples_of_45_degrees_are_exact(n_beams: int) -> None:
     exact = 8 * np.arange(n_beams) % n_beams == 0
     np.testing.assert_array_equal(slope[exact], eighths[exact] % 2)
     assert np.all((slope[~exact] > 0) & (slope[~exact] < 1))
-
-
-def test_diagonal_beams_have_x_as_major_axis() -> None:
-    np.testing.assert_array_equal(Beams.full_circle(8).octant, [0, 0, 2, 3, 4, 4, 6, 7])
-
-
-@pytest.mark.parametrize("n_beams", [5, 12, 90, 360])
-def test_octants_are_in_order_and_mirrored_beams_have_the_same_slope(n_beams: int) -> None:
-    beams = Beams.full_circle(n_beams)
-    assert np.all(np.diff(beams.octant) >= 0)
-    np.testing.assert_array_equal(beams.minor[1:], beams.minor[1:][::-1])
-    np.testing.assert_array_equal(beams.major[1:], beams.major[1:][::-1])

@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pgm_places import LabelGraph, Sensor, SensorNoise
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.sensing._box import Box, NodeNumbers, tiles
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
-from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
 
 MIB = 2**20

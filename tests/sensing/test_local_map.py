@@ -11,6 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap, Pose, Window
 from pgm_places.sensing.ray_casting import cast_poses
+from tests.refusals import refused
 
 AHEAD = np.linspace(-pi / 2, pi / 2, 361)
 AROUND = np.linspace(0, 2 * pi, 720, endpoint=False)
@@ -159,22 +160,14 @@ def test_an_unused_map_reads_nothing_and_clear_forgets() -> None:
         ({"resolution_m": -1.0}, "resolution_m must be"),
         ({"size_m": 0.1}, r"must give 8 to 20000 cells, got 0\.1 / 0\.05 = 2"),
         ({"size_m": 1e6}, r"must give 8 to 20000 cells, got 1e\+06 / 0\.05 = 20000000"),
+        ({"size_m": 1e-290, "resolution_m": 1e-291}, "must be positive metres per cell"),
         ({"robot_radius_m": -0.1}, "robot_radius_m must be"),
         ({"through_unknown_m": float("nan")}, "through_unknown_m must be"),
     ],
 )
 def test_impossible_sizes_are_refused(options: dict[str, float], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        LocalMap(**options)
-
-
-def test_the_smallest_window_has_eight_cells() -> None:
+    refused(InputError, message, LocalMap, **options)
     assert LocalMap(size_m=0.8, resolution_m=0.1).n_cells == 8
-
-
-def test_ranges_and_angles_must_fit() -> None:
-    with pytest.raises(InputError, match="one value per angle"):
-        LocalMap().update([0.0, 0.0, 0.0], [1.0, 2.0], [0.0], max_range_m=30.0)
 
 
 @pytest.mark.parametrize("wrap", [(0, 0), (7, 3)])
@@ -282,55 +275,43 @@ def test_what_stands_in_the_outermost_cells_is_met() -> None:
     assert met.all()
 
 
-class TestFarAway:
+@pytest.mark.parametrize("far", [1.1e7, 1e19, -1e300])
+def test_poses_far_away_are_refused(far: float) -> None:
     """Coordinates become whole cells: what does not fit is refused before."""
-
-    @pytest.mark.parametrize("far", [1.1e7, 1e19, -1e300])
-    def test_poses_are_refused(self, far: float) -> None:
-        local = LocalMap(size_m=4.0, resolution_m=0.1)
-        for take in (local.update, local.write):
-            with pytest.raises(InputError, match=r"pose must hold metres and radians up to 1e\+07"):
-                take([far, 0.0, 0.0], [1.0], [0.0], max_range_m=5.0)
-        with pytest.raises(InputError, match="pose must hold metres"):
-            local.cast([0.0, far, 0.0], [0.0], max_range_m=5.0)
-        with pytest.raises(InputError, match="centre_m must hold metres"):
-            local.square([0.0, far], 4, 1)
-
-    @pytest.mark.parametrize("number", [-1, 2**62, 2**63 - 1, 10**30, 0.5, float("nan")])
-    def test_squares_of_other_numbers_of_cells_are_refused(self, number: Any) -> None:
-        local = LocalMap(size_m=4.0, resolution_m=0.1)
-        with pytest.raises(InputError, match="n_cells must be a whole number from 0 to"):
-            local.square([0.0, 0.0], number, 2)
-        with pytest.raises(InputError, match="factor must be a whole number from 1 to"):
-            local.square([0.0, 0.0], 10, number)
-
-    def test_beams_without_end_cross_the_window(self) -> None:
-        local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=0.0)
-        local.update([0.0, 0.0, 0.0], [1e300, np.inf], [0.0, 1.0], max_range_m=np.inf)
-        grid = local.to_grid()
-        assert grid.free[20, 20:].all()
-        assert grid.free.sum() == 20
-
-    def test_a_disc_of_any_size_fills_the_window(self) -> None:
-        local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=1e300)
-        local.update([0.0, 0.0, 0.0], [], [], max_range_m=5.0)
-        assert local.to_grid().free.all()
-
-    def test_cells_without_a_size_are_refused(self) -> None:
-        with pytest.raises(InputError, match="resolution_m must be positive metres per cell"):
-            LocalMap(size_m=1e-290, resolution_m=1e-291)
+    local = LocalMap(size_m=4.0, resolution_m=0.1)
+    wanted = r"pose must hold metres and radians up to 1e\+07"
+    for take in (local.update, local.write):
+        refused(InputError, wanted, take, [far, 0.0, 0.0], [1.0], [0.0], max_range_m=5.0)
+    refused(InputError, wanted, local.cast, [0.0, far, 0.0], [0.0], max_range_m=5.0)
+    refused(InputError, "centre_m must hold metres", local.square, [0.0, far], 4, 1)
 
 
-@pytest.mark.parametrize("reach", [np.nan, 0.0, -1.0])
-def test_ranges_that_are_no_metres_are_refused(reach: float) -> None:
-    local = LocalMap(size_m=10.0, resolution_m=0.1)
-    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
-        local.cast([0.0, 0.0, 0.0], [0.0], max_range_m=reach)
-    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
-        local.update([0.0, 0.0, 0.0], [1.0], [0.0], max_range_m=reach)
+@pytest.mark.parametrize("number", [-1, 2**62, 2**63 - 1, 10**30, 0.5, float("nan")])
+def test_squares_of_other_numbers_of_cells_are_refused(number: Any) -> None:
+    local = LocalMap(size_m=4.0, resolution_m=0.1)
+    wanted = "n_cells must be a whole number from 0 to"
+    refused(InputError, wanted, local.square, [0.0, 0.0], number, 2)
+    wanted = "factor must be a whole number from 1 to"
+    refused(InputError, wanted, local.square, [0.0, 0.0], 10, number)
 
 
-def test_no_ray_is_cast_to_infinity() -> None:
-    local = LocalMap(size_m=10.0, resolution_m=0.1)
-    with pytest.raises(InputError, match="max_range_m must be a positive number of metres"):
-        local.cast([0.0, 0.0, 0.0], [0.0], max_range_m=inf)
+def test_beams_and_discs_of_any_size_end_at_the_window() -> None:
+    local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=0.0)
+    local.update([0.0, 0.0, 0.0], [1e300, np.inf], [0.0, 1.0], max_range_m=np.inf)
+    grid = local.to_grid()
+    assert grid.free[20, 20:].all()
+    assert grid.free.sum() == 20
+    local = LocalMap(size_m=4.0, resolution_m=0.1, robot_radius_m=1e300)
+    local.update([0.0, 0.0, 0.0], [], [], max_range_m=5.0)
+    assert local.to_grid().free.all()
+
+
+def test_ranges_that_are_no_metres_are_refused() -> None:
+    local, wanted = LocalMap(), "max_range_m must be a positive number of metres"
+    still = [0.0, 0.0, 0.0]
+    for reach in (np.nan, 0.0, -1.0, inf):
+        refused(InputError, wanted, local.cast, still, [0.0], max_range_m=reach)
+        if reach < inf or reach != reach:
+            refused(InputError, wanted, local.update, still, [1.0], [0.0], max_range_m=reach)
+    wanted = "one value per angle"
+    refused(InputError, wanted, local.update, still, [1.0, 2.0], [0.0], max_range_m=30.0)

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pgm_places import OccupancyGrid, Trajectory, load_map
 from pgm_places.errors import InputError
 from pgm_places.io.logs.trajectories import read_trajectory
-from pgm_places.io.maps.map_server import load_map
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.map_agreement import (
     REFUSE_BELOW,
     WARN_BELOW,
@@ -16,9 +15,9 @@ from pgm_places.sensing.map_agreement import (
     check_agreement,
     map_agreement,
 )
-from pgm_places.trajectories.trajectory import Trajectory
 from tests.drives import building, drive
 from tests.real_data import real_data_folder
+from tests.refusals import refused
 
 
 def moved(path: Trajectory, *, shift_m: float = 0.0, turn_rad: float = 0.0) -> Trajectory:
@@ -91,8 +90,7 @@ def test_poses_alone_are_compared_where_there_are_no_scans_or_no_walls() -> None
     cells = np.where(grid.occupied, -1, grid.cells).astype(np.int8)
     without_walls = OccupancyGrid(cells, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
     assert map_agreement(without_walls, path).scans is None
-    with pytest.raises(InputError, match="no step"):
-        map_agreement(grid, alone[:0])
+    refused(InputError, "no step", map_agreement, grid, alone[:0])
 
 
 @pytest.mark.real_data

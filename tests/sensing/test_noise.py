@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places import OccupancyGrid, Sensor, SensorNoise
 from pgm_places._core import add_noise, uniform_draw
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._cells import Cells, Noise
 from pgm_places.sensing.ray_casting import cast_cells
-from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
 
 ROOM = OccupancyGrid(np.zeros((60, 80), np.int8), resolution_m=0.1)
@@ -66,10 +65,6 @@ def test_no_draw_is_0_or_1_exactly() -> None:
     assert uniform_draw(0, 0, 0) == 0.5 / 2**32  # the words of 0 stay 0 when they are mixed
 
 
-def test_silent_noise_changes_nothing() -> None:
-    np.testing.assert_array_equal(scans(SensorNoise(seed=3)), scans(None))
-
-
 def test_gaussian_noise_has_its_mean_and_deviation() -> None:
     sigma = 0.01  # no true range is below five sigma, so that nothing is clipped
     error = scans(SensorNoise(sigma_m=sigma, seed=1)) - scans(None)
@@ -88,35 +83,6 @@ def test_gaussian_noise_of_neighbours_is_not_correlated(axis: int) -> None:
     assert abs(products.mean()) < 5 / sqrt(products.size)
 
 
-@pytest.mark.parametrize("p_max", [0.02, 0.3])
-def test_maximum_readings_come_as_often_as_stated(p_max: float) -> None:
-    noisy, true = scans(SensorNoise(p_max=p_max, seed=2)), scans(None)
-    at_maximum = noisy == np.float32(REACH)
-    n = noisy.size
-    assert abs(at_maximum.mean() - p_max) < 5 * sqrt(p_max * (1 - p_max) / n)
-    np.testing.assert_array_equal(noisy[~at_maximum], true[~at_maximum])
-
-
-def test_random_readings_are_uniform_up_to_the_maximum() -> None:
-    noisy, true = scans(SensorNoise(p_random=0.25, seed=9)), scans(None)
-    changed = noisy[noisy != true]
-    assert abs(changed.size / noisy.size - 0.25) < 5 * sqrt(0.25 * 0.75 / noisy.size)
-    counts, _ = np.histogram(changed, bins=20, range=(0, REACH))
-    expected = changed.size / 20
-    assert np.sum((counts - expected) ** 2) / expected < 60  # chi-square of 19: p about 1e-6
-
-
-def test_readings_stay_between_nothing_and_the_maximum() -> None:
-    noisy = scans(SensorNoise(sigma_m=30.0, p_random=0.1, seed=6))
-    assert noisy.min() == 0.0
-    assert noisy.max() == np.float32(REACH)
-
-
-def test_beams_that_meet_nothing_get_no_gaussian_noise() -> None:
-    sensor = Sensor(16, 0.01, noise=SensorNoise(sigma_m=1.0))
-    np.testing.assert_array_equal(cast_cells(ROOM, sensor), np.float32(0.01))
-
-
 def test_noise_depends_on_the_seed_the_cell_and_the_beam_only() -> None:
     grid = random_grid(2, (40, 50), occupied=0.05)
     noise = SensorNoise(0.3, 0.1, 0.05, seed=2**63 + 12345)
@@ -128,9 +94,3 @@ def test_noise_depends_on_the_seed_the_cell_and_the_beam_only() -> None:
     mask = np.zeros(grid.shape, np.bool_)
     mask[5:20, 30:] = True
     np.testing.assert_array_equal(cast_cells(grid, sensor, mask=mask), everywhere[mask[grid.free]])
-
-
-@pytest.mark.parametrize("seed", [1, 2**32, 2**63])
-def test_another_seed_gives_other_noise(seed: int) -> None:
-    first, other = scans(SensorNoise(0.01)), scans(SensorNoise(0.01, seed=seed))
-    assert np.mean(first == other) < 0.001

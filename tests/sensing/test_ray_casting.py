@@ -1,3 +1,4 @@
+import re
 from typing import Any
 
 import numpy as np
@@ -6,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from pgm_places import LabelGraph, OccupancyGrid, Sensor
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.sensing.ray_casting import cast_cells, cast_poses
-from pgm_places.sensing.sensor import Sensor
 from tests.reference import casting as reference
+from tests.refusals import refused
 
 MILLICELL = 1e-3
 
@@ -23,10 +24,6 @@ def random_grid(
     kinds = np.random.default_rng(seed).random(shape)
     cells = np.where(kinds < occupied, OCCUPIED, np.where(kinds > 1 - unknown, UNKNOWN, FREE))
     return OccupancyGrid(cells, resolution_m=1.0)
-
-
-def small_grid(cells: list[list[int]], resolution_m: float) -> OccupancyGrid:
-    return OccupancyGrid(np.array(cells, np.int8), resolution_m)
 
 
 def assert_same_ranges(got: NDArray[Any], expected: NDArray[Any], resolution_m: float) -> None:
@@ -70,34 +67,6 @@ def test_small_maps_of_all_kinds(
     assert_same_ranges(cast_cells(grid, sensor), expected, 1.0)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (2, 2)])
-def test_a_map_that_is_all_free_ends_at_its_edge(shape: tuple[int, int]) -> None:
-    grid = OccupancyGrid(np.zeros(shape, np.int8), resolution_m=0.05)
-    got = cast_cells(grid, Sensor(n_beams=20))
-    assert_same_ranges(got, reference.cast_cells(grid, 20), 0.05)
-
-
-def test_a_single_cell() -> None:
-    grid = small_grid([[FREE]], 2.0)
-    np.testing.assert_allclose(cast_cells(grid, Sensor(n_beams=4)), np.ones((1, 4)), rtol=1e-7)
-
-
-def test_unknown_cells_stop_a_beam_only_if_asked() -> None:
-    grid = small_grid([[FREE, UNKNOWN, UNKNOWN, OCCUPIED]], 1.0)
-    stopped = cast_cells(grid, Sensor(n_beams=4))[:, :1]
-    through = cast_cells(grid, Sensor(n_beams=4, stop_at_unknown=False))[:, :1]
-    np.testing.assert_allclose(stopped, [[0.5]], rtol=1e-7)
-    np.testing.assert_allclose(through, [[2.5]], rtol=1e-7)
-
-
-@pytest.mark.parametrize("max_range_m", [0.4, 0.5, 3.0, 7.25])
-def test_no_range_exceeds_the_maximum(max_range_m: float) -> None:
-    grid = random_grid(4, (12, 15), occupied=0.03)
-    free = cast_cells(grid, Sensor(n_beams=48, max_range_m=1000.0))
-    capped = cast_cells(grid, Sensor(n_beams=48, max_range_m=max_range_m))
-    np.testing.assert_array_equal(capped, np.minimum(free, np.float32(max_range_m)))
-
-
 def test_rays_through_a_corner_step_along_x_first() -> None:
     cells = np.zeros((3, 3), np.int8)
     cells[1, 2] = OCCUPIED  # to the right of the centre; the diagonal beam enters it first
@@ -127,23 +96,15 @@ def test_rows_are_in_the_graph_s_order_and_the_mask_chooses_among_them() -> None
 @pytest.mark.parametrize("occupied", [0.01, 0.3])
 def test_any_number_of_threads_gives_the_same_bits(n_threads: int, occupied: float) -> None:
     grid = random_grid(9, (60, 70), occupied=occupied)
-    sensor = Sensor(n_beams=90)
-    with thread_limit(1):
-        one = cast_cells(grid, sensor)
-    with thread_limit(n_threads):
-        np.testing.assert_array_equal(cast_cells(grid, sensor), one)
+    poses = np.random.default_rng(5).uniform(0, 60, (700, 3))
 
+    def ranges(count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        with thread_limit(count):
+            cells = cast_cells(grid, Sensor(n_beams=90))
+            return cells, cast_poses(grid, poses, np.linspace(-1, 1, 9), max_range_m=9.0)
 
-def test_turning_the_map_turns_the_scans() -> None:
-    grid = random_grid(10, (25, 25), occupied=0.05)
-    turned = grid.with_cells(np.rot90(grid.cells, -1))  # rows count upward: counter-clockwise
-    where = np.full(grid.shape, -1)
-    where[grid.free] = np.arange(grid.free.sum())
-    order = np.rot90(where, -1)
-    order = order[order >= 0]
-    before = cast_cells(grid, Sensor(n_beams=36))[order]
-    after = cast_cells(turned, Sensor(n_beams=36))
-    np.testing.assert_array_equal(after, np.roll(before, 9, axis=1))
+    for one, many in zip(ranges(1), ranges(n_threads), strict=True):
+        np.testing.assert_array_equal(many, one)
 
 
 def test_the_map_is_left_alone_and_a_map_without_free_cells_has_no_scans() -> None:
@@ -156,16 +117,14 @@ def test_the_map_is_left_alone_and_a_map_without_free_cells_has_no_scans() -> No
     [
         (
             np.ones((2, 3), np.bool_),
-            "mask must have the map's shape (3, 2), got (2, 3); transpose it: mask.T",
+            r"the map's shape \(3, 2\), got \(2, 3\); transpose it: mask.T",
         ),
         (np.ones((3, 2)), "mask must be boolean, got dtype float64"),
     ],
 )
 def test_a_wrong_mask_is_refused(mask: NDArray[Any], message: str) -> None:
     grid = OccupancyGrid(np.zeros((3, 2), np.int8), resolution_m=1.0)
-    with pytest.raises(InputError) as caught:
-        cast_cells(grid, Sensor(n_beams=4), mask=mask)
-    assert str(caught.value) == message
+    refused(InputError, message, cast_cells, grid, Sensor(n_beams=4), mask=mask)
 
 
 # ------------------------------------------------------------------ poses
@@ -187,63 +146,20 @@ def test_poses_read_what_following_the_ray_reads(
     local = rng.uniform((-1, -1), (10, 9), (5, 2))  # some lie outside the map
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     xy = 0.25 * local @ np.array([[cos, sin], [-sin, cos]]) + (3.0, -1.0)
-    angles = np.linspace(-2, 2, 7)
-    got = cast_poses(
-        grid,
-        np.column_stack((xy, np.full(5, heading_rad))),
-        angles,
-        max_range_m=1.5,
-        stop_at_unknown=stop_at_unknown,
-    )
-    expected = [
-        [
-            reference.cast_ray(
-                grid,
-                x,
-                y,
-                (np.cos(heading_rad + a - yaw_rad), np.sin(heading_rad + a - yaw_rad)),
-                max_range_m=1.5,
-                stop_at_unknown=stop_at_unknown,
-            )
-            for a in angles
-        ]
-        for x, y in local
-    ]
-    assert_same_ranges(got, np.array(expected), 0.25)
+    poses, angles = np.column_stack((xy, np.full(5, heading_rad))), np.linspace(-2, 2, 7)
+    options: dict[str, Any] = {"max_range_m": 1.5, "stop_at_unknown": stop_at_unknown}
+    ways = [(np.cos(a), np.sin(a)) for a in heading_rad + angles - yaw_rad]
+    wanted = [[reference.cast_ray(grid, x, y, way, **options) for way in ways] for x, y in local]
+    assert_same_ranges(cast_poses(grid, poses, angles, **options), np.array(wanted), 0.25)
 
 
-def test_poses_at_cell_centres_read_the_cells_scans() -> None:
-    grid = random_grid(3, (30, 40), occupied=0.03)
-    sensor = Sensor(n_beams=50, max_range_m=20.0)
-    centres = grid.cell_centres_m(np.argwhere(grid.free))
-    poses = np.column_stack((centres, np.zeros(len(centres))))
-    got = cast_poses(grid, poses, sensor.angles_rad, max_range_m=20.0)
-    np.testing.assert_allclose(got, cast_cells(grid, sensor), rtol=1e-6, atol=1e-6)
-
-
-def test_headings_turn_the_beams() -> None:
-    grid = random_grid(3, (30, 40), occupied=0.03)
-    angles = Sensor(n_beams=12).angles_rad
-    ahead = cast_poses(grid, [[7.3, 8.4, 0.0]], angles, max_range_m=9.0)
-    left = cast_poses(grid, [[7.3, 8.4, np.pi / 2]], angles, max_range_m=9.0)
-    np.testing.assert_allclose(left, np.roll(ahead, -3, axis=1), rtol=1e-5)
-
-
-def test_a_pose_in_a_wall_or_off_the_map_reads_nothing() -> None:
-    grid = small_grid([[FREE, OCCUPIED]], 1.0)
-    poses = [[1.5, 0.5, 0.0], [-3.0, 0.5, 0.0], [0.5, 1e9, 0.0], [2.0, 0.5, 0.0]]
-    np.testing.assert_array_equal(cast_poses(grid, poses, [0.0, 1.0], max_range_m=5.0), 0)
-
-
-@pytest.mark.parametrize("n_threads", [2, 5])
-def test_poses_do_not_depend_on_threads(n_threads: int) -> None:
-    grid = random_grid(5, (20, 20))
-    poses = np.random.default_rng(5).uniform(0, 20, (700, 3))
-    with thread_limit(1):
-        one = cast_poses(grid, poses, np.linspace(-1, 1, 9), max_range_m=9.0)
-    with thread_limit(n_threads):
-        many = cast_poses(grid, poses, np.linspace(-1, 1, 9), max_range_m=9.0)
-    np.testing.assert_array_equal(many, one)
+@pytest.mark.parametrize("yaw", [0.0, 0.3])
+@pytest.mark.parametrize("far", [5.0, 1e9, 1e18, -1e19, 1e300, 1e308])
+def test_a_pose_in_a_wall_or_off_the_map_reads_nothing(yaw: float, far: float) -> None:
+    grid = OccupancyGrid(np.array([[FREE, OCCUPIED]], np.int8), 1.0, (0.0, 0.0), yaw)
+    poses = [[1.5, 0.5, 0.0], [far, far, 0.0], [far, 0.5, far], [0.5, far, 0.0], [far, -far, 0.0]]
+    poses[0][:2] = grid.cell_centres_m([[0, 1]])[0].tolist()
+    assert not cast_poses(grid, poses, [0.0, 1.0], max_range_m=5.0).any()
 
 
 @pytest.mark.parametrize(
@@ -258,15 +174,6 @@ def test_poses_do_not_depend_on_threads(n_threads: int) -> None:
 def test_wrong_poses_are_refused(
     poses: list[Any], angles: list[Any], max_range_m: float, message: str
 ) -> None:
-    grid = small_grid([[FREE]], 1.0)
-    with pytest.raises(InputError) as caught:
-        cast_poses(grid, poses, angles, max_range_m=max_range_m)
-    assert str(caught.value).startswith(message)
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.3])
-@pytest.mark.parametrize("far", [1e9, 1e18, -1e19, 1e300, 1e308])
-def test_a_pose_beyond_every_map_reads_nothing(yaw: float, far: float) -> None:
-    grid = OccupancyGrid(np.zeros((40, 50), np.int8), 0.1, (0.0, 0.0), yaw)
-    poses = [[far, far, 0.0], [far, 1.0, far], [1.0, far, 0.0], [far, -far, 0.0]]
-    assert not cast_poses(grid, poses, [0.0, 0.5], max_range_m=10.0).any()
+    grid = OccupancyGrid(np.array([[FREE]], np.int8), 1.0)
+    options = {"max_range_m": max_range_m}
+    refused(InputError, re.escape(message), cast_poses, grid, poses, angles, **options)

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from pgm_places import LabelledMap, ScanGeometry, Similarity
+from pgm_places import LabelledMap, ScanGeometry, Similarity, load_labels, load_map
 from pgm_places.io.logs.carmen import read_carmen
 from pgm_places.io.logs.pose_csv import read_pose_csv
-from pgm_places.io.maps.label_image import load_labels
-from pgm_places.io.maps.map_server import load_map
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.simulation.simulated_robot import scans_along
 from tests.real_data import real_data_folder

@@ -3,12 +3,13 @@ from math import pi
 import numpy as np
 import pytest
 
+from pgm_places import OccupancyGrid, ScanGeometry
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion, _nearest_beams
-from pgm_places.trajectories.scan import ScanGeometry
+from tests.refusals import refused
 
 FRONT = ScanGeometry.half_circle(360, range_max_m=80.0)
 CANONICAL = np.arange(360) * (2 * pi / 360)
@@ -124,16 +125,13 @@ def test_a_full_circle_laser_needs_nothing_else() -> None:
 def test_options_that_do_not_go_together_are_refused(
     options: dict[str, object], message: str
 ) -> None:
-    with pytest.raises(ConfigError, match=message):
-        ScanCompletion(FRONT, max_range_m=30.0, **options)  # type: ignore[arg-type]
+    refused(ConfigError, message, ScanCompletion, FRONT, max_range_m=30.0, **options)
 
 
 def test_scans_of_other_beams_are_refused() -> None:
     circle = ScanCompletion(FRONT, max_range_m=30.0)
-    with pytest.raises(InputError, match="360 beams"):
-        circle.add([0.0, 0.0, 0.0], np.ones(180))
-    with pytest.raises(InputError, match="2 poses but 1 scans"):
-        circle.complete(np.zeros((2, 3)), np.ones((1, 360)))
+    refused(InputError, "360 beams", circle.add, [0.0, 0.0, 0.0], np.ones(180))
+    refused(InputError, "2 poses but 1 scans", circle.complete, np.zeros((2, 3)), np.ones((1, 360)))
 
 
 def test_beams_finer_than_wanted_stand_for_directions_beside_their_last() -> None:

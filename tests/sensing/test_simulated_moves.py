@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from pgm_places import LabelledMap, OccupancyGrid
 from pgm_places.errors import InputError
-from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
 from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
+from tests.refusals import refused
 
 
 def two_rooms(door_cells: int) -> LabelledMap:
@@ -78,17 +79,14 @@ def test_starts_lie_inside_the_window() -> None:
     ],
 )
 def test_runs_that_cannot_be_driven_are_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        simulate_moves([two_rooms(20)], 3, **options)  # type: ignore[arg-type]
+    refused(InputError, message, simulate_moves, [two_rooms(20)], 3, **options)
 
 
 def test_labels_are_needed() -> None:
     item = two_rooms(20)
-    with pytest.raises(InputError, match="only 2 labels"):
-        simulate_moves([item], 2)
+    refused(InputError, "only 2 labels", simulate_moves, [item], 2)
     blank = LabelledMap(item.grid, np.full(item.grid.shape, -1, np.int16))
-    with pytest.raises(InputError, match="labelled free cell"):
-        simulate_moves([blank], 3)
+    refused(InputError, "labelled free cell", simulate_moves, [blank], 3)
 
 
 def test_rows_of_rare_labels_are_exact_by_default() -> None:

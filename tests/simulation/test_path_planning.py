@@ -9,6 +9,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.simulation.building import LabelledBuilding, generate_building
 from pgm_places.simulation.path_planning import PathPlanner
+from tests.refusals import refused
 
 
 @pytest.fixture(scope="module")
@@ -122,27 +123,18 @@ def test_a_robot_fits_where_it_is_as_far_from_all_walls_as_its_radius() -> None:
     assert planner.grid.cells_at_m(planner.positions_m).tolist() == wanted
 
 
-def test_unknown_space_is_no_place_for_a_robot() -> None:
-    cells = np.full((20, 20), UNKNOWN)
-    with pytest.raises(InputError, match="fits nowhere on this map"):
-        PathPlanner(OccupancyGrid(cells, 0.1))
-    with pytest.raises(InputError, match=r"radius 2 m fits nowhere .* has 1\.50 m to the walls"):
-        PathPlanner(rooms(), radius_m=2.0)
-
-
 def test_fine_maps_are_planned_on_coarser_cells() -> None:
     fine = OccupancyGrid(np.kron(rooms().cells, np.ones((4, 4), np.int8)), 0.025)
     assert len(PathPlanner(fine).positions_m) < 2 * len(PathPlanner(rooms()).positions_m)
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan])
-def test_a_robot_has_a_size(radius: float) -> None:
-    with pytest.raises(InputError, match="radius_m must be a positive length"):
-        PathPlanner(rooms(), radius_m=radius)
-
-
-def test_a_way_has_two_ends() -> None:
-    with pytest.raises(InputError, match="at least two stops, got 1"):
-        PathPlanner(rooms()).way([0.0, 6.5])
-    with pytest.raises(InputError, match="spacing_m must be a positive length"):
-        PathPlanner(rooms()).tour(spacing_m=0.0)
+def test_what_cannot_be_planned_is_refused() -> None:
+    planner, unknown = PathPlanner(rooms()), OccupancyGrid(np.full((20, 20), UNKNOWN), 0.1)
+    wanted = r"radius 2 m fits nowhere .* has 1\.50 m to the walls"
+    refused(InputError, wanted, PathPlanner, rooms(), radius_m=2.0)
+    refused(InputError, "fits nowhere on this map", PathPlanner, unknown)
+    for radius in (0.0, -1.0, np.nan):
+        wanted = "radius_m must be a positive length"
+        refused(InputError, wanted, PathPlanner, rooms(), radius_m=radius)
+    refused(InputError, "at least two stops, got 1", planner.way, [0.0, 6.5])
+    refused(InputError, "spacing_m must be a positive length", planner.tour, spacing_m=0.0)

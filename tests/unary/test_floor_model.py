@@ -5,15 +5,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places import LabelledMap, PlaceLabeler, load, save
+from pgm_places import (
+    LabelGraph,
+    LabelledMap,
+    OccupancyGrid,
+    PlaceLabeler,
+    PlaceMethod,
+    label_map,
+    load,
+    save,
+)
 from pgm_places.errors import ConfigError
 from pgm_places.floor.raster import holders
 from pgm_places.floor.view import FloorScores
-from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelers.method import PlaceMethod
-from pgm_places.labelling.label import label_map
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.simulation import generate_building
@@ -23,6 +29,7 @@ from pgm_places.unary.feature_table import CachedFeatures
 from pgm_places.unary.floor_model import FloorModel, columns_of, with_floor
 from pgm_places.unary.options import SpaceOptions
 from tests.floor.random_network import random_network
+from tests.refusals import refused
 
 LABELS = ("corridor", "room", "doorway")
 
@@ -85,8 +92,7 @@ def test_labels_are_found_by_name(order: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize("names", [("corridor", "kitchen"), ("room", "doorway"), ("a", "b")])
 def test_other_labels_are_refused(names: tuple[str, ...]) -> None:
-    with pytest.raises(ConfigError, match="the floor networks tell corridor, room"):
-        columns_of(names)
+    refused(ConfigError, "the floor networks tell corridor, room", columns_of, names)
 
 
 @pytest.fixture(scope="module")
@@ -124,15 +130,6 @@ def test_a_method_labels_the_mean(fitted: tuple[PlaceLabeler, LabelledMap]) -> N
     labels = labeler.with_options(whole_spaces=False).label(known.grid, method="both").labels
     np.testing.assert_array_equal(labels, wanted.argmax(axis=1))
     assert (labels != labeler.label(known.grid, method="alone").labels).any()
-
-
-def test_only_what_is_asked_for_is_returned(fitted: tuple[PlaceLabeler, LabelledMap]) -> None:
-    labeler, known = fitted
-    _, scores = labeler.scores(known.grid, methods=["both"])
-    assert scores.space is None
-    assert scores.floor is not None
-    _, scores = labeler.scores(known.grid, methods=["alone"])
-    assert scores.floor is None
 
 
 def test_it_is_saved_with_its_networks(

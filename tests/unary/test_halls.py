@@ -6,15 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save, trained_labeler
-from pgm_places.errors import ConfigError
+from pgm_places import (
+    Labeling,
+    LabelledMap,
+    OccupancyGrid,
+    PlaceLabeler,
+    Status,
+    evaluate,
+    label_map,
+    load,
+    save,
+    trained_labeler,
+)
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare_fitted
 from pgm_places.experiment.tasks import Trained, task_of
-from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.labelling.label import label_map
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.simulation import generate_building
 from pgm_places.unary.cell_scorers import without_halls
 from pgm_places.unary.halls import HallNames
@@ -134,8 +141,3 @@ def test_a_labeler_that_learns_halls_keeps_its_choice_when_it_is_saved(tmp_path:
     assert folded.label_names_ == names[:3]
     assert folded.label(grid).labels.max() < 3
     assert labeler.score(maps) > 0.9
-
-
-def test_other_choices_are_refused() -> None:
-    with pytest.raises(ConfigError, match="halls must be 'corridor', 'room' or 'hall', got 'foo'"):
-        trained_labeler("generated").with_options(halls="foo")

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pgm_places import OccupancyGrid, TrajectoryLabeler, load, save
 from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.floor.architecture import parameters
 from pgm_places.floor.network import FloorNetwork
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.persistence.stored import load, save
 from pgm_places.persistence.trajectory_labeler import dump
 from pgm_places.persistence.trajectory_labeler import load as labeler_of
 from pgm_places.trained import trained_floor

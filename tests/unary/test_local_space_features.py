@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 import pgm_places
-from pgm_places import LabelledMap, ScanGeometry, Trajectory, TrajectoryLabeler
+from pgm_places import LabelledMap, OccupancyGrid, ScanGeometry, Trajectory, TrajectoryLabeler
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.simulation import generate_building
 from pgm_places.simulation.simulated_robot import SimulatedRobot

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save
+from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, evaluate, load, save
 from pgm_places.errors import ConfigError
-from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.sensing.sensor import Sensor
 from pgm_places.simulation import generate_building
 from pgm_places.unary.learning import UnaryLearner
 from pgm_places.unary.list_learning import without_a_domain
@@ -53,12 +51,6 @@ def test_it_labels_a_building_that_it_has_not_seen(labeler: PlaceLabeler) -> Non
     figures = evaluate(other.truth(other.graph()), found.labels, NAMES)
     assert figures.accuracy > 0.95
     assert figures.balanced_accuracy > 0.85
-
-
-def test_probabilities_sum_to_one(labeler: PlaceLabeler) -> None:
-    _, scores = labeler.scores(building(4).grid)
-    assert scores.space is not None
-    np.testing.assert_allclose(np.exp(scores.space).sum(axis=1), 1.0, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("n_threads", [1, 3])

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from pgm_places import _checks
 from pgm_places.graph.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.strong_classifier import BoostedTrees
 from pgm_places.simulation import generate_building
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary import cell_scorers
 from pgm_places.unary.cell_scorers import SpaceScorer, aligned_log_proba
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, MapSpaces, SpaceModel, with_gates
 
@@ -67,8 +65,7 @@ def test_maps_without_gates_have_no_nodes_at_them() -> None:
     assert spaces.nodes_at_gates(none).of(np.arange(3)).tolist() == [0, 0, 0]
 
 
-def test_gates_multiply_the_odds_of_doorways(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_checks, "ROWS_AT_ONCE", 7)
+def test_gates_multiply_the_odds_of_doorways() -> None:
     rng = np.random.default_rng(0)
     z, at_gate = rng.dirichlet(np.ones(3), 40), rng.random(40).astype(np.float32)
     log_z = np.log(z)
@@ -79,9 +76,7 @@ def test_gates_multiply_the_odds_of_doorways(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("doorway", [None, 2])
-def test_cells_are_scored_alike_in_blocks_of_any_size(
-    doorway: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cells_are_scored_alike_in_blocks_of_any_size(doorway: int | None) -> None:
     spaces, layout = small_floor()
     gates = None if doorway is None else random_list(75, 2)
     model = SpaceModel(random_list(N_OWN + N_SPACE_COLUMNS, 3), gates, doorway)
@@ -90,7 +85,6 @@ def test_cells_are_scored_alike_in_blocks_of_any_size(
     wanted = aligned_log_proba(model.classifier, every, 3)
     if doorway is not None:
         wanted = with_gates(wanted, slow_at_gates(spaces, layout), doorway)
-    monkeypatch.setattr(cell_scorers, "_CELLS_PER_TASK", 1000)
     for given in (np.arange(N_OWN), None):
         item = SpaceScorer(model, spaces, layout, N_OWN, 3)
         columns = item.columns if given is None else given
