@@ -32,6 +32,11 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 
 autosummary_generate = True
+here = Path(__file__).parent
+api_page = (here / "api.md").read_text(encoding="utf-8")
+for stale in (here / "api").glob("*.rst"):  # pages of modules that were renamed since
+    if f"   {stale.stem}\n" not in api_page:
+        stale.unlink()
 autodoc_typehints = "none"  # the docstrings give shapes and units, which types cannot
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
