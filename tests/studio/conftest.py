@@ -1,7 +1,8 @@
 """A small map on a session without a model, and a client that speaks to it as a browser would."""
 
 import asyncio
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,25 @@ def two_rooms() -> OccupancyGrid:
     cells[5:25, 5:25] = cells[5:25, 26:46] = FREE
     cells[13:17, 25] = FREE
     return OccupancyGrid(cells, 0.2, (1.0, -2.0))
+
+
+def rectangle(label: int, *corners: Sequence[float]) -> dict[str, Any]:
+    """The edit that paints a rectangle in a class."""
+    stroke = {"tool": "rectangle", "points": [list(corner) for corner in corners], "radius": 1}
+    return {"kind": "stroke", "label": label, "stroke": stroke}
+
+
+def wait(session: MapSession, revision: int | None = None) -> None:
+    """Wait until the labels follow the painting, or have come to a revision of it."""
+    deadline = time.monotonic() + 300
+    while (
+        session.relabelling is None
+        or session.relabelling.revision < (revision or 0)
+        or session.learner.state.working
+        or (revision is None and session.learner._waiting)
+    ):
+        assert not session.learner.state.problem and time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from pgm_places.studio.session import MapSession
 from pgm_places.topology.checks import PlaceCheck
 from pgm_places.topology.from_labels import topological_map
 from tests.quick_labeler import places
+from tests.studio.conftest import rectangle, wait
 
 
 @given(st.integers(0, 2**31))
@@ -58,21 +58,8 @@ def labelled(map_yaml: Path) -> Iterator[MapSession]:
     session.close()
 
 
-def wait(session: MapSession, revision: int = 0) -> None:
-    deadline = time.monotonic() + 300
-    while (
-        session.relabelling is None
-        or session.relabelling.revision < revision
-        or session.learner.state.working
-    ):
-        assert not session.learner.state.problem and time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-def rectangle(session: MapSession, label: str, *corners: tuple[float, float]) -> dict[str, Any]:
-    stroke = {"tool": "rectangle", "points": [list(corner) for corner in corners], "radius": 1}
-    number = session.painting.classes.names.index(label)
-    return {"kind": "stroke", "label": number, "stroke": stroke}
+def paint(session: MapSession, label: str, *corners: tuple[float, float]) -> None:
+    session.edit(rectangle(session.painting.classes.names.index(label), *corners))
 
 
 def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: MapSession) -> None:
@@ -106,8 +93,8 @@ def test_a_confirmed_place_keeps_the_doorways_at_its_edge(labelled: MapSession) 
 
 def test_teaching_is_off_until_it_is_asked_for(labelled: MapSession) -> None:
     assert labelled.taught is not None and not labelled.learns
-    labelled.edit(rectangle(labelled, "corridor", (6, 6), (24, 12)))
-    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 12)))
+    paint(labelled, "corridor", (6, 6), (24, 12))
+    paint(labelled, "room", (27, 6), (45, 12))
     wait(labelled, 2)
     assert labelled.taught.labeler is labelled.labeler
     with pytest.raises(InputError, match="press 'Teach from this' first"):
@@ -122,8 +109,8 @@ def test_teaching_is_off_until_it_is_asked_for(labelled: MapSession) -> None:
 
 def test_a_class_that_the_model_does_not_know_is_learned_all_the_same(labelled: MapSession) -> None:
     labelled.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
-    labelled.edit(rectangle(labelled, "lab", (6, 6), (24, 24)))
-    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
+    paint(labelled, "lab", (6, 6), (24, 24))
+    paint(labelled, "room", (27, 6), (45, 24))
     wait(labelled, 3)
     assert labelled.taught is not None
     assert "lab" in labelled.taught.label_names
@@ -134,8 +121,7 @@ def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: MapSes
     record = state_record(labelled)["relabelling"]
     first = record["agrees"]
     assert record["changed"] == "" and 0 <= first <= 1
-    whole = rectangle(labelled, "corridor", (5, 5), (25, 25))
-    labelled.edit({**whole, "stroke": {**whole["stroke"], "points": [[5, 5], [25, 24]]}})
+    paint(labelled, "corridor", (5, 5), (25, 24))
     wait(labelled, 1)
     assert labelled.changes is not None
     changed, record = labelled.changes.cells, state_record(labelled)["relabelling"]
@@ -152,7 +138,7 @@ def test_what_changes_is_said_shown_and_compared_with_the_truth(labelled: MapSes
 
 def test_a_place_that_looks_like_two_is_split_by_one_press(labelled: MapSession) -> None:
     """Both rooms and the door between them as one room; a corner keeps the other class alive."""
-    labelled.edit(rectangle(labelled, "room", (5, 5), (46, 25)))
+    paint(labelled, "room", (5, 5), (46, 25))
     wait(labelled, 1)
     assert labelled.taught is not None
     [region] = [item.id for item in labelled.taught.topology.regions if item.area_m2 > 20]
@@ -186,8 +172,8 @@ def test_labels_follow_the_numbers_of_classes_and_those_of_the_model_stay(
         labelled.edit({"kind": "drop", "index": 0})
     for number, name in enumerate(("lab", "shop"), start=3):
         labelled.edit({"kind": "class", "index": number, "name": name, "colour": "#112233"})
-    labelled.edit(rectangle(labelled, "shop", (6, 6), (24, 24)))
-    labelled.edit(rectangle(labelled, "room", (27, 6), (45, 24)))
+    paint(labelled, "shop", (6, 6), (24, 24))
+    paint(labelled, "room", (27, 6), (45, 24))
     wait(labelled, 4)
     assert labelled.relabelling is not None and labelled.relabelling.labels[10, 10] == 4
     labelled.learner.end()
@@ -219,9 +205,9 @@ def test_a_place_is_cut_without_a_doorway_and_merging_takes_the_cut_back(
         regions = labelled.taught.topology.regions
         return [region.id for region in regions if region.label == "room" and region.area_m2 > 4]
 
-    labelled.edit(rectangle(labelled, "room", (5, 5), (25, 25)))
-    labelled.edit(rectangle(labelled, "room", (26, 5), (46, 25)))
-    labelled.edit(rectangle(labelled, "doorway", (25, 13), (26, 17)))
+    paint(labelled, "room", (5, 5), (25, 25))
+    paint(labelled, "room", (26, 5), (46, 25))
+    paint(labelled, "doorway", (25, 13), (26, 17))
     wait(labelled, 3)
     before = rooms()
     assert len(before) == 2

@@ -95,8 +95,3 @@ def test_connections_beyond_the_bound_are_turned_away(
     assert b"200 OK" in answer(first[0])
     for each in (*first, *more):
         each.close()
-
-
-def test_the_port_of_the_last_time_is_used_again(address: str, session: MapSession) -> None:
-    kept = (session.folder / "port").read_text()
-    assert int(kept) == urlsplit(address).port

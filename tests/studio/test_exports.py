@@ -1,7 +1,6 @@
 """Exports of the studio as the command line reads them."""
 
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from pgm_places.studio.exports import write_export
 from pgm_places.studio.session import MapSession
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
-from tests.studio.conftest import two_rooms
+from tests.studio.conftest import rectangle, two_rooms, wait
 
 
 def run(*arguments: object) -> None:
@@ -32,15 +31,7 @@ def run(*arguments: object) -> None:
 
 
 def paint(session: MapSession, label: int, *corners: tuple[int, int]) -> None:
-    stroke = {"tool": "rectangle", "points": [list(point) for point in corners], "radius": 1}
-    session.edit({"kind": "stroke", "label": label, "stroke": stroke})
-
-
-def wait(session: MapSession) -> None:
-    deadline = time.monotonic() + 300
-    while session.relabelling is None or session.relabelling.revision < session.painting.revision:
-        assert not session.learner.state.problem and time.monotonic() < deadline
-        time.sleep(0.02)
+    session.edit(rectangle(label, *corners))
 
 
 def building_map(folder: Path) -> OccupancyGrid:
@@ -79,7 +70,7 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
         session.start()
         for label, *corners in painted:
             paint(session, label, *corners)
-        wait(session)
+        wait(session, session.painting.revision)
         assert session.taught is not None
         for what in ("training", "model", "labels"):
             write_export(session, what)

@@ -10,7 +10,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.studio.records import cell_record, places_record
 from pgm_places.studio.session import MapSession
 from tests.foyer import foyer_map
-from tests.studio.test_changes import wait
+from tests.studio.conftest import wait
 
 
 def test_a_corridor_that_is_rather_a_hall_is_said_to_be(tmp_path: Path) -> None:

@@ -23,16 +23,19 @@ def reference(raster: NDArray[Any], level: int) -> NDArray[np.uint8]:
     return np.asarray(blocks.max(axis=(1, 3)), np.uint8)
 
 
+def check(pyramid: Pyramid, raster: NDArray[np.uint8]) -> None:
+    """Every tile of every level is that of the reference."""
+    for level in range(pyramid.n_levels):
+        whole = reference(raster, level)
+        for row, column in np.ndindex(whole.shape[0] // TILE, whole.shape[1] // TILE):
+            part = whole[row * TILE :, column * TILE :][:TILE, :TILE]
+            assert (pyramid.tile(level, row, column) == part).all()
+
+
 @pytest.mark.parametrize("shape", [(10, 10), (256, 256), (700, 300), (257, 1100)])
 def test_every_tile_shows_the_largest_values(shape: tuple[int, int]) -> None:
     raster = np.random.default_rng(1).integers(0, 200, shape).astype(np.uint8)
-    pyramid = Pyramid(raster, np.asarray)
-    for level in range(pyramid.n_levels):
-        whole = reference(raster, level)
-        for row in range(whole.shape[0] // TILE):
-            for column in range(whole.shape[1] // TILE):
-                part = whole[row * TILE :, column * TILE :][:TILE, :TILE]
-                assert (pyramid.tile(level, row, column) == part).all()
+    check(Pyramid(raster, np.asarray), raster)
 
 
 def test_a_change_is_seen_at_every_level() -> None:
@@ -40,17 +43,10 @@ def test_a_change_is_seen_at_every_level() -> None:
     raster = generator.integers(0, 100, (1000, 700)).astype(np.uint8)
     pyramid = Pyramid(raster, np.asarray)
     for _ in range(8):
-        rows, columns = np.sort(generator.integers(0, 700, (2, 2)), axis=1)
-        rows[1] += 1
-        columns[1] += 1
+        rows, columns = np.add(np.sort(generator.integers(0, 700, (2, 2)), axis=1), (0, 1))
         raster[rows[0] : rows[1], columns[0] : columns[1]] = generator.integers(0, 250)
         pyramid.changed(slice(*rows.tolist()), slice(*columns.tolist()))
-        for level in range(pyramid.n_levels):
-            whole = reference(raster, level)
-            for row in range(whole.shape[0] // TILE):
-                for column in range(whole.shape[1] // TILE):
-                    part = whole[row * TILE :, column * TILE :][:TILE, :TILE]
-                    assert (pyramid.tile(level, row, column) == part).all()
+        check(pyramid, raster)
 
 
 def test_labels_of_a_file_keep_their_names_and_unlabelled_cells_stay_so() -> None:

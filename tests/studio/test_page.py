@@ -256,7 +256,7 @@ def colours_of_panes(page: Any, x: float, y: float) -> list[tuple[int, ...]]:
     return [tuple(page.evaluate(PIXEL, [x, y, k])) for k in range(panes)]
 
 
-def test_when_the_order_changes_the_next_place_is_the_one_that_has_moved_up(
+def test_the_next_place_is_the_one_that_has_moved_up_and_what_is_read_of_a_cell_its_own(
     opened: Open, running: StudioProcess
 ) -> None:
     page = opened(running)
@@ -279,22 +279,6 @@ def test_when_the_order_changes_the_next_place_is_the_one_that_has_moved_up(
     assert page.evaluate("studio.chosen") == ids[1]
     page.keyboard.press("n")
     assert page.evaluate("studio.chosen") == ids[0]
-
-
-def press(page: Any, key: str, code: str, **modifiers: bool) -> None:
-    """A key as a keyboard of another country sends it: what it types, and where it lies."""
-    page.evaluate(
-        """([key, code, modifiers]) => document.getElementById('canvas').dispatchEvent(
-            new KeyboardEvent(
-                'keydown', { key, code, bubbles: true, cancelable: true, ...modifiers }))""",
-        [key, code, modifiers],
-    )
-
-
-def test_what_is_read_of_a_cell_is_never_that_of_another(
-    opened: Open, running: StudioProcess
-) -> None:
-    page = opened(running)
     held: list[Any] = []
     page.route("**/cell?*", lambda route: held.append(route))
     page.mouse.move(*at(page, 10.5, 10.5))
@@ -312,6 +296,16 @@ def test_what_is_read_of_a_cell_is_never_that_of_another(
     before = page.inner_text("#readout")
     page.keyboard.press("+")  # another cell is under the pointer now
     until(page, f"document.getElementById('readout').textContent !== {before!r}")
+
+
+def press(page: Any, key: str, code: str, **modifiers: bool) -> None:
+    """A key as a keyboard of another country sends it: what it types, and where it lies."""
+    page.evaluate(
+        """([key, code, modifiers]) => document.getElementById('canvas').dispatchEvent(
+            new KeyboardEvent(
+                'keydown', { key, code, bubbles: true, cancelable: true, ...modifiers }))""",
+        [key, code, modifiers],
+    )
 
 
 def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
@@ -530,6 +524,23 @@ def test_nothing_is_lost_by_a_reload_or_a_kill(
         page.keyboard.press("Control+z")
         wait_revision(page, 3)
         assert page.evaluate("studio.state.painted") == 0
+    page.wait_for_selector("#status.failed")
+    page.keyboard.press("r")
+    drag(page, (8, 8), (18, 12))
+    page.wait_for_selector("#toast.bad")
+    assert "does not answer, so this was not kept" in page.inner_text("#toast")
+    assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
+        "status failed"
+    )
+    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
+    assert "this tab cannot know where" in page.inner_text("#notices")
+    assert (painted(map_yaml).labels == -1).all()
+    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
+        page.wait_for_selector("#notices >> text=cannot know its address")
+        opened(again)
+        page.click("text=Go on in the new one.")
+        until(page, "window.studio?.state")
+        assert page.url == again.address
 
 
 def test_a_large_map_is_moved_and_zoomed_by_keys_and_wheel(browser: Any, tmp_path: Path) -> None:
@@ -621,7 +632,7 @@ def test_a_doorway_is_shown_in_its_colour_where_it_will_end_and_painted_by_two_c
     assert (painted(map_yaml).labels[13:17, 25] == 2).all()
 
 
-def test_a_class_is_coloured_renamed_and_deleted_in_place(
+def test_a_class_is_changed_in_place_and_a_second_tab_and_a_changed_map_are_noticed(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
@@ -647,45 +658,16 @@ def test_a_class_is_coloured_renamed_and_deleted_in_place(
     page.get_by_role("button", name="Delete gate").click()
     until(page, "studio.state.classes.length === 2")
     assert page.get_by_role("button", name="Delete room").count() == 0  # two must be left
-
-
-def test_a_second_tab_and_a_changed_map_are_noticed(
-    opened: Open, running: StudioProcess, map_yaml: Path
-) -> None:
-    first, second = opened(running), opened(running)
+    first, second = page, opened(running)
     first.wait_for_selector("text=open in 2 tabs")
     first.keyboard.press("1")
     drag(first, (8, 8), (18, 12))
-    wait_revision(second, 1)
+    wait_revision(second, 5)
     second.close()
     first.wait_for_selector("text=open in 2 tabs", state="detached")
     map_yaml.write_text(map_yaml.read_text() + "\n")
     drag(first, (8, 8), (10, 8))
     first.wait_for_selector("text=was changed on the disk")
-
-
-def test_strokes_after_the_studio_has_ended_are_refused_and_its_tab_leads_to_the_next(
-    opened: Open, running: StudioProcess, map_yaml: Path
-) -> None:
-    page = opened(running)
-    running.kill()
-    page.wait_for_selector("#status.failed")
-    page.keyboard.press("r")
-    drag(page, (8, 8), (18, 12))
-    page.wait_for_selector("#toast.bad")
-    assert "does not answer, so this was not kept" in page.inner_text("#toast")
-    assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
-        "status failed"
-    )
-    assert page.inner_text("#status") == "The studio has ended; 1 edit since was not kept"
-    assert "this tab cannot know where" in page.inner_text("#notices")
-    assert (painted(map_yaml).labels == -1).all()
-    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
-        page.wait_for_selector("#notices >> text=cannot know its address")
-        opened(again)
-        page.click("text=Go on in the new one.")
-        until(page, "window.studio?.state")
-        assert page.url == again.address
 
 
 def test_two_panes_keep_their_middle_and_are_stacked_on_a_phone(

@@ -1,6 +1,5 @@
 """What a restart of the studio keeps: labels, teaching, ids and names; exports up to date."""
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from pgm_places.studio.session import MapSession
 from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.place_ids import PlaceIds
 from tests.quick_labeler import places
+from tests.studio.conftest import rectangle, wait
 
 Open = Callable[[], MapSession]
 
@@ -44,14 +44,6 @@ def studio(map_yaml: Path) -> Iterator[Open]:
 
     yield opened
     made[-1].close()
-
-
-def wait(session: MapSession) -> None:
-    """Wait until the newest labels follow the painting."""
-    deadline = time.monotonic() + 300
-    while session.relabelling is None or session.learner.state.working or session.learner._waiting:
-        assert not session.learner.state.problem and time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def paint(
@@ -177,8 +169,7 @@ def test_an_export_while_the_labels_are_those_of_earlier_paint_is_out_of_date(st
     session = studio()
     paint(session, "room", (6, 6), (24, 24))
     session.learner.ask = lambda question: None  # type: ignore[method-assign]  # it is busy
-    stroke = {"tool": "rectangle", "points": [[27, 6], [45, 24]], "radius": 1}
-    session.edit({"kind": "stroke", "label": 0, "stroke": stroke})
+    session.edit(rectangle(0, (27, 6), (45, 24)))
     write_export(session, "labels")
     write_export(session, "corrections")
     assert older(session) == {"labels"}

@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.studio.session import MapSession
 from pgm_places.studio.session_pool import MOST_OPEN, MapEntry, SessionPool
-from tests.studio.conftest import HOST, Client, two_rooms
+from tests.studio.conftest import HOST, Client, rectangle, two_rooms
 
 
 def book(folder: Path, title: str) -> MapEntry:
@@ -29,11 +28,6 @@ def pool(tmp_path: Path) -> Iterator[SessionPool]:
     found = SessionPool([book(tmp_path, f"floor {k}") for k in range(6)], tmp_path / "kept")
     yield found
     found.close()
-
-
-def rectangle(label: int, *corners: list[float]) -> dict[str, Any]:
-    stroke = {"tool": "rectangle", "points": list(corners), "radius": 1}
-    return {"kind": "stroke", "label": label, "stroke": stroke}
 
 
 def test_maps_open_when_they_are_looked_at_and_few_stay_open(pool: SessionPool) -> None:

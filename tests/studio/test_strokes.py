@@ -116,14 +116,6 @@ def test_a_polygon_covers_the_centres_inside_on_a_rotated_map() -> None:
     assert (covered(stroke, OPEN) == expected)[~on_the_edge].all()
 
 
-def test_a_doorway_reaches_from_wall_to_wall_and_no_further() -> None:
-    grid = two_rooms()
-    ends = doorway_ends(((25.5, 14.5), (25.5, 15.5)), grid)
-    runs = stroke_cells(Stroke(tool="doorway", points=((25.5, 14.5), (25.5, 15.5))), grid)
-    assert runs[:, 0].tolist() == [13, 14, 15, 16]
-    assert np.ptp(ends, axis=0).tolist() == pytest.approx([3.0, 0.0], abs=1.0)
-
-
 def test_a_doorway_far_from_walls_stays_as_it_was_drawn() -> None:
     open_space = OccupancyGrid(np.zeros((100, 100), np.int8), 0.1)
     ends = doorway_ends(((50.0, 50.0), (55.0, 50.0)), open_space)
@@ -168,14 +160,17 @@ def test_a_doorway_far_from_walls_ends_at_the_outline_of_its_region() -> None:
     assert not parts(stroke_cells(line, grid, limits), grid, limits)  # one can walk around it
 
 
-def test_a_doorway_that_is_drawn_again_is_not_stopped_by_itself() -> None:
+@pytest.mark.parametrize("is_drawn", [False, True])
+def test_a_doorway_reaches_from_wall_to_wall_also_where_it_is_drawn_again(is_drawn: bool) -> None:
     grid = two_rooms()
-    paint = np.full(grid.shape, -1, np.int16)
-    paint[13:17, 25] = 2
+    limits = Limits(np.full(grid.shape, -1, np.int16), 2)
+    limits.paint[13:17, 25] = 2 if is_drawn else -1
     points = ((25.5, 14.5), (25.5, 15.5))
-    runs = stroke_cells(Stroke(tool="doorway", points=points), grid, Limits(paint, 2))
+    ends = doorway_ends(points, grid, limits)
+    assert np.ptp(ends, axis=0).tolist() == pytest.approx([3.0, 0.0], abs=1.0)
+    runs = stroke_cells(Stroke(tool="doorway", points=points), grid, limits)
     assert runs[:, 0].tolist() == [13, 14, 15, 16]
-    assert parts(runs, grid, Limits(paint, 2))
+    assert parts(runs, grid, limits)
 
 
 def test_a_line_that_begins_in_a_doorway_runs_to_the_walls_on_both_sides() -> None:
@@ -251,12 +246,9 @@ def test_runs_hold_the_same_cells_and_are_as_long_as_can_be(cells: set[int]) -> 
 
 
 @pytest.mark.parametrize("run", [[0, 0, 18], [12, 0, 1], [-1, 0, 1], [0, 0, 0], [0, 0, 2**62]])
-def test_runs_outside_the_map_are_refused(run: list[int]) -> None:
+def test_runs_that_the_map_cannot_hold_are_refused(run: list[int]) -> None:
     with pytest.raises(InputError, match="outside the map"):
         checked_runs(np.array([run]), (12, 17))
-
-
-def test_runs_of_more_cells_than_the_map_has_are_refused() -> None:
     whole = np.array([[row, 0, 17] for row in range(12)])
     assert checked_runs(whole.ravel(), (12, 17)).tolist() == whole.tolist()
     with pytest.raises(InputError, match="runs of 205 cells overlap: the map has 204"):
