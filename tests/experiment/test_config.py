@@ -1,12 +1,11 @@
 """Configurations: defaults, and one clear line for everything that is wrong."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pgm_places.errors import ConfigError
-from pgm_places.experiment.config import load_config, parse_config
+from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.config_presets import preset_record
 from pgm_places.experiment.setup import make_labeler, resolved_config
 
@@ -23,6 +22,11 @@ def changed(**parts: Any) -> dict[str, Any]:
     return {**minimal(), **parts}
 
 
+def source(**keys: Any) -> dict[str, Any]:
+    """With further keys of its only map."""
+    return changed(train=[{"map": "a.yaml", "labels": "a.png", **keys}])
+
+
 def test_defaults_are_filled_in() -> None:
     config = parse_config(minimal())
     assert config.sensor.n_beams == 360
@@ -33,8 +37,7 @@ def test_defaults_are_filled_in() -> None:
 
 
 def test_windows_may_be_open() -> None:
-    source = {"map": "a.yaml", "labels": "a.png", "columns": [366, "end"], "rows": ["", 10]}
-    config = parse_config(changed(train=[source]))
+    config = parse_config(source(columns=[366, "end"], rows=["", 10]))
     assert config.train[0].window == {"columns": (366, None), "rows": (None, 10)}
 
 
@@ -48,49 +51,31 @@ def test_other_keys_of_a_method_are_its_options() -> None:
     [
         (changed(resolution=0.2), "unknown key 'resolution'. Did you mean 'resolution_m'?"),
         (
-            changed(train=[{"map": "a.yaml", "labels": "a.png", "collumns": [0, 1]}]),
+            source(collumns=[0, 1]),
             "unknown key 'train[0].collumns'. Did you mean 'columns'?",
         ),
         (changed(sensor={"beams": 1}), "unknown key 'sensor.beams'. Did you mean 'n_beams'?"),
-        (
-            changed(sensor={"n_beams": "360"}),
-            "sensor.n_beams must be a whole number from 3 to 3600, got '360'",
-        ),
+        (changed(sensor={"n_beams": "360"}), "n_beams must be a whole number from 3 to 3600"),
         (changed(resolution_m=-0.1), "resolution_m must be a number above 0 or None, got -0.1"),
+        (changed(resolution_m=float("nan")), "resolution_m must be a number above 0 or None, got"),
         (
-            changed(resolution_m=float("nan")),
-            "resolution_m must be a number above 0 or None, got nan",
-        ),
-        (
-            changed(train=[{"map": "a.yaml", "labels": "a.png", "half": "left"}]),
+            source(half="left"),
             "train[0]: half is for generated buildings",
         ),
         (
-            changed(train=[{"map": "a.yaml", "labels": "a.png", "furniture": False}]),
+            source(furniture=False),
             "train[0]: furniture: for generated buildings only",
         ),
+        (changed(train=[{"labels": "a.png"}]), "train[0]: give either map (a YAML file) or"),
         (
-            changed(train=[{"labels": "a.png"}]),
+            source(generated=1),
             "train[0]: give either map (a YAML file) or generated",
         ),
+        (changed(train=[{"generated": 1, "labels": "a.png"}]), "train[0]: a generated building"),
+        (changed(classifier={"prior_weight": -1.0}), "prior_weight must be a number from 0 to 2"),
+        (changed(classifier={"max_depth": 5}), "max_depth must be a whole number from 1 to 4"),
         (
-            changed(train=[{"map": "a.yaml", "labels": "a.png", "generated": 1}]),
-            "train[0]: give either map (a YAML file) or generated",
-        ),
-        (
-            changed(train=[{"generated": 1, "labels": "a.png"}]),
-            "train[0]: a generated building has its own labels",
-        ),
-        (
-            changed(classifier={"prior_weight": -1.0}),
-            "classifier.prior_weight must be a number from 0 to 2",
-        ),
-        (
-            changed(classifier={"max_depth": 5}),
-            "classifier.max_depth must be a whole number from 1 to 4",
-        ),
-        (
-            changed(train=[{"map": "a.yaml", "labels": "a.png", "unknown_value": "any"}]),
+            source(unknown_value="any"),
             "unknown_value must be a whole number from 0 to 255, 'none', or None, got 'any'",
         ),
         (changed(train=[{"map": "a.yaml"}]), "train[0]: give either labels (an image) or regions"),
@@ -115,10 +100,7 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             ),
             "a method has unary = 'context' but [context] half_widths_m is empty",
         ),
-        (
-            changed(classifier={"order": ["corridor", "kitchen"]}),
-            "classifier.order must name each of ['corridor', 'room'] once",
-        ),
+        (changed(classifier={"order": ["corridor", "kitchen"]}), "classifier.order must name each"),
         (
             changed(train=[{"map": "a", "regions": "r.geojson", "classes": {"CR": "corridors"}}]),
             "train[0].classes: 'CR' is translated to 'corridors', which is not a label",
@@ -131,20 +113,6 @@ def test_mistakes_are_named_with_their_place(content: dict[str, Any], message: s
     assert str(caught.value).startswith("office.toml: ")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_missing_and_broken_files(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
-        load_config(tmp_path / "none.toml")
-    broken = tmp_path / "broken.toml"
-    broken.write_text("labels = [")
-    with pytest.raises(ConfigError, match="is not valid TOML"):
-        load_config(broken)
-    broken.write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match="not UTF-8"):
-        load_config(broken)
-    with pytest.raises(ConfigError, match="is a folder"):
-        load_config(tmp_path)
 
 
 def test_the_classifier_takes_the_options_of_its_trees() -> None:
@@ -196,19 +164,8 @@ def test_noise_is_a_preset_of_its_own() -> None:
     ("content", "message"),
     [
         (changed(preset="paper", classifier=3), "classifier must be a table of options"),
-        (
-            changed(preset="article"),
-            "preset must be 'paper' or 'paper-noise' or None, got 'article'",
-        ),
-        (
-            {
-                "labels": {"names": ["corridor", "room"]},
-                "train": [{"map": "a.yaml", "labels": "a.png"}],
-                "base_model": "default",
-                "preset": "paper",
-            },
-            "preset is for training from scratch",
-        ),
+        (changed(preset="article"), "preset must be 'paper' or 'paper-noise' or None, got '"),
+        (changed(base_model="default", preset="paper"), "preset is for training from scratch"),
     ],
 )
 def test_a_bad_preset_gets_one_line(content: dict[str, Any], message: str) -> None:
@@ -234,15 +191,7 @@ def test_what_a_preset_set_is_told_from_what_was_given() -> None:
 
 
 def test_ids_may_say_what_a_method_does() -> None:
-    methods = [{"name": "amn", "id": "amn (C = 10, lp) [raw]"}, {"name": "amn", "id": "a/b"}]
-    base = {
-        "labels": {"names": ["corridor", "room"]},
-        "train": [{"generated": 1}],
-        "test": [{"generated": 2}],
-    }
-    config = parse_config({**base, "methods": methods[:1]})
+    config = parse_config(changed(methods=[{"name": "amn", "id": "amn (C = 10, lp) [raw]"}]))
     assert config.methods[0].id == "amn (C = 10, lp) [raw]"
-    with pytest.raises(
-        ConfigError, match=r"letters, digits, spaces and _\.,\+=\(\)\[\]-.* got 'a/b'"
-    ):
-        parse_config({**base, "methods": methods[1:]})
+    with pytest.raises(ConfigError, match=r"digits, spaces and _\.,\+=\(\)\[\]-.* got 'a/b'"):
+        parse_config(changed(methods=[{"name": "amn", "id": "a/b"}]))

@@ -51,19 +51,9 @@ BYTES_OF_CELL = 4 * 321
 
 
 def cells(
-    maps: list[LabelledMap],
-    limit: int | None,
-    cache: FeatureCache | None,
-    *,
-    wants_all: bool = False,
+    maps: list[LabelledMap], limit: int | None, cache: FeatureCache | None, **options: Any
 ) -> TrainingCells:
-    return TrainingCells.of(
-        maps,
-        Sensor(),
-        limit=limit,
-        wants_all=wants_all,
-        feature_cache=cache,
-    )
+    return TrainingCells.of(maps, Sensor(), limit=limit, feature_cache=cache, **options)
 
 
 @pytest.mark.parametrize("limit", [None, 40])

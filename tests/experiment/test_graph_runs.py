@@ -206,15 +206,9 @@ def _graph(**keys: Any) -> dict[str, Any]:
         (_graph(known="blue"), "column 'blue' holds '.*', which is not one of"),
         (_graph(probabilities=["red"]), "a column for each of the 3 labels"),
         (_graph(probabilities=["red", "green", "blue"]), "probabilities must be from 0 to 1"),
-        (
-            _graph(classes={"cloud": "sky"}),
-            r"translates none of \['field', 'house', 'sky'\]",
-        ),
+        (_graph(classes={"cloud": "sky"}), r"translates none of \['field', 'house', 'sky'\]"),
         (_graph(nodes="none.csv"), "none.csv: no such file"),
-        (
-            _graph(edges="nodes0.csv", ends=["node", "label"]),
-            "column 'label' is not a node",
-        ),
+        (_graph(edges="nodes0.csv", ends=["node", "label"]), "column 'label' is not a node"),
         ({"labels": {"names": ["sky", "field"]}}, "'house' is not among label_names"),
     ],
 )

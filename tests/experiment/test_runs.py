@@ -14,12 +14,10 @@ from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
-from pgm_places.experiment.setup import make_labeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.persistence.model_folder import load_folder
 from pgm_places.persistence.stored import load, save
-from pgm_places.plugins import Registry
 from pgm_places.report.comparison_files import write_comparison
 from pgm_places.spaces.door_truth import match_doors, match_painted
 
@@ -62,20 +60,6 @@ def test_relaxation_labels_a_test_map_once_and_tells_its_accuracy(
     assert found.seconds["infer"] > 0
 
 
-def test_each_method_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    built = []
-    build = Registry.build
-
-    def noted(self: Registry, name: str, options: Any = None) -> Any:
-        built.append(name)
-        return build(self, name, options)
-
-    monkeypatch.setattr(Registry, "build", noted)
-    names = ["independent", "potts", "relaxation"]
-    compare(Experiment(config(methods=[{"name": name} for name in names]), Path()))
-    assert built == names
-
-
 def test_options_are_chosen_into_a_new_experiment() -> None:
     rounds = {"classifier.n_rounds": [1, 4]}
     experiment = Experiment(config(select={"options": rounds, "n_folds": 2}), Path())
@@ -97,40 +81,21 @@ def test_a_comparison_without_test_maps_reads_nothing() -> None:
     assert not experiment.seconds
 
 
-@pytest.mark.parametrize("run", [train, compare])
-def test_a_method_that_cannot_label_maps_is_refused_before_a_map_is_read(run: Any) -> None:
-    nowhere = [{"map": "nowhere.yaml", "labels": "nowhere.png"}]
-    given = config(train=nowhere, test=nowhere, methods=[{"name": "hmm"}])
-    with pytest.raises(ConfigError, match=r"method 'hmm' \(HiddenMarkovModel\) labels only chains"):
-        run(Experiment(given, Path()))
-
-
-def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None:
-    methods = [
-        {"name": "independent"},
-        {"name": "relaxation"},
-        {"name": "independent", "id": "adaboost", "unary": "laser"},
-    ]
-    labeler = make_labeler(config(methods=methods))
-    unaries = [method.unary for method in labeler.resolved_methods().values()]
-    assert unaries == ["auto", "auto", "laser"]
-
-
 @pytest.mark.parametrize(
     ("method", "message"),
     [
-        ({"name": "hmm"}, "'hmm' .* labels only chains"),
+        ({"name": "hmm"}, r"'hmm' \(HiddenMarkovModel\) labels only chains"),
         ({"name": "potts", "inference": "exact"}, "'exact' labels only graphs of few cycles"),
     ],
 )
 def test_methods_that_cannot_label_maps_are_refused_before_maps_are_read(
     method: dict[str, Any], message: str
 ) -> None:
-    experiment = Experiment(config(methods=[method]), Path())
+    nowhere = [{"map": "nowhere.yaml", "labels": "nowhere.png"}]
+    experiment = Experiment(config(train=nowhere, test=nowhere, methods=[method]), Path())
     for run in (train, compare):
         with pytest.raises(ConfigError, match=message):
             run(experiment)
-    assert not experiment.seconds
 
 
 def test_doors_are_counted_by_what_each_method_labels_and_gates_by_themselves() -> None:

@@ -180,18 +180,6 @@ def test_of_equal_scores_the_first_is_chosen() -> None:
     [
         ({"options": {"classifier.rounds": [1]}}, "unknown key 'classifier.rounds'"),
         ({"options": {"classifier.n_rounds": list(range(1, 300))}}, "at most 200"),
-    ],
-)
-def test_options_are_checked_before_anything_is_learned(
-    settings: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ConfigError, match=message):
-        select(Experiment(config(**settings), Path()), Sources([]))
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
         ({}, "select.options"),
         ({"options": {}}, "select.options"),
         ({"options": {"classifier.n_rounds": []}}, "select.options"),
@@ -199,6 +187,8 @@ def test_options_are_checked_before_anything_is_learned(
         ({"options": {"classifier.n_rounds": [1]}, "criterion": "luck"}, "select.criterion"),
     ],
 )
-def test_a_bad_table_is_refused(settings: dict[str, Any], message: str) -> None:
+def test_options_are_checked_before_anything_is_learned(
+    settings: dict[str, Any], message: str
+) -> None:
     with pytest.raises(ConfigError, match=message):
-        config(**settings)
+        select(Experiment(config(**settings), Path()), Sources([]))

@@ -78,13 +78,8 @@ def test_options_of_steps_reach_the_labelers() -> None:
     found = step_labeler(given).get_params(deep=False)
     assert found.pop("classifier").n_rounds == 7
     assert found.pop("sensor").max_range_m == 8.0
-    assert {name: found[name] for name in ("every_m", "loop_m", "n_folds", "n_runs", "seed")} == {
-        "every_m": 0.7,
-        "loop_m": 2.5,
-        "n_folds": 3,
-        "n_runs": 17,
-        "seed": 4,
-    }
+    names = ("every_m", "loop_m", "n_folds", "n_runs", "seed")
+    assert [found[name] for name in names] == [0.7, 2.5, 3, 17, 4]
     assert found["beams"] == given.steps.beams
     joint = joint_labeler(given)
     assert joint.places is not None and joint.places.connectivity == 4

@@ -59,26 +59,14 @@ def test_listed_splits_learn_from_what_they_name_or_from_the_rest(tmp_path: Path
         ([{"test": ["e"]}], r"splits\[0\].test: no building 'e' in \[\[train\]\] to test on"),
         ([{"test": ["a"], "train": ["x"]}], r"splits\[0\].train: no building 'x'"),
         ([{"test": ["a", "b", "c", "d"]}], r"splits\[0\].test holds all buildings out"),
+        ([{"test": ["c", "a"], "train": ["a", "b"]}], "'a' is in both train and test of a split"),
+        ([], r"5 folds by building need as many buildings .* are 4"),
     ],
 )
 def test_splits_that_fit_no_building_are_refused(
     tmp_path: Path, splits: list[Any], text: str
 ) -> None:
     with pytest.raises(ConfigError, match=text):
-        splits_of(experiment(tmp_path, splits=splits))
-
-
-@pytest.mark.parametrize("test", [["a"], ["c", "a"]])
-def test_a_building_on_both_sides_is_refused(test: list[str], tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="'a' is in both train and test of a split"):
-        experiment(tmp_path, splits=[{"test": test, "train": ["a", "b"]}])
-
-
-def test_more_folds_than_buildings_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"5 folds by building need as many buildings .* are 4"):
-        splits_of(experiment(tmp_path), n_folds=5)
-
-
-def test_splits_take_the_place_of_test(tmp_path: Path) -> None:
+        splits_of(experiment(tmp_path, splits=splits), n_folds=None if splits else 5)
     with pytest.raises(ConfigError, match=r"give \[\[splits\]\] of \[\[train\]\] or \[\[test\]\]"):
         parse_config(content(tmp_path, splits=[{"test": ["a"]}]))

@@ -98,9 +98,6 @@ def test_results_of_drives_have_the_shape_of_those_of_maps() -> None:
         assert found["recall"].keys() == set(NAMES)
         assert 0 < found["balanced_accuracy"] <= 1
     assert record["config"]["nodes"] == "steps"
-
-
-def test_the_report_shows_beliefs_along_the_path_beside_the_map() -> None:
     page = report_page(compared("steps"))
     assert page.count("along the path, its labels and the true places") == len(METHODS)
     assert "steps evaluated" in page and "1 test drive;" in page
@@ -144,10 +141,7 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
             {"nodes": "both", "test": [{"log": "a.log", "truth": "a.csv"}]},
             r"test\[0\]: steps are joined to the cells of a map; give map too",
         ),
-        (
-            {"test": [{"drive": {"generated": 1}, "truth": "t.csv"}]},
-            "truth does not apply to d",
-        ),
+        ({"test": [{"drive": {"generated": 1}, "truth": "t.csv"}]}, "truth does not apply to d"),
         ({"test": [{"map": "a.yaml", "labels": "l.png", "to_step": 3}]}, "to_step does not apply"),
         ({"test": [{"log": "a.log", "generated": 2}]}, "generated does not apply to log"),
         ({"test": [{"log": "a.log", "labels": "l.png"}]}, "labels and regions are .* add map"),
@@ -252,15 +246,14 @@ def test_true_places_come_from_a_table_the_log_itself_or_a_labelled_map(folder: 
     by_table = loaded(folder, log="drive.log.gz", truth="drive.csv")
     by_itself = loaded(folder, log="drive.csv")
     assert by_map.geometry is not None and by_itself.geometry is None
+    assert (by_map.name, loaded(folder, **LOG, name="monday").name) == ("drive", "monday")
     np.testing.assert_array_equal(by_map.labels, by_table.labels)
     np.testing.assert_array_equal(by_map.labels, by_itself.labels)
     with pytest.raises(LabelError, match=r"the true places of drive\.log\.gz are missing"):
         loaded(folder, log="drive.log.gz", map="map.yaml")
-
-
-def test_a_drive_has_its_files_name_unless_it_is_given_another(folder: Path) -> None:
-    assert loaded(folder, **LOG).name == "drive"
-    assert loaded(folder, **LOG, name="monday").name == "monday"
+    write_trajectory(folder / "short.csv", by_itself[:7])
+    with pytest.raises(LogError, match=r"short\.csv has 7 rows but the log \d+ steps"):
+        loaded(folder, log="drive.log.gz", truth="short.csv")
 
 
 def test_classes_are_translated_and_the_rest_is_unknown(folder: Path) -> None:
@@ -303,12 +296,6 @@ def test_scans_are_simulated_along_recorded_positions(folder: Path) -> None:
     assert len(found) > 2 * len(plain)
     assert found.labels is not None
     assert (found.labels >= 0).mean() > 0.9  # the map tells places between recorded positions
-
-
-def test_a_table_of_another_length_is_refused(folder: Path) -> None:
-    write_trajectory(folder / "short.csv", loaded(folder, log="drive.csv")[:7])
-    with pytest.raises(LogError, match=r"short\.csv has 7 rows but the log \d+ steps"):
-        loaded(folder, log="drive.log.gz", truth="short.csv")
 
 
 def test_a_labelled_map_counts_in_tests_and_is_refused_elsewhere(tmp_path: Path) -> None:

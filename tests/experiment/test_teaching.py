@@ -44,26 +44,13 @@ def test_a_base_model_goes_on_learning_with_options_that_are_checked() -> None:
             {"base_model": None, "methods": [{"name": "potts"}], "teaching": {"keep": 1.0}},
             "[teaching] says how a base_model continues to learn; give base_model",
         ),
-        (
-            {"methods": [{"name": "potts"}]},
-            "methods is for training from scratch; base_model brings its own, so remove it",
-        ),
+        ({"methods": [{"name": "potts"}]}, "methods is for training from scratch; base_model"),
         ({"classifier": {"n_rounds": 7}}, "classifier is for training from scratch"),
         ({"resolution_m": 0.1}, "resolution_m is for training from scratch"),
-        (
-            {"base_model": "none", "teaching": {"keep": 1.0}},
-            "[teaching] takes max_cells_per_class and seed where base_model = 'none': there is "
-            "no model to keep or to continue from",
-        ),
+        ({"base_model": "none", "teaching": {"keep": 1.0}}, "[teaching] takes max_cells_per_class"),
         ({"teaching": {"n_round": 3}}, "Did you mean 'n_rounds'?"),
-        (
-            {"teaching": {"seed": -1}},
-            "teaching.seed must be a whole number from 0 to 18446744073709551615, got -1",
-        ),
-        (
-            {"train": [{"map": "map.yaml"}]},
-            "give either labels (an image) or regions (a GeoJSON file), or corrections alone",
-        ),
+        ({"teaching": {"seed": -1}}, "teaching.seed must be a whole number from 0 to"),
+        ({"train": [{"map": "map.yaml"}]}, "give either labels (an image) or regions (a GeoJSON"),
     ],
 )
 def test_what_does_not_fit_a_base_model_is_refused(changes: dict[str, Any], message: str) -> None:

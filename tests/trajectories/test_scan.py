@@ -53,10 +53,9 @@ def test_whatever_is_no_distance_reads_the_longest_range() -> None:
     readings = [np.nan, np.inf, -np.inf, -1.0, 0.2, 0.5, 10.0, 81.83]
     assert geometry.cleaned(readings).tolist() == [10, 10, 10, 10, 10, 0.5, 10, 10]
     assert geometry.returned(geometry.cleaned(readings)).sum() == 1
-
-
-def test_zero_is_a_distance_where_the_sensor_has_no_shortest_one() -> None:
     assert ScanGeometry(np.zeros(1), 5.0).cleaned([[0.0], [6.0]]).tolist() == [[0.0], [5.0]]
+    with pytest.raises(InputError, match=r"8 beams on their last axis, got shape \(2,\)"):
+        geometry.cleaned([1.0, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -74,11 +73,6 @@ def test_bad_geometries_are_refused(arguments: tuple[list[float], float], messag
     with pytest.raises(InputError) as caught:
         ScanGeometry(*arguments)  # type: ignore[arg-type]
     assert message in str(caught.value)
-
-
-def test_readings_of_another_number_of_beams_are_refused() -> None:
-    with pytest.raises(InputError, match=r"3 beams on their last axis, got shape \(2,\)"):
-        ScanGeometry(np.zeros(3), 5.0).cleaned([1.0, 2.0])
 
 
 def test_same_as_looks_at_beams_and_limits() -> None:

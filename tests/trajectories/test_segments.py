@@ -23,6 +23,7 @@ def test_a_segment_begins_at_the_first_step_that_is_far_enough(
         assert two == n_steps or away[-1] >= every_m
     assert len(segments.of_step) == n_steps
     assert segments.graph().n_nodes == len(segments)
+    assert segments.means(np.zeros((n_steps, 2))).shape == (len(segments), 2)
 
 
 def test_trembling_on_the_spot_is_no_travel() -> None:
@@ -42,12 +43,6 @@ def test_means_and_majorities_are_those_of_each_segment() -> None:
     values = np.array([[1.0, 0], [2.0, 0], [6.0, 3], [4.0, 4], [5.0, 5]])
     np.testing.assert_allclose(segments.means(values), [[3.0, 1.0], [4.5, 4.5]])
     assert segments.majority([1, -1, 1, -1, -1], 2).tolist() == [1, -1]
-
-
-def test_no_steps_make_no_segments() -> None:
-    segments = Segments(np.zeros((0, 3)), 0.2)
-    assert len(segments) == 0
-    assert segments.means(np.zeros((0, 2))).shape == (0, 2)
 
 
 @pytest.mark.parametrize("every_m", [-1.0, float("nan")])

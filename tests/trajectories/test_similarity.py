@@ -57,8 +57,5 @@ def test_headings_turn_and_stay_within_half_a_turn() -> None:
 def test_too_few_points_are_refused(points: list[list[float]], message: str) -> None:
     with pytest.raises(InputError, match=message):
         Similarity.from_points(points, points)
-
-
-def test_a_scale_must_be_positive() -> None:
     with pytest.raises(InputError, match="positive scale"):
         Similarity(scale=0.0)
