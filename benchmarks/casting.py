@@ -25,8 +25,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.threads import run_tasks, thread_limit
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box, NodeNumbers
-from pgm_places.sensing._cell_caster import CellCaster, blocked_window
-from pgm_places.sensing._cells import Cells
+from pgm_places.sensing._cell_caster import CellCaster, Cells, blocked_window
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.simulation import generate_building

@@ -25,8 +25,8 @@ from scipy.ndimage import gaussian_filter
 from benchmarks.inference_peers import Model, expand, installed_cuts
 from benchmarks.labelling import NAMES, map_files
 from experiments.page_tables import SideBySide
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.potentials import Potentials
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map

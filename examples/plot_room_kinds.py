@@ -19,8 +19,7 @@ from pgm_places import LabelingProblem, StructuredLabeler, build
 from pgm_places.simulation import generate_building
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import gate_candidates
-from pgm_places.spaces.place_neighbours import neighbour_graph
-from pgm_places.spaces.places import place_features, places_between
+from pgm_places.spaces.places import neighbour_graph, place_features, places_between
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.spaces.space_spec import PLACE_FEATURES
 

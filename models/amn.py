@@ -45,6 +45,7 @@ from pgm_places.models.labelled_examples import (
 from pgm_places.models.learning_record import warn_of_gap
 from pgm_places.models.linear_features import (
     OFFSET,
+    PreparedProblems,
     edge_feature_count,
     edge_features,
     edge_sizes,
@@ -54,7 +55,6 @@ from pgm_places.models.linear_features import (
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.models.observed_labels import with_observed
-from pgm_places.models.prepared_problems import PreparedProblems
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem

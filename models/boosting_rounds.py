@@ -1,15 +1,18 @@
-"""The rounds of generalised AdaBoost (paper, section 3 and Fig. 2)."""
+"""The rounds of generalised AdaBoost (paper, section 3 and Fig. 2) and of gentle AdaBoost."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from pgm_places._core import gentle_masses, raise_weights
 from pgm_places.errors import InputError
 from pgm_places.models.sorted_features import SortedFeatures
-from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from pgm_places.models.stump_search import StumpSearch
+from pgm_places.models.tree_search import GrownTree, TreeSearch
 
 MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
 
@@ -107,3 +110,107 @@ def initial_weights(
             else:
                 weights[span] = given[rows] * expit((2 - 4 * side) * margin[rows])
     return weights if margin is None else weights / weights.sum()
+
+
+# The sum of all weights as a whole number; it and its negative fit into 32 bits.
+_WHOLE_MASS = 2.0**30
+
+
+def boost_trees(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    n_rounds: int = 100,
+    max_depth: int = 3,
+    shrinkage: float = 0.3,
+    feature_share: float = 1.0,
+    least_weight: float = 1e-3,
+    tolerance: float = 1e-6,
+    sample_weight: NDArray[np.float64] | None = None,
+    margin: NDArray[np.float64] | None = None,
+    seed: int = 0,
+    on_round: Callable[[int, float], None] | None = None,
+) -> BoostedTrees:
+    """A sum of trees that separates positive from negative examples, by gentle AdaBoost.
+
+    Gentle AdaBoost: both classes start with half of the weight; each round grows the regression
+    tree f of least weighted squared error sum w (y - f)^2, whose leaves are E_w[y] in [-1, 1],
+    adds shrinkage times f to F, and multiplies the weights by exp(-y shrinkage f). Weights are
+    rounded to whole multiples of 2**-30 of their sum before they are added up. It stops early when
+    the weighted correlation of y and f is below ``tolerance``.
+
+    Parameters
+    ----------
+    prepared : SortedFeatures
+        Shared by all problems on the same matrix; not changed.
+    positive, negative : list of int
+        The parts that make up each class; other parts are ignored.
+    max_depth : int
+        Levels of splits, 2 to 4: trees of at most 4 to 16 leaves.
+    shrinkage : float
+        Factor of every tree's vote.
+    feature_share : float
+        The probability of each feature to take part in a tree, redrawn for every tree from ``seed``
+        (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
+    least_weight : float
+        No split leaves a side with less than this part of all weight.
+    sample_weight : (rows of X,) float64, optional
+        Positive numbers that multiply the initial weights.
+    margin : (rows of X,) float64, optional
+        F of earlier rounds, which boosting continues: see
+        :func:`~pgm_places.models.boosting_rounds.initial_weights`.
+    on_round : callable, optional
+        Called after each round with the number of rounds so far and the correlation.
+
+    Raises
+    ------
+    InputError
+        One of the classes has no example.
+    """
+    segments = prepared.segments(positive, negative)
+    weights = initial_weights(prepared, segments, sample_weight, margin)
+    masses = np.zeros(len(weights), np.int64)
+    search = TreeSearch(prepared, segments, max_depth)
+    least = max(1, int(least_weight * _WHOLE_MASS))
+    trees: list[GrownTree] = []
+    votes: list[NDArray[np.float32]] = []
+    rng = np.random.default_rng(seed)
+    while len(trees) < n_rounds:
+        gentle_masses(weights, segments, _WHOLE_MASS, masses)
+        drawn = None
+        if feature_share < 1:
+            drawn = np.asarray(rng.random(prepared.X.shape[1]) < feature_share)
+        tree = search.grow(masses, least, drawn)
+        if tree.correlation < tolerance:
+            break
+        vote = (shrinkage * tree.means).astype(np.float32)
+        trees.append(tree)
+        votes.append(vote)
+        if on_round is not None:
+            on_round(len(trees), tree.correlation)
+        factor = np.exp(np.stack([vote, -vote]).astype(np.float64))
+        raise_weights(search.leaf, segments, factor, weights)
+    n_splits = 2**max_depth - 1
+    return BoostedTrees(
+        np.array([tree.feature for tree in trees], np.int32).reshape(-1, n_splits),
+        np.array([tree.cut for tree in trees], np.float32).reshape(-1, n_splits),
+        np.array(votes, np.float32).reshape(-1, n_splits + 1),
+    )
+
+
+def boosted(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    max_depth: int,
+    feature_share: float,
+    seed: int,
+    **rounds: Any,
+) -> StrongClassifier | BoostedTrees:
+    """Rounds of stumps for a depth of 1, else of trees."""
+    if max_depth == 1:
+        return boost(prepared, positive, negative, **rounds)
+    rounds |= {"max_depth": max_depth, "feature_share": feature_share, "seed": seed}
+    return boost_trees(prepared, positive, negative, **rounds)

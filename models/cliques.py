@@ -163,7 +163,7 @@ def _beliefs(
     """Beliefs of a pairwise model with sets, computed without auxiliary nodes."""
     from pgm_places.solvers.belief_propagation import BeliefPropagation, belief_propagation
     from pgm_places.solvers.mean_field import MeanField, mean_field
-    from pgm_places.solvers.set_beliefs import set_tables
+    from pgm_places.solvers.set_terms import set_tables
 
     solve: Callable[..., BeliefPropagation | MeanField]
     solve = belief_propagation if method == "sum-product" else mean_field

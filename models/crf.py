@@ -46,6 +46,7 @@ from pgm_places.models.labelled_examples import (
 )
 from pgm_places.models.learning_record import REASONS, LearningRecord, warn_of_gap
 from pgm_places.models.linear_features import (
+    PreparedProblems,
     edge_features,
     edge_sizes,
     field_features,
@@ -53,7 +54,6 @@ from pgm_places.models.linear_features import (
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.models.observed_labels import with_observed, without_observed
-from pgm_places.models.prepared_problems import PreparedProblems
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency, is_forest
 from pgm_places.solvers.margin_solution import OnStep

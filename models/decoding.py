@@ -1,7 +1,8 @@
 """Decoding by name: from a graph with potentials to a labelling with score, bound and status."""
 
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +11,60 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._arguments import public
 from pgm_places._checks import integer_array
-from pgm_places.errors import InputError, SolverError, quoted
+from pgm_places.errors import InfeasibleError, InputError, SolverError, quoted
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, checked_potentials, score
-from pgm_places.models.contradictions import naming_the_node
 from pgm_places.models.decoders import named_decoder
 from pgm_places.models.decoding_task import Damping, DecodingAnswer, DecodingTask
+
+
+def node_without_labels(graph: LabelGraph, potentials: Potentials) -> int | None:
+    """A node without a possible label by arc consistency (Mackworth 1977).
+
+    None if there is no such node, although every labelling may still be forbidden.
+
+    Examples
+    --------
+    >>> unlike = np.where(np.eye(2) > 0, -np.inf, 0.0)
+    >>> potentials = Potentials(np.zeros((2, 2)), unlike).with_known([1, 1])
+    >>> node_without_labels(LabelGraph.from_edges(2, [(0, 1)]), potentials)
+    0
+    """
+    allowed = potentials.unary > -np.inf
+    fits = potentials.edge_tables(graph) > -np.inf
+    first, second = graph.edges.T
+    while allowed.any(axis=1).all():
+        before = int(allowed.sum())
+        for here, there, table in ((first, second, fits), (second, first, fits.transpose(0, 2, 1))):
+            supported = (table & allowed[there][:, np.newaxis]).any(axis=2)
+            np.logical_and.at(allowed, here, supported)
+        if int(allowed.sum()) == before:
+            return None
+    return int(np.flatnonzero(~allowed.any(axis=1))[0])
+
+
+@contextlib.contextmanager
+def naming_the_node(graph: LabelGraph, potentials: Potentials) -> Iterator[None]:
+    """Add the name of a contradictory node, if one is found, to an InfeasibleError of the block.
+
+    Raises
+    ------
+    InfeasibleError
+        Raised by the block.
+    """
+    try:
+        yield
+    except InfeasibleError as error:
+        node = None if "node" in str(error) else node_without_labels(graph, potentials)
+        if node is None:
+            raise
+        names = graph.node_names
+        raise InfeasibleError(
+            f"no label is left for node {node if names is None else repr(names[node])}: known or "
+            "forbidden labels (-inf) at this node and its neighbours contradict; allow more labels"
+        ) from None
+
 
 # A gap below this share of the score, and of the problem's size or of the labelling's loss against
 # the best value of every term, is rounding: it counts as closed. The loss does not grow with rules

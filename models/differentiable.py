@@ -306,7 +306,7 @@ def _exact_forests(
 ) -> list[ValueAndGradient]:
     """Exact values of graphs without cycles, computed as one graph of separate parts."""
     from pgm_places.solvers.adjacency import rooted_forest
-    from pgm_places.solvers.forest_sums import forest_sums
+    from pgm_places.solvers.forest import forest_sums
     from pgm_places.solvers.pairwise import pairwise_model
 
     if not chosen:

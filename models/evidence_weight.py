@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import learned_number
+from pgm_places.evaluation.bootstrap import is_ahead, stretches
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
-from pgm_places.evaluation.paired_lead import is_ahead, stretches
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
 
@@ -175,7 +175,7 @@ def fitted_by_mode(
     :func:`best_weights`.
 
     If observation model, weight and shrinkage are all to be fitted, a mode must be significantly
-    more accurate than independent steps (:func:`pgm_places.evaluation.paired_lead.is_ahead`), or no
+    more accurate than independent steps (:func:`pgm_places.evaluation.bootstrap.is_ahead`), or no
     less accurate in any stretch; else it uses independent steps: shrinkage 1, ``posterior``
     observations of weight 1.
     """

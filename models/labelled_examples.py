@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, LabelError, nearest_name
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.options import Positive
 

@@ -1,16 +1,62 @@
 """Features of nodes and edges, prepared for models that are linear in their weights."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import is_sparse
 from pgm_places.errors import ConfigError, InputError, nearest_name
-from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.feature_scaling import column_sizes, mean_and_spread
+from pgm_places.models.completion import LossOf
+from pgm_places.models.feature_scaling import Standardization, column_sizes, mean_and_spread
+from pgm_places.solvers.set_terms import SetTerms
+
+
+class TermSizes(NamedTuple):
+    """Divisors of edge and clique features during learning.
+
+    Learned weights are divided by them afterwards, to apply to unscaled features.
+    """
+
+    edges: NDArray[np.float64]
+    """(F,)."""
+    cliques: NDArray[np.float64]
+    """(G,), G = 0 without cliques."""
+
+    def of_weights(self, n_weights: int, n_labels: int, per_edge: int) -> NDArray[np.float64]:
+        """(n_weights,) divisors of flat weights: nodes 1, edges ``per_edge`` times, cliques K."""
+        of_edges, of_cliques = np.repeat(self.edges, per_edge), np.repeat(self.cliques, n_labels)
+        of_nodes = np.ones(n_weights - len(of_edges) - len(of_cliques))
+        return np.concatenate([of_nodes, of_edges, of_cliques])
+
+
+class PreparedProblems(NamedTuple):
+    """The nodes and edges of all problems, with scaled features; N nodes, E edges, K labels."""
+
+    scaling: Standardization
+    sizes: TermSizes
+    nodes: NDArray[np.float64]
+    """(N, D) scaled node features."""
+    edges: NDArray[np.int64]
+    """(E, 2)."""
+    edge_features: NDArray[np.float64]
+    """(E, F), divided by their sizes."""
+    sets: SetTerms | None
+    labels: NDArray[np.int64]
+    """(N,) -1 where unknown."""
+    loss: NDArray[np.float64]
+    """(N,) cost of a wrong label; 0 where it is unknown or observed."""
+    observed: NDArray[np.int64] | None
+    """(N,) observed labels, -1 elsewhere."""
+    loss_of: LossOf
+    """Labels (n,) -> cost of a wrong label at each node, for completed labels."""
+    n_labels: int
+    offset: NDArray[np.float64] | None = None
+    """(N, K) fixed scores of the nodes."""
+
 
 NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
@@ -172,7 +218,7 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
     ``diagonal``
         1 on diagonal edges, else 0: allows another weight of diagonals.
     ``kind``
-        One column for each :class:`~pgm_places.graph.edge_kind.EdgeKind`, 1 on edges of that kind:
+        One column for each :class:`~pgm_places.graph.raster_edges.EdgeKind`, 1 on edges of it:
         allows different weights of neighbours in a map, successive steps, and links between them.
     ``unary-difference``
         1 - TV(p_i, p_j), with the total variation distance of the ends' label probabilities:

@@ -46,13 +46,14 @@ from pgm_places.models.labelled_examples import ClassWeight, Example, node_losse
 from pgm_places.models.learning_record import LENGTHS, LearningRecord, history_array
 from pgm_places.models.linear_features import (
     OFFSET,
+    PreparedProblems,
+    TermSizes,
     node_offset,
     parse_edge_features,
     parse_node_features,
     resolved_edges,
 )
 from pgm_places.models.observed_labels import mask_observed_losses, observed_labels
-from pgm_places.models.prepared_problems import PreparedProblems, TermSizes
 from pgm_places.options import AtLeastZero, Positive, Whole, check_options
 from pgm_places.solvers.margin_solution import LearningStep
 from pgm_places.solvers.max_margin import checked_costs

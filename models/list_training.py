@@ -12,7 +12,7 @@ from scipy.special import expit, log_expit
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
-from pgm_places.models.gentle_boosting import boosted
+from pgm_places.models.boosting_rounds import boosted
 from pgm_places.models.list_options import BoostingOptions
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier

@@ -2,8 +2,8 @@
 
 from .errors import PgmPlacesError as PgmPlacesError
 from .evaluation.evaluation import evaluate as evaluate
-from .graph.edge_kind import EdgeKind as EdgeKind
 from .graph.label_graph import LabelGraph as LabelGraph
+from .graph.raster_edges import EdgeKind as EdgeKind
 from .inference.backends import build as build
 from .inference.labeling import Labeling as Labeling
 from .inference.labeling import Status as Status

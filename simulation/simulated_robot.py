@@ -11,7 +11,7 @@ from pgm_places._core import add_noise
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import option_hints
-from pgm_places.sensing._cells import Cells, Noise
+from pgm_places.sensing._cell_caster import Cells, Noise
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.simulation.odometry_noise import OdometryNoise

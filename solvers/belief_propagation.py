@@ -14,7 +14,7 @@ from pgm_places.solvers.adjacency import is_forest, rooted_forest
 from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel, total_score
-from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
+from pgm_places.solvers.set_terms import SetMessages, SetTables, set_unit
 
 __all__ = ["BeliefPropagation", "belief_propagation", "pair_beliefs"]
 
@@ -99,7 +99,7 @@ def belief_propagation(
     kind : {"sum-product", "max-product"}
         Marginals, or the labelling.
     sets : SetTables, optional
-        Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`), for
+        Sets of nodes that want one label (:func:`pgm_places.solvers.set_terms.set_tables`), for
         ``"sum-product"``. O(K n^2) a sweep for a set of n nodes.
     damping : float
         Weight of the old log-message in an update, at least 0 and less than 1.

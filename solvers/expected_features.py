@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.forest_sums import forest_sums
+from pgm_places.solvers.forest import forest_sums
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.table_field import FieldTables, TableField

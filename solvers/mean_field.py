@@ -14,7 +14,7 @@ from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.solvers.convergence import check_iteration_limits, until_converged
 from pgm_places.solvers.pairwise import PairwiseModel, total_score
-from pgm_places.solvers.set_beliefs import SetTables, set_slots, set_unit
+from pgm_places.solvers.set_terms import SetTables, set_slots, set_unit
 
 __all__ = ["MeanField", "mean_field"]
 
@@ -64,7 +64,7 @@ def mean_field(
         The potentials, from :func:`~pgm_places.solvers.pairwise.pairwise_model`. A node whose
         neighbours together forbid every label (-inf) keeps its beliefs.
     sets : SetTables, optional
-        Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`).
+        Sets of nodes that want one label (:func:`pgm_places.solvers.set_terms.set_tables`).
     damping : float
         Weight of the old belief in an update, at least 0 and less than 1.
     tolerance : float

@@ -14,7 +14,7 @@ import pytest
 import pgm_places
 from experiments.pictures import layers
 from pgm_places.models import list_training
-from pgm_places.models.gentle_boosting import boosted
+from pgm_places.models.boosting_rounds import boosted
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)

@@ -19,7 +19,7 @@ from pgm_places.io.atomic import atomic_file
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import plain_values
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.feature_tables import Block
+from pgm_places.unary.feature_table import Block
 
 # The share of the free space that tables may take: other programs need some, too.
 MOST_OF_FREE = 0.9

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, number_array, row_blocks, set_frozen
 from pgm_places.errors import InputError
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_order import EdgeOrder
-from pgm_places.graph.raster_edges import RasterEdges
+from pgm_places.graph.raster_edges import EdgeKind, RasterEdges
 
 
 def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
@@ -179,7 +178,7 @@ class EdgeList:
     pairs : (E, 2) int32
         Distinct pairs with ``i < j``, sorted. If direction matters, it is i to j.
     kinds : (E,) int8 or None
-        An :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge.
+        An :class:`~pgm_places.graph.raster_edges.EdgeKind` per edge.
 
     Raises
     ------

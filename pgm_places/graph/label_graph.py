@@ -342,7 +342,7 @@ class LabelGraph:
 
     @property
     def edge_kind(self) -> NDArray[np.int8] | None:
-        """(E,) :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge, or None."""
+        """(E,) :class:`~pgm_places.graph.raster_edges.EdgeKind` per edge, or None."""
         return self.links.kinds
 
     @property

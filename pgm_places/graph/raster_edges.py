@@ -5,6 +5,7 @@ such as relaxation, never need the list.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
@@ -14,8 +15,23 @@ from numpy.typing import NDArray
 from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.layout import GridLayout
+
+
+class EdgeKind(IntEnum):
+    """The kind of an edge; models may treat kinds differently."""
+
+    AXIS = 0
+    """Two cells that share a side."""
+    DIAGONAL = 1
+    """Two cells that share a corner."""
+    TIME = 2
+    """Two steps that follow each other."""
+    LINK = 3
+    """Nodes of two joined graphs."""
+    LOOP = 4
+    """Two steps at one location on different passes."""
+
 
 _STEPS = {
     4: ((0, 1, EdgeKind.AXIS), (1, 0, EdgeKind.AXIS)),

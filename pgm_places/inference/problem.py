@@ -14,7 +14,7 @@ from pgm_places.graph.cliques import Cliques, check_cliques
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.description import ProblemDescription, describe
-from pgm_places.inference.unseen import with_unseen_nodes, with_unseen_rows
+from pgm_places.inference.potentials import with_unseen_nodes, with_unseen_rows
 
 
 @public

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import stacked_rows
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.known_labels import known_beside
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.backends import traits_of
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem

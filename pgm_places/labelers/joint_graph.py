@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid

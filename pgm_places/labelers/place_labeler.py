@@ -32,8 +32,7 @@ from pgm_places.progress import Progress, reporting_to
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import options
 from pgm_places.unary.choice import UnaryChoice
-from pgm_places.unary.feature_table import CachedFeatures
-from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.feature_table import CachedFeatures, FeatureTables
 from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel

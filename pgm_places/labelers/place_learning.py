@@ -24,7 +24,7 @@ from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Stage, report_stage, warn
 from pgm_places.sensing.simulated_moves import N_RUNS, STAY_M, simulate_moves
-from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.feature_table import FeatureTables
 from pgm_places.unary.floor_model import columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.learning import Halls, LearnedUnary, UnaryLearner

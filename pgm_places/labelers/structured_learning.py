@@ -17,8 +17,7 @@ from pgm_places.errors import (
     nearest_name,
     quoted,
 )
-from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
-from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.evaluation.folds import contiguous_parts, cross_fit, held_out_scores
 from pgm_places.inference.problem import LabelingProblem
 
 UNKNOWN = (None, "")

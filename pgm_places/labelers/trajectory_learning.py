@@ -11,8 +11,8 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.folds import fold_of_buildings, groups_of, map_buildings
 from pgm_places.features.custom import as_features, feature_values
 from pgm_places.inference.backends import Learnable, traits_of
+from pgm_places.inference.potentials import with_unseen_rows
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.inference.unseen import with_unseen_rows
 from pgm_places.labelers.method import as_backend, with_edge_kinds, with_shares
 from pgm_places.labelers.place_learning import confusion_counts, learn_movement
 from pgm_places.labelers.update_distance import (

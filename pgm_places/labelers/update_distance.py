@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.bootstrap import is_ahead
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
-from pgm_places.evaluation.paired_lead import is_ahead
 from pgm_places.trajectories.segments import Segments
 
 EVERY_M = 0.1
@@ -92,7 +92,7 @@ def chosen_distance(
 
     Whole drives are held out where there are three or more, else thirds of each. The first
     distance is taken unless the method is more accurate with others, beyond chance
-    (:func:`pgm_places.evaluation.paired_lead.is_ahead`); then the one of these with the best mean
+    (:func:`pgm_places.evaluation.bootstrap.is_ahead`); then the one of these with the best mean
     of accuracy and balanced accuracy.
 
     Parameters

@@ -11,8 +11,7 @@ from pgm_places._core import mark_stale
 from pgm_places.errors import InputError
 from pgm_places.features.custom import feature_values, n_columns
 from pgm_places.kernels.threads import run_parts, thread_limit
-from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
-from pgm_places.maps.raster_shift import raster_shift, shifted
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells, raster_shift, shifted
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_table import CachedFeatures

@@ -15,8 +15,7 @@ from pgm_places.labelling.model import LoadedModel
 from pgm_places.labelling.places import places_of
 from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.maps.components import connected_components
-from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
-from pgm_places.maps.raster_shift import raster_shift, shifted
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid, raster_shift, shifted
 from pgm_places.progress import warnings_noted
 from pgm_places.topology.place_ids import PlaceIds
 from pgm_places.topology.topological_map import TopologicalMap

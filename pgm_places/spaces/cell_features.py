@@ -13,8 +13,8 @@ from pgm_places._core import write_features
 from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.threads import run_parts
 from pgm_places.maps.components import number_type
+from pgm_places.spaces.basins import clearance_m
 from pgm_places.spaces.places import Places, place_features
-from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation, Segments
 from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import number_openings
-from pgm_places.spaces.relief import half_width_m
+from pgm_places.spaces.basins import half_width_m
 
 _REACH = 2
 """Largest distance of neighbouring sites of a border, in half cells."""

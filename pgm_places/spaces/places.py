@@ -1,5 +1,6 @@
 """Places: the areas between accepted gates, such as rooms and corridors."""
 
+import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,11 +9,110 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import freeze
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
-from pgm_places.spaces.joining import join
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
+
+_UNIT = 1e-9
+"""Unit of weights, so that their sums do not depend on the order."""
+
+
+def join(count: int, pairs: NDArray[np.integer], weights: NDArray[np.float64]) -> NDArray[np.int32]:
+    """(N,) group of each node, numbered in the order of their first nodes.
+
+    The two groups with the largest weight between them are joined first, and their weights to every
+    other group added up, until all weights are negative: greedy additive edge contraction (Keuper
+    et al., 2015), a heuristic for a small sum of weights between groups. Groups of equal weight are
+    joined at once, so that the result does not depend on the numbers of the nodes.
+
+    Parameters
+    ----------
+    count : int
+        N, the number of nodes.
+    pairs : (E, 2) int
+        Pairs of nodes; other pairs have no weight, which equals a weight of -0.
+    weights : (E,) float64
+        Positive if a pair belongs together, negative if not. A weight of inf always joins; -inf
+        outweighs all other weights.
+
+    Examples
+    --------
+    >>> ring = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    >>> join(4, ring, np.array([5.0, 1.0, 4.0, -3.0])).tolist()
+    [0, 0, 1, 1]
+    """
+    certain = weights == np.inf
+    first = components(*neighbour_lists(pairs[certain], count))
+    n = int(first.max(initial=-1)) + 1
+    least = -np.abs(weights[np.isfinite(weights)]).sum() - 1.0  # outweighs the sum of all others
+    known = np.where(np.isfinite(weights), weights, least)
+    joined = _contracted(_Groups(n, first[pairs[~certain]], known[~certain]))
+    return components(*neighbour_lists(joined, n))[first]
+
+
+class _Groups:
+    """The current groups, the weights between them, and the queue of candidate pairs."""
+
+    def __init__(self, count: int, pairs: NDArray[np.int32], weights: NDArray[np.float64]) -> None:
+        self.into = list(range(count))
+        self.weight: list[dict[int, int]] = [{} for _ in range(count)]
+        for (a, b), weight in zip(pairs.tolist(), np.rint(weights / _UNIT).tolist(), strict=True):
+            if a != b:
+                self.weight[a][b] = self.weight[b][a] = self.weight[a].get(b, 0) + int(weight)
+        self.queue = [
+            (-weight, a, b)
+            for a, others in enumerate(self.weight)
+            for b, weight in others.items()
+            if a < b and weight >= 0
+        ]
+        heapq.heapify(self.queue)
+
+    def best(self) -> list[tuple[int, int]]:
+        """The pairs with the largest weight; none if all are negative."""
+        pairs: list[tuple[int, int]] = []
+        largest = 0
+        while self.queue and (not pairs or -self.queue[0][0] == largest):
+            negative, a, b = heapq.heappop(self.queue)
+            if self.weight[a].get(b) == -negative:  # otherwise the entry is outdated
+                pairs.append((a, b))
+                largest = -negative
+        return pairs
+
+    def now(self, group: int) -> int:
+        """The current group that contains an original one."""
+        while self.into[group] != group:
+            group = self.into[group]
+        return group
+
+    def merge(self, a: int, b: int) -> None:
+        """Join two groups."""
+        if len(self.weight[a]) < len(self.weight[b]):
+            a, b = b, a
+        self.into[b] = a
+        for other, weight in self.weight[b].items():
+            del self.weight[other][b]
+            if other == a:
+                continue
+            total = self.weight[a].get(other, 0) + weight
+            self.weight[a][other] = self.weight[other][a] = total
+            if total >= 0:
+                heapq.heappush(self.queue, (-total, a, other))
+        self.weight[b] = {}
+
+
+def _contracted(groups: _Groups) -> NDArray[np.int64]:
+    """(M, 2) the joined pairs."""
+    joined: list[tuple[int, int]] = []
+    while chosen := groups.best():
+        for pair in chosen:
+            a, b = map(groups.now, pair)
+            if a != b:
+                groups.merge(a, b)
+        joined += chosen
+    return np.array(joined, np.int64).reshape(-1, 2)
+
 
 _SURE = 1e-6
 """Least distance of uncertain probabilities of gates from 0 and 1."""
@@ -183,3 +283,63 @@ def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArr
     np.maximum.at(widest, openings.segments.reshape(-1), np.repeat(openings.half_width_m, 2))
     is_widest = openings.half_width_m[:, None] == widest[openings.segments]
     return np.asarray((sliver[openings.segments] & is_widest).any(axis=1))
+
+
+WIDEST_WALL_M = 0.6
+LEAST_SHARED_M = 1.0
+
+
+def neighbour_graph(places: Places) -> LabelGraph:
+    """The places as nodes, joined if a gate or at least 1 m of a wall separates them.
+
+    Rooms of one kind are often adjacent along a corridor, without a door between them; the graph
+    of ``places`` joins each of them only with the corridor. Places across walls thicker than
+    0.6 m, or across shafts between two walls, are not neighbours.
+
+    Examples
+    --------
+    >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
+    >>> from pgm_places.spaces.gates import gate_candidates
+    >>> from pgm_places.spaces.places import places_between
+    >>> from pgm_places.spaces.segmentation import Segmentation
+    >>> cells = np.zeros((20, 42), np.int8)
+    >>> cells[:, 20:22] = 100  # two rooms and a wall of 0.4 m
+    >>> gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))
+    >>> neighbour_graph(places_between(gates, np.zeros(len(gates), bool))).edges.tolist()
+    [[0, 1]]
+    """
+    resolution_m = places.gates.segmentation.watershed.grid.resolution_m
+    pairs, shared_m = shared_walls(places.segments.raster(), resolution_m)
+    by_gate = np.sort(places.gate_places[places.parting], axis=1)
+    both = np.concatenate([pairs[shared_m >= LEAST_SHARED_M], by_gate])
+    return LabelGraph.from_edges(places.count, np.unique(both, axis=0))
+
+
+def shared_walls(
+    place: NDArray[np.int32], resolution_m: float, *, widest_wall_m: float = WIDEST_WALL_M
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """(P, 2) pairs of places with a wall between them, and (P,) the length in metres they share.
+
+    Along every row and column of the map, two consecutive places at most ``widest_wall_m`` apart
+    share one side of a cell. Walls along the axes of the map have their true length, oblique ones
+    up to 1.41 times their length.
+
+    Parameters
+    ----------
+    place : (H, W) int32
+        The place of each cell, -1 for none.
+    resolution_m : float
+    widest_wall_m : float
+    """
+    reach = int(widest_wall_m / resolution_m + 1e-6) + 1
+    runs = [np.empty((0, 2), np.int32)]
+    for raster in (place, place.T):
+        width = raster.shape[1]
+        at = np.flatnonzero(raster >= 0)
+        here = np.ascontiguousarray(raster).reshape(-1)[at]
+        step = np.diff(at)
+        same_line = at[1:] // width == at[:-1] // width
+        crossed = (here[1:] != here[:-1]) & same_line & (step <= reach)
+        runs.append(np.sort(np.column_stack([here[:-1], here[1:]])[crossed], axis=1))
+    pairs, number = np.unique(np.concatenate(runs), axis=0, return_counts=True)
+    return pairs, number.astype(np.float64) * resolution_m

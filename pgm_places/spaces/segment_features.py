@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._core import add_paths, gather_basins, largest_rests
-from pgm_places.spaces.basins import N_RECTANGLES
+from pgm_places.spaces.basins import N_RECTANGLES, clearance_m
 from pgm_places.spaces.components import components, neighbour_lists
-from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segmentation import Segments
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
 

@@ -16,9 +16,18 @@ from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.spaces.basins import Basins, BasinSums, find_basins, neighbour_steps, sum_up
+from pgm_places.spaces.basins import (
+    Basins,
+    BasinSums,
+    clearance_m,
+    find_basins,
+    half_width_m,
+    neighbour_steps,
+    open_space,
+    relief_of,
+    sum_up,
+)
 from pgm_places.spaces.openings import Borders, Openings, find_openings
-from pgm_places.spaces.relief import clearance_m, half_width_m, open_space, relief_of
 
 __all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
 

@@ -12,8 +12,8 @@ from pgm_places._core import grow_pieces, label_components, open_cells, sum_piec
 from pgm_places.errors import InputError
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.spaces.basins import open_space
 from pgm_places.spaces.entered_options import EnteredOptions
-from pgm_places.spaces.relief import open_space
 
 MOST_RADIUS_M = 1e3
 """The largest disc radius."""

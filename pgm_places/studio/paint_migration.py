@@ -10,8 +10,7 @@ import numpy as np
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.io.staging import as_output_errors
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.maps.raster_shift import overlap, shifted
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, overlap, shifted
 from pgm_places.studio.journal import Journal, subject_of
 from pgm_places.studio.painting import Classes, Painting
 from pgm_places.studio.runs import runs_of_mask

@@ -28,9 +28,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
 from pgm_places.progress import Progress, report_stage, reporting_to
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.teaching.cell_table import CellPaint, CellTable
 from pgm_places.teaching.interactive_result import InteractiveResult
-from pgm_places.teaching.learning import Learning, learned_alone
+from pgm_places.teaching.learning import CellPaint, CellTable, Learning, learned_alone
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.training_selection import TeachingOptions
 from pgm_places.topology.cuts import Line

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.borders import STEPS, contacts_at, meetings
+from pgm_places.topology.regions import STEPS, contacts_at, meetings
 from pgm_places.topology.topological_map import Connection
 
 

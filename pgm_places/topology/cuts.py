@@ -11,7 +11,7 @@ from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid, at_cells
 from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
-from pgm_places.spaces.joining import join
+from pgm_places.spaces.places import join
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.gate_pieces import grow
 from pgm_places.topology.regions import Region

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components
-from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
-from pgm_places.maps.raster_shift import raster_shift
+from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells, raster_shift
 from pgm_places.topology.regions import Region
 
 SAME_PLACE = 0.25

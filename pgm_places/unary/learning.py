@@ -13,7 +13,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import list_learning
 from pgm_places.unary.choice import UnaryChoice, accuracy_by_part
-from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.feature_table import FeatureTables
 from pgm_places.unary.floor_model import FloorModel
 from pgm_places.unary.list_learning import Extra, Lists, SpaceLists, Stages
 from pgm_places.unary.map_model import (

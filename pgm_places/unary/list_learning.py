@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
+from pgm_places.evaluation.folds import cross_fit, held_out_scores
 from pgm_places.floor.view import FloorScores
 from pgm_places.inference.temperature import likeliest_temperature
-from pgm_places.models.boosted_list import BoostedList
-from pgm_places.models.list_average import list_average
+from pgm_places.models.boosted_list import BoostedList, list_average
 from pgm_places.progress import report_stage
 from pgm_places.unary.cell_scorers import aligned_log_proba, without_halls
 from pgm_places.unary.floor_model import FloorModel, with_floor

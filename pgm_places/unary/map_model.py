@@ -28,8 +28,7 @@ from pgm_places.unary.cell_scorers import (
     SpaceScorer,
     on_labels,
 )
-from pgm_places.unary.feature_table import CachedFeatures
-from pgm_places.unary.feature_tables import iter_features
+from pgm_places.unary.feature_table import CachedFeatures, iter_features
 from pgm_places.unary.floor_model import FloorJudge, FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.cross_fitting import cross_fit, held_out_scores
+from pgm_places.evaluation.folds import cross_fit, held_out_scores
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import report_stage
 from pgm_places.spaces.door_truth import match_doors

@@ -16,7 +16,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import report_stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.feature_tables import Block, FeatureTables, iter_features
+from pgm_places.unary.feature_table import Block, FeatureTables, iter_features
 
 _AT_ONCE = 65_536
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.paired_lead import ERRORS, is_ahead, stretches
+from pgm_places.evaluation.bootstrap import ERRORS, is_ahead, stretches
 
 
 def test_a_lead_counts_from_so_many_standard_errors_on() -> None:

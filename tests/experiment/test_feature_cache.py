@@ -20,7 +20,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.simulation import generate_building
-from pgm_places.unary import feature_tables
+from pgm_places.unary import feature_table
 from pgm_places.unary.training_cells import TrainingCells
 
 
@@ -37,13 +37,13 @@ def maps() -> list[LabelledMap]:
 def casts(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """A list that grows with every map that is cast."""
     grown: list[Any] = []
-    cast = vars(feature_tables)["iter_cast"]
+    cast = vars(feature_table)["iter_cast"]
 
     def counted(grid: Any, *rest: Any, **options: Any) -> Iterator[Any]:
         grown.append(grid)
         return iter(cast(grid, *rest, **options))
 
-    monkeypatch.setattr(feature_tables, "iter_cast", counted)
+    monkeypatch.setattr(feature_table, "iter_cast", counted)
     return grown
 
 

@@ -7,8 +7,8 @@ import pytest
 from sklearn.base import clone
 
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.joint_graph import JointGraph
 from pgm_places.labelers.joint_labeler import LINK_WEIGHTS, JointLabeler

@@ -11,9 +11,9 @@ from pgm_places.features.custom import n_columns
 from pgm_places.labelers.online import BeliefFilter
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, segment_problem
+from pgm_places.models.boosted_list import list_average
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.models.list_average import list_average
 from pgm_places.trajectories.segments import Segments
 from pgm_places.unary.list_learning import Rows
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.models.boosting_rounds import boost
-from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.boosting_rounds import boost, boost_trees
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import BoostedTrees, VoteTable
 from tests.models.columns import random_columns

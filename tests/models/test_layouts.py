@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places.models.boosting import AdaBoostStumps
-from pgm_places.models.boosting_rounds import boost
-from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.boosting_rounds import boost, boost_trees
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import BoostedTrees, StrongClassifier
 from tests.layouts import CHANGES, Array, check_any_layout

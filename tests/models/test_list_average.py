@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.boosted_list import BoostedList, list_average
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.list_average import list_average
 from tests.refusals import refused
 
 RNG = np.random.default_rng(8)

@@ -12,8 +12,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from pgm_places.errors import InputError, ModelFileError
 from pgm_places.models.boosting import AdaBoostStumps
+from pgm_places.models.boosting_rounds import boost_trees
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import BoostedTrees
 from tests.refusals import refused

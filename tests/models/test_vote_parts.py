@@ -5,7 +5,7 @@ import pytest
 
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.strong_classifier import BoostedTrees
-from pgm_places.models.vote_parts import vote_parts
+from pgm_places.teaching.explanation import vote_parts
 
 X = np.random.default_rng(5).normal(size=(300, 6)).astype(np.float32)
 Y = (X[:, 1] * X[:, 4] > 0.2).astype(int)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pgm_places import OccupancyGrid, Sensor, SensorNoise
 from pgm_places._core import add_noise, uniform_draw
 from pgm_places.kernels.threads import thread_limit
-from pgm_places.sensing._cells import Cells, Noise
+from pgm_places.sensing._cell_caster import Cells, Noise
 from pgm_places.sensing.ray_casting import cast_cells
 from tests.sensing.test_ray_casting import random_grid
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.solvers.adjacency import rooted_forest
-from pgm_places.solvers.forest import forest_marginals
-from pgm_places.solvers.forest_sums import ForestSums, forest_sums, sums_by_logarithms
+from pgm_places.solvers.forest import ForestSums, forest_marginals, forest_sums, sums_by_logarithms
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 from tests.reference.energy import Model, distribution, pair_marginals
 from tests.strategies import models

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.spaces.joining import join
+from pgm_places.spaces.places import join
 from tests.strategies import edge_lists
 
 

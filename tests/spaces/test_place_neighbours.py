@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces import place_neighbours
 from pgm_places.spaces.gates import gate_candidates
-from pgm_places.spaces.place_neighbours import neighbour_graph, shared_walls
-from pgm_places.spaces.places import places_between
+from pgm_places.spaces.places import neighbour_graph, places_between, shared_walls
 from pgm_places.spaces.segmentation import Segmentation
 
 
@@ -58,5 +56,5 @@ def test_rooms_along_a_corridor_are_joined_with_it_and_with_each_other(
     graph = neighbour_graph(places)
     joined = {tuple(sorted((number[i], number[j]))) for i, j in graph.edges.tolist()}
     assert joined == {(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)}
-    monkeypatch.setattr(place_neighbours, "LEAST_SHARED_M", 100.0)
+    monkeypatch.setattr("pgm_places.spaces.places.LEAST_SHARED_M", 100.0)
     assert neighbour_graph(places).n_edges == 3

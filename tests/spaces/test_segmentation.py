@@ -11,8 +11,14 @@ from pgm_places._core import highest_passes, merge_basins
 from pgm_places.errors import InputError
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import UNKNOWN
-from pgm_places.spaces.basins import find_basins, neighbour_steps
-from pgm_places.spaces.relief import UNIT, half_width_m, open_space, relief_of
+from pgm_places.spaces.basins import (
+    UNIT,
+    find_basins,
+    half_width_m,
+    neighbour_steps,
+    open_space,
+    relief_of,
+)
 from pgm_places.spaces.segmentation import Segmentation, _require_numbers
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference

@@ -19,7 +19,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
 from pgm_places.progress import Silent, Stage
 from pgm_places.simulation import LabelledBuilding, generate_building
-from pgm_places.teaching import cell_table
+from pgm_places.teaching import learning
 from pgm_places.teaching.interactive_labeler import InteractiveLabeler
 from pgm_places.teaching.interactive_result import InteractiveResult
 from pgm_places.teaching.paint import Paint
@@ -172,7 +172,7 @@ def test_the_given_labeler_is_as_before_and_no_paint_teaches_nothing() -> None:
 
 
 def test_maps_too_large_for_a_table_get_the_same_labels(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cell_table, "MAX_BYTES", 1000)
+    monkeypatch.setattr(learning, "MAX_BYTES", 1000)
     found = InteractiveLabeler(building().grid, trained_labeler()).teach(relabelled(0.05))
     np.testing.assert_array_equal(found.labels, taught().labels)
 
@@ -212,7 +212,7 @@ def test_another_class_computes_no_features_anew(monkeypatch: pytest.MonkeyPatch
         computed.append(1)
         return training_features(*given, **more)
 
-    monkeypatch.setattr(cell_table, "training_features", counted)
+    monkeypatch.setattr(learning, "training_features", counted)
     teacher = InteractiveLabeler(grid, labeler)
     first = teacher.label(teacher.blank())
     assert len(computed) == 1

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pgm_places.graph import bands
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.borders import contacts
+from pgm_places.topology.regions import contacts
 from tests.strategies import varied_arrays
 
 rasters = varied_arrays(

@@ -6,8 +6,8 @@ from hypothesis import given
 
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.borders import contacts
 from pgm_places.topology.corrections import CorrectionRules, correct_regions
+from pgm_places.topology.regions import contacts
 from tests.reference.topology import corrected
 from tests.topology.floors import rasters
 

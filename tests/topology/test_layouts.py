@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pgm_places.topology.driving_graph import skeleton_of
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.outlines import outlines
 from pgm_places.topology.regions import deepest_cells
 from pgm_places.topology.route_graph import route_graph
-from pgm_places.topology.skeleton import skeleton_of
 from tests.layouts import CHANGES, Array, check_any_layout
 from tests.topology.floors import floor_grid
 

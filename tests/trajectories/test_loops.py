@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import EdgeKind
 from pgm_places.trajectories.segments import WAY_RATIO, Segments, loop_links
 
 
