@@ -36,19 +36,13 @@ def test_public_names_are_sorted_and_exist() -> None:
         assert hasattr(pgm_places, name)
 
 
-@pytest.mark.parametrize("heavy", ["cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "rich"])
-def test_importing_the_package_stays_light(heavy: str) -> None:
-    code = f"import sys, pgm_places; sys.exit({heavy!r} in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.parametrize("heavy", ["cvxpy", "sklearn", "matplotlib", "jinja2", "numpy", "rich"])
-def test_help_needs_nothing_heavy(heavy: str) -> None:
+def test_help_needs_nothing_heavy() -> None:
+    heavy = "cvxpy, sklearn, matplotlib, jinja2, numpy, rich"
     code = (
         "import sys\n"
         "from pgm_places.cli.app import run\n"
         "run(['--help'])\n"
-        f"sys.exit({heavy!r} in sys.modules)"
+        f"sys.exit(any(name in sys.modules for name in '{heavy}'.split(', ')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

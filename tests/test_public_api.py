@@ -34,7 +34,7 @@ def test_public_things_are_documented() -> None:
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
-    heavy = "numpy, scipy, sklearn, cvxpy, matplotlib, networkx"
+    heavy = "numpy, scipy, sklearn, cvxpy, matplotlib, networkx, jinja2, rich"
     code = f"import sys, pgm_places; print([n for n in '{heavy}'.split(', ') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
