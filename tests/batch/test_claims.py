@@ -99,28 +99,19 @@ def test_a_link_in_place_of_the_claims_is_refused_and_nothing_behind_it_touched(
     assert [path.name for path in home.iterdir()] == ["id_rsa"]
 
 
-def test_files_among_the_claims_that_are_none_stay(batch: Batch, maps: Path) -> None:
+def test_files_among_the_claims_and_what_lies_behind_links_stay(batch: Batch, maps: Path) -> None:
     batch()
     out, home = maps.parent / "out", maps.parent / "home"
-    home.mkdir()
+    held = home / ".map.0123456789ab.tmp"
+    held.mkdir(parents=True)
     (home / "notes").write_text("floor1/map")
     claims = claim_of(out, "floor1/map").parent
     claims.mkdir()
     (claims / "notes").write_text("mine")
     (claims / ("0" * 32)).symlink_to(home / "notes")
+    (out / "elsewhere").symlink_to("../home")
+    claim_of(out, "elsewhere/map").write_text("elsewhere/map")
     batch()
     assert (claims / "notes").read_text() == "mine"
     assert (home / "notes").read_text() == "floor1/map"
-
-
-def test_what_the_dead_left_is_not_looked_for_behind_links(batch: Batch, maps: Path) -> None:
-    batch()
-    out, home = maps.parent / "out", maps.parent / "home"
-    held = home / ".map.0123456789ab.tmp"
-    held.mkdir(parents=True)
-    (out / "elsewhere").symlink_to("../home")
-    claim = claim_of(out, "elsewhere/map")
-    claim.parent.mkdir()
-    claim.write_text("elsewhere/map")
-    batch()
     assert held.exists()

@@ -43,22 +43,18 @@ def test_a_folder_is_looked_through(folder: Path) -> None:
     assert found.n_passed_over == 1
 
 
-def test_a_pattern_is_filled_in(folder: Path) -> None:
-    assert names(folder, "floors/*/map.yaml") == ["a/map", "b/map"]
-    assert names(folder, "floors/**/*.y*ml") == [
-        "a/map",
-        "b/annex",
-        "b/map",
-        "deep/er/hall.yml",
-    ]
-
-
-def test_a_file_is_taken_as_it_is_and_each_map_once(folder: Path) -> None:
-    assert names(folder, "floors/b/labels.yaml", "floors/b", "floors/b/map.yaml") == [
-        "annex",
-        "labels",
-        "map",
-    ]
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["floors/*/map.yaml"], ["a/map", "b/map"]),
+        (["floors/**/*.y*ml"], ["a/map", "b/annex", "b/map", "deep/er/hall.yml"]),
+        (["floors/b/labels.yaml", "floors/b", "floors/b/map.yaml"], ["annex", "labels", "map"]),
+    ],
+)
+def test_patterns_are_filled_in_files_taken_as_they_are_and_each_map_once(
+    folder: Path, arguments: list[str], found: list[str]
+) -> None:
+    assert names(folder, *arguments) == found
 
 
 def test_adding_a_map_renames_none(tmp_path: Path) -> None:

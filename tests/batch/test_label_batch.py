@@ -59,17 +59,42 @@ def test_every_map_gets_a_folder_and_what_is_wrong_a_row(batch: Batch, maps: Pat
     places = json.loads((out / "floor1" / "map" / "places.json").read_text())["regions"]
     assert int(first["places"]) == len(places)
     page = (out / "index.html").read_text()
-    assert "floor1/map/details/thumbnail.png" in page
-    assert "torn.yaml" in page
+    for part in (
+        "floor1/map/details/thumbnail.png",
+        "torn.yaml",
+        '<input type="search">',
+        '<a href="#maps" data-search="floor1/">',
+        '<tr data-name="floor1/map">',
+    ):
+        assert part in page
+    folders, total = found.overview.folders, found.overview.total
+    assert [(name, item.n_rows) for name, item in folders.items()] == [
+        ("floor1", 1),
+        ("floor2", 1),
+        ("", 0),
+    ]
+    assert folders[""].n_failures == total.n_failures == 1
+    for name in ("n_places", "area_m2", "known_m2", "doubtful_m2"):
+        assert sum(getattr(item, name) for item in folders.values()) == getattr(total, name) > 0
 
 
-def test_what_is_done_is_kept_with_the_same_row(batch: Batch, maps: Path) -> None:
+def test_what_is_done_is_kept_with_the_same_row_though_it_was_corrected_by_hand(
+    batch: Batch, maps: Path
+) -> None:
     batch()
     out = maps.parent / "out"
+    labels = out / "floor1" / "map" / "labels.png"
+    labels.write_bytes(b"mine")
     before = (out / "summary.csv").read_text(), (out / "index.html").read_text()
-    again = batch()
-    assert again.summary() == "3 maps: 0 labelled, 2 done before, 1 failed"
+    assert batch().summary() == "3 maps: 0 labelled, 2 done before, 1 failed"
     assert ((out / "summary.csv").read_text(), (out / "index.html").read_text()) == before
+    assert labels.read_bytes() == b"mine"
+    (maps / "torn.yaml").unlink()
+    assert batch().n_failed == 0
+    assert not (out / "failures.csv").exists()
+    assert recorded_root(out) == maps
+    maps.rename(maps.parent / "moved")
+    assert recorded_root(out) is None
 
 
 @pytest.mark.parametrize("change", ["map", "image", "file", "own names"])
@@ -111,23 +136,6 @@ def test_other_options_label_again(batch: Batch, again: Again) -> None:
     both = ["floor1/map", "floor2/map"]
     assert again(doorways="labels") == both
     assert again(doorways="labels", unknown_value=205) == both
-
-
-def test_labels_that_were_corrected_by_hand_are_kept(
-    batch: Batch, again: Again, maps: Path
-) -> None:
-    batch()
-    labels = maps.parent / "out" / "floor1" / "map" / "labels.png"
-    labels.write_bytes(b"mine")
-    assert again() == []
-    assert labels.read_bytes() == b"mine"
-
-
-def test_failures_go_when_nothing_fails_any_more(batch: Batch, maps: Path) -> None:
-    batch()
-    (maps / "torn.yaml").unlink()
-    assert batch().n_failed == 0
-    assert not (maps.parent / "out" / "failures.csv").exists()
 
 
 def test_a_dead_worker_is_a_failure_of_its_map(batch: Batch, maps: Path) -> None:
@@ -199,20 +207,6 @@ def test_what_only_looks_like_a_map_gets_a_row(batch: Batch, maps: Path) -> None
     failed = failures(maps.parent / "out")
     assert "dangling.yaml: no such file" in failed["dangling"]["message"]
     assert "folder.yml: is a folder" in failed["folder.yml"]["message"]
-
-
-def test_the_overview_has_sums_by_folder_and_a_search(batch: Batch, maps: Path) -> None:
-    found = batch()
-    folders, total = found.overview.folders, found.overview.total
-    assert list(folders) == ["floor1", "floor2", ""]
-    assert [folders[name].n_rows for name in folders] == [1, 1, 0]
-    assert folders[""].n_failures == total.n_failures == 1
-    for name in ("n_places", "area_m2", "known_m2", "doubtful_m2"):
-        assert sum(getattr(item, name) for item in folders.values()) == getattr(total, name) > 0
-    page = (maps.parent / "out" / "index.html").read_text()
-    assert '<input type="search">' in page
-    assert '<a href="#maps" data-search="floor1/">' in page
-    assert '<tr data-name="floor1/map">' in page
 
 
 def test_what_is_no_longer_in_the_input_is_listed(batch: Batch, maps: Path) -> None:
@@ -364,11 +358,3 @@ def test_a_plan_says_what_would_be_done_and_writes_nothing(
     assert not out.exists()
     batch()
     assert planned() == Plan(("torn",), ("torn",), ("floor1/map", "floor2/map"), ())
-
-
-def test_a_root_that_was_written_holds_until_the_input_moves(batch: Batch, maps: Path) -> None:
-    batch()
-    out = maps.parent / "out"
-    assert recorded_root(out) == maps
-    maps.rename(maps.parent / "moved")
-    assert recorded_root(out) is None

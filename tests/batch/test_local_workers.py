@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.batch import local_workers
 from pgm_places.batch.local_workers import TIMED_OUT, LocalWorkers, run_in_subprocess
-from tests.batch.tasks import die_always, die_often, die_once, double, hang, refuse
+from tests.batch.tasks import die_always, die_often, hang, refuse
 
 
 def take_a_gigabyte(_: int) -> str:
@@ -26,21 +26,10 @@ def own_id(_: int) -> int:
     return os.getpid()
 
 
-def test_every_task_comes_back_with_its_result() -> None:
-    found = dict(LocalWorkers(2).run(double, range(20)))
-    assert found == {number: 2 * number for number in range(20)}
-
-
 def test_one_process_stays_for_many_tasks() -> None:
     ids = {result for _, result in LocalWorkers(2).run(own_id, range(6))}
     assert len(ids) <= 2
     assert os.getpid() not in ids
-
-
-def test_a_killed_process_is_replaced_and_its_task_begun_again(tmp_path: Path) -> None:
-    tasks = [tmp_path / f"{number}.{'die' if number % 3 == 0 else 'live'}" for number in range(6)]
-    found = dict(LocalWorkers(2).run(die_once, tasks))
-    assert found == {task: task.name for task in tasks}
 
 
 def test_a_task_that_kills_every_process_is_given_up_and_no_other() -> None:

@@ -241,7 +241,7 @@ def test_a_new_map_costs_no_request_for_an_earlier_result(bucket: Any, model: Pa
 
 def test_a_refused_request_is_counted(bucket: Any) -> None:
     clock = Clock()
-    with clock.running(), pytest.raises(FileNotFoundError):
+    with clock.running(), pytest.raises(FileNotFoundError, match="none"):
         bucket.cat_file("/maps/none.yaml")
     assert clock.requests == {"cat_file": 1}
     assert clock.now_s == REQUEST_S

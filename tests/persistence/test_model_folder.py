@@ -117,16 +117,8 @@ def test_nan_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize(
     ("manifest", "content", "message"),
     [
-        (
-            {"kind": "k", "x": {1, 2}},
-            {},
-            "the manifest must be plain JSON data: Object of type set",
-        ),
-        (
-            {"kind": "k", "x": float("nan")},
-            {},
-            "the manifest must be plain JSON data: Out of range",
-        ),
+        ({"kind": "k", "x": {1, 2}}, {}, "the manifest must be plain JSON data: Object of type"),
+        ({"kind": "k", "x": float("nan")}, {}, "the manifest must be plain JSON data: Out of"),
         ({"kind": "k"}, {"x": [1, 2]}, "array 'x' must be a NumPy array of booleans, integers or "),
         ({"kind": "k"}, {"x": np.array(["a"])}, "integers or floats, got <U1"),
         ({"kind": "k"}, {"x": np.array([None])}, "integers or floats, got object"),
@@ -147,7 +139,10 @@ def test_what_cannot_be_stored_is_refused(
         ({"format": "other"}, "manifest.json does not describe a pgm_places model"),
         ({"schema": 2}, "has schema 2 (written by version '"),
         ({"content": 3}, "key 'content' is missing or damaged; train again"),
-        ({"arrays_sha256": "0" * 64}, "is not the file that manifest.json describes (its SHA-256"),
+        (
+            {"arrays_sha256": "0" * 64},
+            "is not the file that manifest.json describes (its SHA-256 differs): it was damaged or",
+        ),
     ],
 )
 def test_edited_manifests_are_refused(
@@ -155,25 +150,6 @@ def test_edited_manifests_are_refused(
 ) -> None:
     path = saved(tmp_path)
     edit(path, **changes)
-    with pytest.raises(ModelFileError) as caught:
-        load_folder(path)
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("damage", "message"),
-    [
-        (
-            lambda data: data[:-1],
-            "its SHA-256 differs): it was damaged or replaced; copy the folder",
-        ),
-        (lambda data: data[:-1] + b"x", "its SHA-256 differs"),
-    ],
-)
-def test_damaged_arrays_are_refused(tmp_path: Path, damage: Any, message: str) -> None:
-    path = saved(tmp_path)
-    file = path / "arrays.safetensors"
-    file.write_bytes(damage(file.read_bytes()))
     with pytest.raises(ModelFileError) as caught:
         load_folder(path)
     assert message in str(caught.value)

@@ -19,6 +19,7 @@ from pgm_places import (
     LabelGraph,
     LabelingProblem,
     OccupancyGrid,
+    StructuredLabeler,
     Trajectory,
     TrajectoryLabeler,
     build,
@@ -145,6 +146,8 @@ def test_what_is_no_model_is_not_saved(tmp_path: Path) -> None:
         save(grid(), tmp_path / "model")  # type: ignore[arg-type]
     with pytest.raises(NotFittedError, match=r"this PlaceLabeler .* call fit\(maps\) first"):
         save(PlaceLabeler(["a", "b"]), tmp_path / "model")
+    with pytest.raises(NotFittedError, match="call fit"):
+        save(StructuredLabeler("potts"), tmp_path / "model")
     with pytest.raises(InputError, match="a labeler knows its label names"):
         save(load(STORED / "place_labeler"), tmp_path / "model", label_names=["a"])
     assert not (tmp_path / "model").exists()
@@ -211,12 +214,7 @@ def test_the_options_of_a_loaded_labeler_hold_nothing_learned(folder: str, optio
 @pytest.mark.parametrize(
     ("folder", "key", "value", "wanted"),
     [
-        (
-            "trajectory_labeler",
-            "every_m",
-            "far",
-            "every_m must be a number of at least 0, got",
-        ),
+        ("trajectory_labeler", "every_m", "far", "every_m must be a number of at least 0, got"),
         ("trajectory_labeler", "every_m", 1e400, "must be plain JSON data"),
         ("trajectory_labeler", "options", {"n_folds": 1}, "n_folds must be a whole number from 2"),
         ("place_labeler", "options", {"cake": 1}, "is not what this version writes"),
@@ -261,21 +259,9 @@ def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) 
             {"min_width": 1.0},
             "unknown key 'record.config.topology.min_width'. Did you mean 'min_width_m'?",
         ),
-        (
-            ("record", "config", "topology"),
-            {"min_area_m2": 10**400},
-            "an integer has 401 digits",
-        ),
-        (
-            ("record", "config", "topology"),
-            {"doorway_label": 5},
-            "record.config.topology.doorway_label must be",
-        ),
-        (
-            ("record", "config", "topology"),
-            {"split_rooms_m": 1.5},
-            "record.config.topology.split_rooms_m is 1.5, but doorways are no longer corrected",
-        ),
+        (("record", "config", "topology"), {"min_area_m2": 10**400}, "an integer has 401 digits"),
+        (("record", "config", "topology"), {"doorway_label": 5}, "record.config.topology.doorway_"),
+        (("record", "config", "topology"), {"split_rooms_m": 1.5}, "record.config.topology.split_"),
     ],
 )
 def test_the_whole_record_is_checked(

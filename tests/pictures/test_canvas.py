@@ -50,13 +50,6 @@ def test_row_zero_of_a_map_is_the_bottom_of_its_picture() -> None:
     assert rgb[0, 4].tolist() == rgb_of(LABEL_COLOURS[1]).tolist()
 
 
-def test_labels_on_walls_are_not_drawn() -> None:
-    grid, labels = grid_with_a_corner()
-    assert (rgb_image(label_canvas(grid, labels, NAMES, WHOLE)) == rgb_of(LABEL_COLOURS[1])).all(
-        axis=2
-    ).sum() == (grid.free & (labels == 1)).sum()
-
-
 def test_the_file_shows_the_same_pixels() -> None:
     grid, labels = grid_with_a_corner()
     drawn = label_canvas(grid, labels, NAMES, WHOLE)
@@ -87,14 +80,11 @@ def test_values_go_from_light_to_dark_in_place() -> None:
 
 def test_a_view_leaves_half_a_metre_around_what_is_known() -> None:
     cells = np.full((100, 200), -1)
+    whole = View(slice(0, 100), slice(0, 200), 1)
+    assert view_of(OccupancyGrid(cells, 0.1), most_pixels=20_000) == whole
     cells[40:50, 60:90] = 0
     grid = OccupancyGrid(cells, 0.1)
     assert view_of(grid, most_pixels=10_000) == View(slice(35, 55), slice(55, 95), 1)
-
-
-def test_a_view_of_an_unknown_map_is_the_whole_map() -> None:
-    grid = OccupancyGrid(np.full((3, 4), -1), 1.0)
-    assert view_of(grid, most_pixels=100) == View(slice(0, 3), slice(0, 4), 1)
 
 
 @pytest.mark.parametrize("most_pixels", [50, 777, 10_000])

@@ -41,20 +41,15 @@ def test_holes_of_a_polygon_stay_white() -> None:
     assert ink.sum() == pytest.approx(32**2 - 8**2, rel=0.1)
 
 
-def test_what_lies_beside_the_picture_is_cut_off() -> None:
+def test_what_lies_beside_the_picture_and_what_has_no_points_is_not_drawn() -> None:
     drawing = Drawing(20, 20)
     drawing.line([[-50, 5], [-40, 5]], colour="black", width=2)
     drawing.disc([100, 100], diameter=9, fill="black", edge="black")
-    assert darkness(drawing).sum() == 0
-    drawing.line([[-50, 10], [50, 10]], colour="black", width=2)
-    assert darkness(drawing)[9:11].min() > 0.7
-
-
-def test_no_points_draw_nothing() -> None:
-    drawing = Drawing(5, 5)
     drawing.line(np.empty((0, 2)), colour="black", width=1)
     drawing.line(np.empty((0, 2)), colour="black", width=1, dashes=(1, 1))
     assert darkness(drawing).sum() == 0
+    drawing.line([[-50, 10], [50, 10]], colour="black", width=2)
+    assert darkness(drawing)[9:11].min() > 0.7
 
 
 def test_text_is_as_wide_as_said() -> None:

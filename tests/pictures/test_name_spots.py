@@ -3,6 +3,7 @@
 from itertools import combinations
 
 import numpy as np
+import pytest
 
 from pgm_places.pictures.drawing import text_width
 from pgm_places.pictures.topology_pictures import name_spots
@@ -15,16 +16,13 @@ def overlap(first: np.ndarray, second: np.ndarray, name: str, other: str, size: 
     return bool(apart[0] < wide and apart[1] < size)
 
 
-def test_a_name_stands_below_its_disc() -> None:
-    [(x, y)] = name_spots(["room 1"], [(100, 50)], [], size=14, radius=8)
+@pytest.mark.parametrize(("doorways", "side"), [([], 1), ([(100, 70)], -1)])
+def test_a_name_stands_below_its_disc_unless_a_doorway_does(
+    doorways: list[tuple[float, float]], side: int
+) -> None:
+    [(x, y)] = name_spots(["room 1"], [(100, 50)], doorways, size=14, radius=8)
     assert x == 100
-    assert y > 50 + 8 + 7
-
-
-def test_a_name_leaves_a_doorway_below_its_disc_visible() -> None:
-    [(x, y)] = name_spots(["room 1"], [(100, 50)], [(100, 70)], size=14, radius=8)
-    assert x == 100
-    assert y < 50 - 8 - 7
+    assert side * (y - 50) > 8 + 7
 
 
 def test_names_of_neighbours_do_not_cover_each_other() -> None:

@@ -36,18 +36,19 @@ def test_the_path_has_the_colours_of_its_places_from_left_to_right() -> None:
     assert 1.2 < np.ptp(corridor[:, 1]) / np.ptp(room[:, 1]) < 1.8
 
 
-def test_the_path_lies_where_the_map_says() -> None:
-    upper = coloured(path_map(GRID, PATH, LABELS, NAMES), LABEL_COLOURS[0])
-    lower = coloured(path_map(GRID, PATH - [0, 1.4], LABELS, NAMES), LABEL_COLOURS[0])
-    assert upper[:, 0].mean() < lower[:, 0].mean() - 50
-
-
-def test_a_turned_map_gives_the_same_picture() -> None:
+def test_the_path_lies_where_the_map_says_be_it_turned() -> None:
     frame = Similarity(0.7, (10.0, -3.0))
     turned = OccupancyGrid(CELLS, 0.1, (10.0, -3.0), 0.7)
-    one = coloured(path_map(GRID, PATH, LABELS, NAMES), LABEL_COLOURS[0])
-    two = coloured(path_map(turned, frame.of_positions(PATH), LABELS, NAMES), LABEL_COLOURS[0])
-    assert one.tolist() == two.tolist()
+    one, lower, other = (
+        coloured(path_map(grid, path, LABELS, NAMES), LABEL_COLOURS[0])
+        for grid, path in (
+            (GRID, PATH),
+            (GRID, PATH - [0, 1.4]),
+            (turned, frame.of_positions(PATH)),
+        )
+    )
+    assert one[:, 0].mean() < lower[:, 0].mean() - 50
+    assert one.tolist() == other.tolist()
 
 
 def test_steps_without_a_place_and_paths_to_compare_are_in_the_legend() -> None:
@@ -57,11 +58,8 @@ def test_steps_without_a_place_and_paths_to_compare_are_in_the_legend() -> None:
     assert plain != more
 
 
-def test_an_empty_path_is_a_map() -> None:
+def test_labels_must_fit_the_path_which_may_be_empty() -> None:
     assert path_map(GRID, np.empty((0, 2)), np.empty(0, int), NAMES)[1:4] == b"PNG"
-
-
-def test_labels_must_fit_the_path() -> None:
     with pytest.raises(InputError, match=r"labels must have shape \(51,\), got \(3,\)"):
         path_map(GRID, PATH, [0, 1, 0], NAMES)
     with pytest.raises(InputError, match="integers from -1 to 1, got 2"):

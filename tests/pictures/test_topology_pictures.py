@@ -39,17 +39,12 @@ def test_a_rotated_map_is_drawn_on_its_own_raster() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (3, 1), (1200, 1500)])
-def test_any_shape(shape: tuple[int, int]) -> None:
-    labels = np.zeros(shape, np.int16)
-    labels[:, shape[1] // 2 :] = 1
+@pytest.mark.parametrize("first", [0, -1])
+def test_any_shape_with_and_without_places(shape: tuple[int, int], first: int) -> None:
+    labels = np.full(shape, first, np.int16)
+    labels[:, shape[1] // 2 :] += 1 + first
     grid = OccupancyGrid(np.zeros(shape, np.int8), 0.05)
-    found = topological_map(grid, labels, NAMES, correct=False)
-    assert topology_drawing(grid, found).png()[1:4] == b"PNG"
-
-
-def test_a_map_without_places() -> None:
-    grid = OccupancyGrid(np.zeros((3, 3), np.int8), 0.05)
-    found = topological_map(grid, np.full((3, 3), -1), NAMES)
+    found = topological_map(grid, labels, NAMES, correct=first < 0)
     assert topology_drawing(grid, found).png()[1:4] == b"PNG"
 
 
