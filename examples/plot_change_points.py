@@ -3,9 +3,9 @@ A time series: when did it change?
 ==================================
 
 A signal stays at one level for a while and jumps to another; noise and outliers hide the jumps.
-Levels are labels: neighbours in time that differ pay a price, whatever the distance between their
-levels, so the signal is flat between its jumps. A time series is a chain, on which the best
-labelling and all probabilities are exact.
+Levels are labels. Neighbours in time that differ pay a price that does not depend on the distance
+of their levels, so the signal is flat between its jumps. A time series is a chain, on which the
+best labelling and all probabilities are exact.
 """
 
 import matplotlib.pyplot as plt
@@ -33,8 +33,7 @@ found = np.flatnonzero(np.diff(best.labels)) + 1
 print(f"{best.status}: {len(found)} jumps at {found.tolist()}; true ones at {jumps.tolist()}")
 
 # %%
-# One labelling says nothing about its alternatives. Samples of whole labellings do: how often is
-# there a jump at each step?
+# Samples of labellings show the alternatives: how often is there a jump at each step?
 drawn = sample(graph, potentials, 2000, seed=0)
 jumped = np.diff(drawn.labels, axis=1) != 0
 chance = jumped.mean(axis=0)

@@ -2,9 +2,9 @@
 Factors of order three: a series with slopes
 ============================================
 
-A chain of pairs can ask that neighbours in time be alike, and so draws every slope as a staircase.
-That a slope stay the same is a statement about three steps at once: a factor of order three.
-The chain of such factors is still narrow enough to be solved exactly.
+A chain of pairs rewards equal neighbours in time, so every slope becomes a staircase.
+A factor over three steps rewards a constant slope.
+The chain of these factors is still narrow enough to be solved exactly.
 """
 
 import matplotlib.pyplot as plt
@@ -19,8 +19,8 @@ truth = np.interp(np.arange(n_steps), [0, 22, 40, 62, 89], [-0.8, 0.9, 0.9, -0.6
 signal = truth + rng.normal(scale=0.25, size=n_steps)
 
 # %%
-# Labels are levels. Of two neighbours, levels that differ cost by their distance; of three, the
-# change of slope costs, up to a cap that lets the slope break.
+# Labels are levels. Pairs pay for the distance of their levels, triples for the change of slope, up
+# to a cap that allows breaks.
 unary = -((signal[:, None] - levels) ** 2) / (2 * 0.25**2)
 k = np.arange(len(levels))
 jump = -0.35 * np.minimum(np.abs(k[:, None] - k), 12)
@@ -44,7 +44,7 @@ for name, factors in chains.items():
     print(f"{name:8} {labeling.status}, width {width}: mean error {error:.3f}")
 
 # %%
-# The beliefs of the triples say how sure each step is.
+# The beliefs of the triples show the uncertainty of each step.
 figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
 axes[0].plot(signal, ".", color="#9aa3ad", label="measured")
 axes[0].plot(truth, "--", color="#2d2d2d", lw=1, label="truth")

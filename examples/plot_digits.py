@@ -4,10 +4,10 @@ A chain: a handwritten counter
 
 A counter stays at one digit for some steps and then moves on to the next. Each digit is a real
 handwritten one with added noise, and the labels form a chain.
-A hidden Markov model learns from labelled chains which digit follows which, and so does a
-conditional random field, which weighs that against the pictures as well; an associative network
-learns only that digits tend to stay the same.
-hmmlearn cannot be trained on labels, so it is given a Gaussian per digit and the same transitions.
+A hidden Markov model learns from labelled chains which digit follows which. A conditional random
+field also learns how much the pictures count. An associative network learns only that digits
+tend to repeat.
+hmmlearn cannot be trained on labels, so it receives a Gaussian per digit and these transitions.
 """
 
 import time

@@ -3,8 +3,8 @@ Entities in text: which words are code?
 =======================================
 
 The manual that ships with Python sets code in quotes. Without the quotes, a conditional random
-field finds the pieces of code again: each sentence is a chain of words, each word is seen as
-indicators, and the table of label pairs knows that a piece goes on only after it began.
+field finds the pieces of code: each sentence is a chain of words, indicators describe each word,
+and the table of label pairs learns that a piece continues only after its beginning.
 """
 
 import re
@@ -61,7 +61,7 @@ result = evaluate(np.concatenate(truths[:n_test]), np.concatenate(found), names)
 print(f"{result.n} words, {100 * result.accuracy:.1f} % right; F1 of labels: {result.f1}")
 
 # %%
-# A few of them: code that is found on green, what is wrong underlined in red.
+# Some sentences: code found is green, errors are underlined in red.
 figure, axes = plt.subplots(figsize=(8, 4))
 axes.axis("off")
 x, y, shown = 0.0, 0, 0

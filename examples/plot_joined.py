@@ -2,8 +2,8 @@
 A map and a robot's path, labelled together
 ===========================================
 
-A robot drives through a building whose map is known. Both the map's cells and the robot's steps are
-to be labelled; each step has its own scan, noisier than the map's.
+A robot drives through a building with a known map. The map's cells and the robot's steps are
+labelled together; each step has its own scan, noisier than the map's.
 ``LabelGraph.joined`` combines both in one graph: each step is linked to the cell where the robot
 stands, so that the map informs the path and the path informs the map.
 The network learns the weight of a link along with those of neighbours in the map and in time.
@@ -66,7 +66,7 @@ was_step = np.arange(len(known)) >= len(known) - len(before)
 is_step = np.arange(len(truth)) >= len(truth) - len(path)
 
 # %%
-# First each on its own, then both jointly; a subproblem keeps the edges inside it.
+# First map and path separately, then both jointly; a subproblem keeps the edges inside it.
 found = {"each step, each cell": test.unary.argmax(axis=1)}
 network = build("amn", {"edge_features": ("given",), "loss": "hamming", "certify": True})
 apart = np.empty(len(truth), int)

@@ -44,7 +44,7 @@ for step, (pose, ranges) in enumerate(zip(poses, scans, strict=True)):
         print(f"{found.time_s:4.1f} s: {where} ({found.label} {found.probability:.2f})")
 
 # %%
-# Grey is what is free, black what is occupied, as in RViz; the scan is red.
+# Free cells are grey, occupied cells black, as in RViz; the scan is red.
 colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
 width, height = grid.shape[1] * grid.resolution_m, grid.shape[0] * grid.resolution_m
 figure, axis = plt.subplots(figsize=(10, 10 * height / width), layout="constrained")

@@ -2,8 +2,8 @@
 In a notebook: from a map to a comparison
 =========================================
 
-Maps and results show themselves as the last line of a cell. Here a building is drawn, labelled,
-turned into places, and two methods are compared on a building that neither was trained on.
+Maps and results display themselves as the last line of a cell. A building is generated, labelled
+and turned into places; then two methods are compared on another building.
 """
 
 import matplotlib.pyplot as plt
@@ -35,7 +35,7 @@ for row, method in zip(axes, ("independent", "relaxation"), strict=True):
     print(f"{method}: balanced accuracy {100 * scores.balanced_accuracy:.1f} %")
 
 # %%
-# The places of the last one, and the graph that connects them.
+# The places of the second building, and the graph that connects them.
 places = topological_map(test.grid, found.labels, names)
 places.plot()
 print(places)

@@ -1,11 +1,11 @@
 """
-A decoder of one's own, in 25 lines
-===================================
+Your own decoder, in 25 lines
+=============================
 
-A grid with random tables is hard: relaxations are fractional on it, and local search stays far
-below the best. Simulated annealing is not built in. As a function with a name it is taken wherever
-a decoder is: by ``decode``, by the methods' option ``inference``, and by the check that all
-decoders of the package pass.
+A grid with random tables is hard: relaxations are fractional, and local search ends far below the
+optimum. Simulated annealing is not built in. Registered under a name, it works like every decoder:
+in ``decode``, as the methods' option ``inference``, and in the check that all decoders of the
+package pass.
 """
 
 import matplotlib.pyplot as plt
@@ -41,8 +41,8 @@ def anneal(task: DecodingTask) -> DecodingAnswer:
 register_decoder("annealing", anneal)
 
 # %%
-# Does it keep its word? Its labellings are compared with all labellings of small problems, with
-# ties, forbidden labels, and potentials of 1e-12 to 1e12.
+# The check compares its labellings with all labellings of small problems, with ties, forbidden
+# labels, and potentials of 1e-12 to 1e12.
 print(check_decoder("annealing", n_problems=60))
 
 # %%

@@ -1,12 +1,11 @@
 """
-Rooms: what each is for
-=======================
+Rooms: the purpose of each
+==========================
 
-The places between the doorways of hotel floors are labelled with what they are for. A forest judges
-each place by its shape, or by its shape and size, and relaxation, which has learned what lies
-beside what, revises all judgements of a floor together. Whether neighbours help has to be measured:
-here, size tells nearly everything, and neighbours add nothing. On real floors with nine kinds of
-rooms they do not help either: :doc:`/results` has the figures.
+The places between the doorways of hotel floors are labelled with their purpose. A forest classifies
+each place by its shape, or by shape and size; relaxation learns which kinds of rooms are neighbours
+and revises all labels of a floor together. Here, size is enough, and neighbours add nothing. On
+real floors with nine kinds of rooms, neighbours do not help either (:doc:`/notes/studies`).
 """
 
 import matplotlib.pyplot as plt
@@ -75,8 +74,8 @@ problems, kinds = zip(*(item[:2] for item in floors), strict=True)
 truth = np.concatenate(kinds[N_TRAINING:])
 
 # %%
-# The floors that are counted were left out of training. The coefficients of relaxation say what
-# goes together: a corridor never lies beside another, and two bathrooms hardly ever do.
+# Accuracy on floors left out of training. By the coefficients of relaxation, corridors are never
+# neighbours, and bathrooms hardly ever.
 pictures = {"true": kinds[N_TRAINING]}
 for name, versions in zip(("shape", "shape and size"), zip(*problems, strict=True), strict=True):
     forest = RandomForestClassifier(100, min_samples_leaf=3, random_state=0)

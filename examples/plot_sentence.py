@@ -2,10 +2,10 @@
 A sentence: letters behind noise
 ================================
 
-A text arrives letter by letter, each as a picture so noisy that every third is misread. But which
-letters follow each other can be learned from other texts: a hidden Markov model counts a table of
-27 x 27 transitions there, and finds the most probable sentence without a dictionary. The texts are
-the descriptions that scikit-learn ships with its data sets.
+A text arrives letter by letter, each as a picture so noisy that every third is misread. A hidden
+Markov model counts a table of 27 x 27 transitions between letters in other texts, and finds the
+most probable sentence without a dictionary. The texts are the descriptions of scikit-learn's data
+sets.
 """
 
 import re
@@ -54,7 +54,7 @@ test = [problem(line) for line in lines(datasets.load_iris)]
 print(f"{60 * len(train)} letters to learn from, {60 * len(test)} to read")
 
 # %%
-# The filter knows the letters so far and could read along; the most probable path knows them all.
+# The filter uses the letters so far; the most probable path uses all letters.
 problems, truths = zip(*train, strict=True)
 unread, wanted = zip(*test, strict=True)
 models = {
@@ -71,7 +71,7 @@ for name, backend in models.items():
     print(f"{name:16} {100 * rate:.1f} % of the letters")
 
 # %%
-# Half of the first three lines, as they arrive and as they are read; wrong letters are red.
+# Half of the first three lines, as they arrive and as they are labelled; wrong letters are red.
 figure, axes = plt.subplots(3, 1, figsize=(9, 6.3), layout="constrained")
 for line, axis in enumerate(axes):
     strip = np.hstack(unread[line].node_features.reshape(-1, 8, 6)[:30])

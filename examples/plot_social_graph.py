@@ -2,10 +2,10 @@
 A social graph: who sides with whom?
 ====================================
 
-A karate club broke apart over a quarrel between its instructor and an officer. Suppose that the
-sides of these two are all that is known. The Potts field gives every other member a side such that
-as little contact as possible is cut; two labels make this a minimum cut, so the answer is the best
-one there is. W. W. Zachary recorded how often each pair met, and which side each took in the end.
+A karate club broke apart over a quarrel between its instructor and an officer. Only the sides of
+these two are known. The Potts field chooses a side for every other member such that as little
+contact as possible is cut; with two labels this is a minimum cut, so the result is optimal.
+W. W. Zachary recorded how often each pair met, and the side that each member took.
 """
 
 import matplotlib.pyplot as plt
@@ -29,7 +29,7 @@ wrong = np.flatnonzero(labeling.labels != truth)
 print(f"{labeling.status}, gap {labeling.gap:.1g}; wrong: {wrong.tolist()} of {graph.n_nodes}")
 
 # %%
-# How sure is that? The marginals of the same model, which belief propagation approximates.
+# The uncertainty: marginals of the model, approximated by belief propagation.
 potentials = Potentials(np.zeros((graph.n_nodes, 2)), agreement=0.25 * np.stack([ties, ties], 1))
 beliefs = decode(graph, potentials, "sum-product", known=known).beliefs
 doubt = np.argsort(np.abs(beliefs[:, 1] - 0.5))[:3]
@@ -38,7 +38,7 @@ for member in doubt:
     print(f"member {member}: {beliefs[member, 1]:.2f} for the officer, went with the {side}")
 
 # %%
-# Yellow and blue are the two sides, grey where the model is in doubt; a red rim is a mistake.
+# Yellow and blue are the two sides, grey is uncertain; a red rim is an error.
 figure, axis = plt.subplots(figsize=(9, 5), layout="constrained")
 at = nx.spring_layout(club, seed=3, weight=None)
 shades = plt.get_cmap("cividis_r")(beliefs[:, 1])

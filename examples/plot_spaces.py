@@ -2,9 +2,9 @@
 A floor: segments, gates and places
 ===================================
 
-A floor is cut at its narrow passages, at three scales. The narrow openings become gates, and the
-areas between those gates that are doorways are the rooms and corridors that a person would draw.
-Here the ground truth decides which gates are doorways, and shows how many of the doors were found.
+A floor is cut at its narrow passages, at three scales. The narrow openings become gates. The areas
+between gates that are doorways are rooms and corridors. The ground truth decides which gates are
+doorways, and shows how many doors were found.
 """
 
 import matplotlib.pyplot as plt

@@ -2,11 +2,10 @@
 Stereo: how far away is each pixel?
 ===================================
 
-Two cameras side by side see a near thing further apart than a distant one. The shift between the
-two pictures is the label of a pixel: 24 labels in order, so that neighbours pay a price that grows
-with their difference up to a limit, because objects have edges. TRW-S finds a labelling and a bound
-that no labelling exceeds; the gap between the two is how much could be left to gain under this
-model, whatever the errors against the measured truth.
+In two pictures from cameras next to each other, near objects shift more than distant ones. The
+shift is the label of a pixel: 24 ordered labels. Neighbours pay a price that grows with their
+difference up to a limit, because objects have edges. TRW-S finds a labelling and an upper bound of
+all scores; their gap limits what another labelling could gain under this model.
 """
 
 import time
@@ -28,8 +27,8 @@ left, right = left[: len(rows), : len(columns)], right[: len(rows), : len(column
 shifts = np.linspace(0.5, 12, n_labels)
 
 # %%
-# The price of a label at a pixel: how different the shifted picture is over a small window, up
-# to a limit, since what one camera sees may be hidden from the other.
+# The price of a label at a pixel is the difference of the shifted picture in a small window, up to
+# a limit, since an object may be hidden from one camera.
 at_row, at_column = np.meshgrid(rows, columns, indexing="ij")
 cost = np.empty((len(rows), len(columns), n_labels))
 for label, shift in enumerate(shifts):

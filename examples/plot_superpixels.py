@@ -2,9 +2,9 @@
 Superpixels: which texture is where?
 ====================================
 
-A picture is cut into some hundred superpixels, and each gets a label rather than each pixel. Here
-the picture is a mosaic of three photographs of ground, so the truth is known: grass, gravel and
-brick, all brought to the same brightness and contrast, so that texture alone tells them apart.
+A picture is cut into some hundred superpixels, which are labelled instead of pixels. The picture
+is a mosaic of three photographs of ground, so the truth is known: grass, gravel and brick, all of
+equal brightness and contrast, so that only texture distinguishes them.
 The graph joins superpixels that share a border, and the length of that border is a feature of the
 edge; an associative Markov network learns how much it counts.
 """

@@ -2,9 +2,9 @@
 A UAI file: what is wrong with this patient?
 ============================================
 
-The files of the UAI competitions hold networks that many programs read. This one is the chest
-clinic of Lauritzen and Spiegelhalter (1988), known as Asia: eight nodes, a table for each given its
-causes, and a cycle. It is read, solved exactly, and asked again as symptoms come in.
+Many programs read the files of the UAI competitions. This one is the chest clinic of Lauritzen and
+Spiegelhalter (1988), known as Asia: eight nodes, a table for each node given its causes, and a
+cycle. The network is solved exactly, first without and then with observed symptoms.
 """
 
 import tempfile
@@ -28,7 +28,7 @@ names += ["one of the two", "dark X-ray", "short of breath"]
 network = read_uai(folder / "asia.uai")
 
 # %%
-# Evidence is a file, too: how many nodes are known, then each with its label.
+# Evidence is a file, too: the number of known nodes, then each node with its label.
 cases = {"nothing known": "0", "short of breath": "1 7 1", "... and a dark X-ray": "2 7 1 6 1"}
 cases["... and was in Asia"] = "3 7 1 6 1 0 1"
 chances = {}

@@ -1,11 +1,11 @@
 """
-A series that nobody has labelled: calm and storm
-=================================================
+A series without labels: calm and storm
+=======================================
 
-Both states of this signal have the same mean: only their spread, and how long they last, tell them
-apart. No step is labelled. Expectation maximisation finds a Gaussian for each state and how they
-follow each other, in turn with the probability of each state at each step, which on a chain is
-exact. For comparison, a mixture that sees each step alone.
+The two states of this signal have equal means and differ in spread and duration. No step is
+labelled. Expectation maximisation alternates between a Gaussian for each state with the transitions
+between states, and the probability of each state at each step, which is exact on a chain. A mixture
+of single steps is the comparison.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +22,8 @@ signal = rng.normal(size=n_steps) * np.where(truth, 1.6, 0.5)
 features = signal[:, None]
 
 # %%
-# Learning begins twice: at clusters of the signal itself, which say nothing here, and at clusters
-# of its mean and spread around each step. No round lowers the objective; the better end is taken.
+# Learning begins twice: at clusters of the signal, which are useless here, and at clusters of its
+# mean and spread around each step. No round lowers the objective; the better result is taken.
 chain = LabelGraph.from_lattice((n_steps,))
 found = gaussian_em([chain], [features], 2)
 deviation = np.sqrt(found.covariances[:, 0, 0])
