@@ -59,7 +59,7 @@ from pgm_places.options import Positive, Whole
 from pgm_places.solvers.margin_solution import OnStep
 from pgm_places.solvers.max_margin import MaxMarginProblem
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.potts_margin import PottsMarginProblem
+from pgm_places.solvers.table_margin import PottsMarginProblem
 
 # Candidates of C="auto", and its value if nothing can be held out.
 AUTO_PENALTIES = (10.0, 100.0, 1000.0)

@@ -18,7 +18,7 @@ from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.models.decoding_task import Damping
-from pgm_places.models.evidence import Evidence, divided_share, without_prior
+from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior
 from pgm_places.options import AtLeastZero, Options, Positive, Whole
 
 # Candidate weights, in units of the default, which wins among equals.

@@ -19,7 +19,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.learned_names import LearnedNames, in_learned_order
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models import relaxation_choice as on_held_out
-from pgm_places.models.evidence import Evidence, divided_share, without_prior
+from pgm_places.models.evidence_weight import Evidence, divided_share, without_prior
 from pgm_places.models.labelled_examples import labelled_parts
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (

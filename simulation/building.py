@@ -15,14 +15,12 @@ from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.simulation.corridor_layout import Wing, draw_wing, partition
 from pgm_places.simulation.distortion import shifted
 from pgm_places.simulation.floor_plan import FloorPlan, Rect
-from pgm_places.simulation.furniture import furnish, hang_doors
+from pgm_places.simulation.furniture import furnish, furnish_largely, hang_doors
 from pgm_places.simulation.kinds import KINDS, style_of_kind
-from pgm_places.simulation.large_furniture import furnish_largely
 from pgm_places.simulation.layout import draw_layout
 from pgm_places.simulation.portable_random import Dice, MetreScale
-from pgm_places.simulation.raster import main_component, mapped_span
 from pgm_places.simulation.room_placement import draw_floor
-from pgm_places.simulation.simulated_mapping import survey
+from pgm_places.simulation.simulated_mapping import main_component, mapped_span, survey
 from pgm_places.simulation.style import OFFICE, Style, StyleName, draw_style
 from pgm_places.unary.options import HallsAs
 

@@ -11,8 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 from pgm_places.simulation.floor_plan import Rect
 from pgm_places.simulation.portable_random import Dice, MetreScale
-from pgm_places.simulation.raster import main_component
-from pgm_places.simulation.simulated_mapping import crowded, grid_in
+from pgm_places.simulation.simulated_mapping import crowded, grid_in, main_component
 
 _PLANNING_CM = 10
 """Cell size of the planning grid."""

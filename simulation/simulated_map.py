@@ -13,16 +13,21 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.simulation.distortion import pushed
 from pgm_places.simulation.floor_plan import FloorPlan, Rect, sides, windows
-from pgm_places.simulation.furniture import FULL, furnish, hang_doors
+from pgm_places.simulation.furniture import FULL, furnish, furnish_largely, hang_doors
 from pgm_places.simulation.glass import BEYOND_CM, fronts, open_ground, windows_out
 from pgm_places.simulation.incomplete_mapping import close_doors, forget_glimpses
-from pgm_places.simulation.large_furniture import furnish_largely
 from pgm_places.simulation.map_simulation import MapSimulation
 from pgm_places.simulation.plan_reading import ReadPlan, read_plan
 from pgm_places.simulation.portable_random import Dice, MetreScale
-from pgm_places.simulation.raster import main_component, mapped_span
 from pgm_places.simulation.routes import Routes, draw_routes
-from pgm_places.simulation.simulated_mapping import N_RAYS, Tour, budgets, mapped
+from pgm_places.simulation.simulated_mapping import (
+    N_RAYS,
+    Tour,
+    budgets,
+    main_component,
+    mapped,
+    mapped_span,
+)
 
 _MARGIN_CM = 100
 """Width of the unknown space around a map."""

@@ -7,9 +7,22 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, convolve
 
 from pgm_places._core import follow_rays
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.simulation.floor_plan import FloorPlan, Rect
 from pgm_places.simulation.portable_random import Dice, MetreScale
+
+
+def mapped_span(cells: NDArray[np.int8], margin: int) -> slice:
+    """The extent of rows with known cells, with a margin."""
+    known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
+    return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
+
+
+def main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) the largest piece of free space whose cells touch by their sides."""
+    return connected_components(free, connectivity=4).largest
+
 
 SOLID, GLASS, RIM = 1, 2, 4
 """Bits of the state of a cell."""

@@ -1,10 +1,4 @@
-"""Max-margin learning of full tables of label pairs, for the cutting plane.
-
-The objective is that of :mod:`pgm_places.solvers.max_margin` with the score of a
-:class:`~pgm_places.solvers.table_field.TableField`. Only clique weights are bounded, since tables
-need not be associative (I. Tsochantaridis et al., "Large margin methods for
-structured and interdependent output variables", JMLR 6 (2005)).
-"""
+"""Max-margin learning of Potts models and of full tables of label pairs, for the cutting plane."""
 
 from dataclasses import dataclass, replace
 
@@ -15,11 +9,42 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.local_search import improved_modes
-from pgm_places.solvers.max_margin import MarginProblem, Oracle
+from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, Oracle
 from pgm_places.solvers.max_oracle import Certificate, certify
 from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import RepeatedDecoding, trws
+
+
+@dataclass(frozen=True, eq=False)
+class PottsMarginProblem(MaxMarginProblem):
+    """A :class:`~pgm_places.solvers.max_margin.MaxMarginProblem` with edge weights (F,).
+
+    With weights per label, a label with larger edge rewards gains at every node inside a region,
+    by the rewards of the node's edges. Next to an offset of likely labels, this relabels entire
+    regions; with common weights only borders are left to learn.
+    """
+
+    @property
+    def n_pair_weights(self) -> int:
+        """D K + F: where the clique weights begin in the flat weight vector."""
+        return self.n_free + self.edge_features.shape[1]
+
+    def split(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Node weights (D, K) of a flat weight vector, and edge weights repeated for each label."""
+        start, end = self.n_free, self.n_pair_weights
+        of_edges = np.repeat(weights[start:end, None], self.n_labels, axis=1)
+        return weights[:start].reshape(-1, self.n_labels), of_edges
+
+    def edge_part(self, by_label: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums of edge features by label (F, K) as (F,) sums over all labels."""
+        return np.asarray(by_label.sum(axis=1))
+
+    def _less_than_truth(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        return MarginProblem._less_than_truth(self, labels)
+
 
 # Passes of TRW-S for a cut; a certificate needs more.
 ORACLE_PASSES = 40

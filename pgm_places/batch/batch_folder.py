@@ -1,6 +1,7 @@
 """The folder that the results of many maps are written to: its names, root, claims and index."""
 
 import hashlib
+import json
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -13,11 +14,11 @@ from typing import Any
 from pgm_places._extras import needed
 from pgm_places.batch.batch_index import LISTS, BatchIndex, index_of
 from pgm_places.batch.found_maps import FoundMap
-from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row
+from pgm_places.batch.map_task import Failure, LabelledRow, labelled_row, manifest_record
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.remote_maps import fetch_results
 from pgm_places.errors import InputError, OutputError
-from pgm_places.io.atomic import atomic_file, write_json
+from pgm_places.io.atomic import atomic_file, write_json, write_text
 from pgm_places.io.input_file import file_kind, is_address, read_json, user_path
 from pgm_places.io.output_set import claim
 from pgm_places.io.places.result_folder import (
@@ -298,3 +299,34 @@ def _place(region: dict[str, Any], name: str, near: dict[int, set[int]]) -> dict
         "y_m": float(y_m),
         "connected_to": sorted(near.get(int(region["id"]), ())),
     }
+
+
+def write_check_first(folder: Path, stage: Path, old: str, new: str) -> bool:
+    """Write a map's manifest with a place's new name, where it is the place to check first."""
+    record = manifest_record(folder)
+    if record is None or record.get("figures", {}).get("check_first") != old:
+        return False
+    record["figures"]["check_first"] = new
+    path = stage / MANIFEST_FILE
+    path.parent.mkdir(exist_ok=True)
+    write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n")
+    return True
+
+
+def write_row_again(folder: Path) -> None:
+    """Write a map's row and the page of the batch that it belongs to, if it belongs to one.
+
+    Raises
+    ------
+    OutputError
+        The lists cannot be written.
+    """
+    out = batch_of(folder)
+    if out is None:
+        return
+    row = labelled_row(folder, folder.resolve().relative_to(out).as_posix())
+    if row is not None:
+        lists = BatchIndex(out)
+        lists.begin()
+        lists.add(row)
+        lists.end(lists.settle)

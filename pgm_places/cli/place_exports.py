@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pgm_places as pp
 from pgm_places.cli.terminal import complain
 from pgm_places.errors import InputError
-from pgm_places.io.places.export_record import ExportRequest
+from pgm_places.io.places.result_folder import ExportRequest
 
 if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap

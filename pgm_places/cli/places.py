@@ -173,7 +173,7 @@ def export(
     """
     from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.export_record import ExportRequest, record_exports
+    from pgm_places.io.places.result_folder import ExportRequest, record_exports
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology, target = load_named_topology(folder), out or folder
@@ -236,10 +236,10 @@ def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")])
     name
         Its new name.
     """
-    from pgm_places.batch.renamed_rows import write_check_first, write_row_again
+    from pgm_places.batch.batch_folder import write_check_first, write_row_again
     from pgm_places.cli.place_exports import write_export
     from pgm_places.io.output_set import is_as_written
-    from pgm_places.io.places.export_record import record_exports, recorded_exports
+    from pgm_places.io.places.result_folder import record_exports, recorded_exports
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
     from pgm_places.io.staging import file_names
     from pgm_places.topology.place_edits import renamed

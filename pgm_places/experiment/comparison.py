@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pgm_places import plotting
 from pgm_places.evaluation import confusion
 from pgm_places.evaluation.bootstrap import Interval, Resamples, pooled
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.evaluated_items import TestItem, blocks_of
 from pgm_places.experiment.significance import Significance, judge
 from pgm_places.inference.labeling import Labeling
-from pgm_places.plotting import charts
-from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
+from pgm_places.plotting import Plotted, axes_or_new, data_frame
 from pgm_places.spaces.door_truth import DoorScores
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class Comparison(Plotted):
         }
         ax = axes_or_new(ax)
         names = [method.id for method in self.methods]
-        charts.draw_bars(ax, names, bars, errors, "percent of the nodes")
+        plotting.draw_bars(ax, names, bars, errors, "percent of the nodes")
         return ax
 
     def _ends(self, method: MethodResult, figure: str) -> tuple[float, float]:

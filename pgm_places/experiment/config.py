@@ -16,9 +16,13 @@ from pgm_places._checks import plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError, nearest_name
 from pgm_places.experiment.config_presets import with_preset
-from pgm_places.experiment.source_config import SourceConfig, SplitConfig, given_options
+from pgm_places.experiment.source_config import (
+    SourceConfig,
+    SplitConfig,
+    StepOptions,
+    given_options,
+)
 from pgm_places.experiment.source_patterns import without_patterns
-from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.custom import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
 from pgm_places.io.input_file import read_toml

@@ -11,9 +11,9 @@ from typing import Any
 
 from pgm_places.errors import LearningWarning
 from pgm_places.experiment.config import ExperimentConfig
-from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.source_patterns import resolved_path
 from pgm_places.io.input_file import sha256_of
 from pgm_places.kernels.threads import thread_limit
 from pgm_places.progress import Progress, Silent, report_stage, reporting_to

@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import NO_MODEL, ExperimentConfig
-from pgm_places.experiment.doors import door_scores, gate_scores, passage_scores
 from pgm_places.experiment.drives import SourceDrive, counted_objects
-from pgm_places.experiment.evaluated_items import EvalDrive, EvalGraph, EvalMap
+from pgm_places.experiment.evaluated_items import (
+    EvalDrive,
+    EvalGraph,
+    EvalMap,
+    door_scores,
+    gate_scores,
+    passage_scores,
+)
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.setup import (

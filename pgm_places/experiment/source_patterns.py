@@ -1,14 +1,40 @@
 """Tables that name many maps at once: patterns, and the buildings that the maps belong to."""
 
 import glob
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from pgm_places.errors import ConfigError, nearest_name, quoted
-from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.io.csv_table import open_table
+from pgm_places.io.input_file import user_path
+
+
+def resolved_path(name: str, folder: Path) -> Path:
+    """The path that a configuration in ``folder`` names.
+
+    A leading ``$NAME`` is replaced by that environment variable, taken as a folder.
+
+    Raises
+    ------
+    ConfigError
+        The variable is not set, or no file can have this name.
+    """
+    if name.startswith("$"):
+        variable, _, rest = name[1:].partition("/")
+        named = os.environ.get(variable)
+        if not named:
+            raise ConfigError(
+                f"the path {name!r} needs the environment variable {variable}; set it to the "
+                "folder with the data"
+            )
+        path = user_path(Path(named) / rest, ConfigError)
+    else:
+        path = folder / user_path(name, ConfigError)
+    return Path(os.path.realpath(path))  # Path.resolve would fail on circular links
+
 
 _WILDCARD = re.compile(r"\*\*/?|\*|\?|\[(?:![^\]]+|[^!\]][^\]]*)\]")
 """A bracket that is not closed, or holds nothing, is a character like any other."""

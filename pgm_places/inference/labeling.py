@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import plotting
 from pgm_places._arguments import public
 from pgm_places._checks import (
     finite_array,
@@ -23,8 +24,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.known_labels import keep_known
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.plotting import charts
-from pgm_places.plotting.axes import axes_or_new
+from pgm_places.plotting import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -176,7 +176,7 @@ class Labeling:
             raise InputError(f"label_names must be {n_labels}, got {len(label_names)}")
         where = np.arange(n_nodes) if along is None else along
         ax = axes_or_new(ax)
-        charts.draw_beliefs(
+        plotting.draw_beliefs(
             ax, finite_array("along", where, (n_nodes,)), self.beliefs, label_names, xlabel
         )
         return ax
@@ -206,7 +206,7 @@ class Labeling:
             scores = np.asarray(self.info["score_history"], np.float64)
             curves = {"bound": history, "score": scores}
         ax = axes_or_new(ax)
-        charts.draw_curves(ax, curves, "iteration", " and ".join(curves))
+        plotting.draw_curves(ax, curves, "iteration", " and ".join(curves))
         return ax
 
     def part(self, nodes: NDArray[np.int64] | slice) -> "Labeling":

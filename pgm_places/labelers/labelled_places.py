@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import plotting
 from pgm_places._arguments import public
 from pgm_places.errors import InputError, MapError
 from pgm_places.graph.bands import bands_of_rows
@@ -18,8 +19,7 @@ from pgm_places.labelers.whole_map import whole_doorways, whole_layout, whole_un
 from pgm_places.maps.coarsening import Coarsening, coarsen, refine, refined_shape
 from pgm_places.maps.known_window import KnownWindow
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.plotting import rasters
-from pgm_places.plotting.axes import Plotted, axes_or_new
+from pgm_places.plotting import Plotted, axes_or_new
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.spaces.unentered import Unentered, find_unentered
@@ -229,7 +229,7 @@ class LabelledPlaces(Plotted):
             raise InputError(f"{self.method} has no beliefs, so its {show} is unknown")
         ax = self.grid.plot(axes_or_new(ax))
         if show == "labels" or beliefs is None:
-            rasters.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
+            plotting.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
             return ax
         if show == "probability":
             values = np.take_along_axis(beliefs, self.labeling.labels[:, None], axis=1)[:, 0]
@@ -237,7 +237,7 @@ class LabelledPlaces(Plotted):
             values = normalized_entropy(beliefs)
         gradient = "entropy" if show == "uncertainty" else show
         on_map = self.on_map(values.astype(np.float32), np.nan)
-        rasters.draw_values(ax, on_map, self.grid.frame, gradient=gradient, title=show)
+        plotting.draw_values(ax, on_map, self.grid.frame, gradient=gradient, title=show)
         return ax
 
     def shares(self) -> dict[str, float]:

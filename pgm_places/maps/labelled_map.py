@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places import plotting
 from pgm_places._arguments import public
 from pgm_places._checks import require_names, set_frozen
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.plotting import rasters
-from pgm_places.plotting.axes import Plotted, axes_or_new
+from pgm_places.plotting import Plotted, axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +104,7 @@ class LabelledMap(Plotted):
         names = tuple(label_names) or tuple(f"label {number}" for number in numbers)
         require_names(self.name, self.labels, names)
         ax = self.grid.plot(axes_or_new(ax))
-        rasters.draw_labels(ax, self.labels, names, self.grid.frame)
+        plotting.draw_labels(ax, self.labels, names, self.grid.frame)
         return ax
 
     def graph(self, *, connectivity: int = 8, labelled_only: bool = False) -> LabelGraph:

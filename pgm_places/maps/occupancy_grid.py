@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import plotting
 from pgm_places._arguments import public_raising
 from pgm_places._checks import freeze, number_array, set_frozen
 from pgm_places.errors import InputError, MapError
-from pgm_places.plotting import rasters
-from pgm_places.plotting.axes import Plotted, axes_or_new
+from pgm_places.plotting import Plotted, axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -150,9 +150,9 @@ class OccupancyGrid(Plotted):
         return np.array([[cos, -sin], [sin, cos]])
 
     @property
-    def frame(self) -> rasters.Frame:
+    def frame(self) -> plotting.Frame:
         """The position of the raster in the map frame."""
-        return rasters.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
+        return plotting.Frame(self.resolution_m, self.origin_xy_m, self.yaw_rad)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw walls, unknown and free cells, in metres of the map frame.
@@ -167,7 +167,7 @@ class OccupancyGrid(Plotted):
         matplotlib.axes.Axes
         """
         ax = axes_or_new(ax)
-        rasters.draw_ground(ax, self.cells, self.frame)
+        plotting.draw_ground(ax, self.cells, self.frame)
         return ax
 
     def with_cells(self, cells: ArrayLike) -> Self:
@@ -220,7 +220,7 @@ def raster_shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | 
 
 
 def overlap(shift: Shift, before: tuple[int, ...], after: tuple[int, ...]) -> tuple[Window, Window]:
-    """The overlap of two rasters, as a window of the old and a window of the new."""
+    """The overlap of two charts, as a window of the old and a window of the new."""
     low = np.maximum(shift, 0)
     high = np.maximum(np.minimum(np.add(shift, before), after), low)
     there = tuple(map(slice, low.tolist(), high.tolist()))

@@ -11,14 +11,15 @@ import numpy as np
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.output_set import output_set
-from pgm_places.io.places.export_record import ExportRequest, record_exports
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.result_folder import (
     CHECK_FILE,
     NAMES_FILE,
     OVERVIEW_FILE,
+    ExportRequest,
     probability_file,
+    record_exports,
 )
 from pgm_places.io.places.topology_files import (
     read_own_names,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places import plotting
 from pgm_places._checks import freeze, require_shape, set_frozen
 from pgm_places._travelling import travels
 from pgm_places.errors import InputError, nearest_name
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid, at_cells
-from pgm_places.plotting import charts, rasters
-from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
+from pgm_places.plotting import Plotted, axes_or_new, data_frame
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.geojson import LOCAL_METRES, region_feature
 from pgm_places.topology.place_ids import PlaceIds
@@ -292,7 +292,7 @@ class TopologicalMap(Plotted):
         matplotlib.axes.Axes
         """
         ax = self.grid.plot(axes_or_new(ax))
-        rasters.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
+        plotting.draw_labels(ax, self.labels, self.label_names, self.grid.frame)
         anchors = {region.id: region.anchor_m for region in self.regions}
         lines = [
             np.array([anchors[item.first], item.point_m, anchors[item.second]])
@@ -300,7 +300,7 @@ class TopologicalMap(Plotted):
         ]
         places = [region for region in self.regions if region.label != self.doorway_label]
         nodes = np.array([region.anchor_m for region in places]).reshape(-1, 2)
-        charts.draw_graph(ax, nodes, lines, [place.name if names else "" for place in places])
+        plotting.draw_graph(ax, nodes, lines, [place.name if names else "" for place in places])
         return ax
 
     def to_networkx(self) -> "nx.Graph[int]":

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places import plotting
 from pgm_places._arguments import public
 from pgm_places._checks import (
     finite_array,
@@ -22,8 +23,7 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import at_cells
-from pgm_places.plotting import charts
-from pgm_places.plotting.axes import Plotted, axes_or_new, data_frame
+from pgm_places.plotting import Plotted, axes_or_new, data_frame
 from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.similarity import Similarity
 
@@ -357,7 +357,7 @@ class Trajectory(Plotted):
         matplotlib.axes.Axes
         """
         ax = axes_or_new(ax)
-        charts.draw_path(ax, self.poses[:, :2], self.labels, self.label_names or ())
+        plotting.draw_path(ax, self.poses[:, :2], self.labels, self.label_names or ())
         return ax
 
     def to_dataframe(self) -> Any:

@@ -11,7 +11,7 @@ import pytest
 from pgm_places.cli.places import rename
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.maps.map_server import load_map
-from pgm_places.io.places.export_record import recorded_exports
+from pgm_places.io.places.result_folder import recorded_exports
 from pgm_places.io.places.topology_files import load_named_topology, save_topology
 from pgm_places.labelling.files import write_labels
 from pgm_places.labelling.places import places_of

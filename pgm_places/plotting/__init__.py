@@ -1,1 +1,0 @@
-"""Plots of maps, drives and results on matplotlib axes, for notebooks."""
