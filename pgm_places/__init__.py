@@ -5,10 +5,17 @@
 """
 
 import logging
+from importlib.machinery import PathFinder
 
 import lazy_loader
 
 from pgm_places._version import __version__ as __version__
+
+if PathFinder.find_spec(f"{__name__}._core", __path__) is None:  # as in a checkout
+    raise ImportError(
+        f"the kernels in {__path__[0]} are not compiled; run "
+        "'pip install --editable .' in the checkout, or start Python in another folder"
+    )
 
 __getattr__, _, _names = lazy_loader.attach_stub(__name__, __file__)
 

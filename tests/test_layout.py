@@ -36,6 +36,20 @@ def test_public_names_are_sorted_and_exist() -> None:
         assert hasattr(pgm_places, name)
 
 
+def test_a_checkout_without_compiled_kernels_says_how_to_compile_them(tmp_path: Path) -> None:
+    (tmp_path / "pgm_places").mkdir()
+    for path in (ROOT / "pgm_places").iterdir():
+        if not path.name.startswith("_core."):
+            (tmp_path / "pgm_places" / path.name).symlink_to(path.resolve())
+    code = "from pgm_places import LabelGraph"
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True, cwd=tmp_path
+    )
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith(f"ImportError: the kernels in {tmp_path / 'pgm_places'} are not compiled")
+    assert "pip install --editable ." in told
+
+
 def test_help_needs_nothing_heavy() -> None:
     heavy = "cvxpy, sklearn, matplotlib, jinja2, numpy, rich"
     code = (
