@@ -68,7 +68,8 @@ class Registry:
             module = importlib.import_module(module_name)
         except ModuleNotFoundError as error:
             raise ConfigError(
-                f"{self.kind} {name!r} needs {error.name!r}, which is not installed"
+                f"{self.kind} {name!r} needs {error.name!r}, which is not installed; install it, "
+                "or name its folder in PYTHONPATH"
             ) from None
         cls = getattr(module, class_name, None)
         if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):

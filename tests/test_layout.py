@@ -46,7 +46,9 @@ def test_a_checkout_without_compiled_kernels_says_how_to_compile_them(tmp_path: 
         [sys.executable, "-c", code], check=False, capture_output=True, text=True, cwd=tmp_path
     )
     told = done.stderr.splitlines()[-1]
-    assert told.startswith(f"ImportError: the kernels in {tmp_path / 'pgm_places'} are not compiled")
+    assert told.startswith(
+        f"ImportError: the kernels in {tmp_path / 'pgm_places'} are not compiled"
+    )
     assert "pip install --editable ." in told
 
 

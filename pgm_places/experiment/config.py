@@ -338,7 +338,7 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
     if "methods" in content:
         content["methods"] = _split(content["methods"], "methods", ("id", "unary"), where)
         for item in content["methods"]:
-            item.setdefault("id", item["name"])
+            item.setdefault("id", str(item["name"]).rpartition(":")[2])  # module:Class
     if "features" in content:
         content["features"] = _split(content["features"], "features", (), where)
     return validated_config(content, where)

@@ -148,10 +148,11 @@ def resolved_config(config: ExperimentConfig, methods: Mapping[str, AnyMethod]) 
             {key: value for key, value in item.items() if value is not None}
             for item in content[part]
         ]
+    names = {method.id: method.name for method in config.methods}  # a base model has its own
     content["methods"] = [
         {
             "id": name,
-            "name": METHODS.name_of(type(method.backend)),
+            "name": names.get(name) or METHODS.name_of(type(method.backend)),
             "unary": method.unary,
             **option_values(method.backend),
         }
