@@ -32,6 +32,7 @@ from pgm_places.models.amn_learning import (
 )
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoders import Decoder
+from pgm_places.models.few_labels import warns_of_few_labels
 from pgm_places.models.held_out_choice import Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
@@ -154,6 +155,7 @@ class AssociativeMarkovNetwork(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
+    @warns_of_few_labels
     @learned_by_frequency
     def fit(
         self,

@@ -33,6 +33,7 @@ from pgm_places.models.crf_learning import (
     needs_damping,
 )
 from pgm_places.models.decoders import Decoder
+from pgm_places.models.few_labels import warns_of_few_labels
 from pgm_places.models.held_out_choice import Candidate, Path, choose
 from pgm_places.models.label_order import learned_by_frequency
 from pgm_places.models.labelled_examples import (
@@ -148,6 +149,7 @@ class ConditionalRandomField(LinearModel):
 
     # ------------------------------------------------------------------ learning
 
+    @warns_of_few_labels
     @learned_by_frequency
     def fit(
         self,

@@ -71,8 +71,9 @@ def with_observed(
 ) -> tuple[list[LabelingProblem], list[NDArray[np.int64]], list[NDArray[np.float64]] | None]:
     """Problems and labellings to learn from, with observed labels added to the labellings.
 
-    A problem whose labels are all observed is learned in folds (:func:`observed_in_folds`);
-    weights of its nodes are copied.
+    If all labels of a problem are observed, they are targets where nodes have features or a unary:
+    beside known neighbours, too little would be learned of these. Without either, they are learned
+    in folds (:func:`observed_in_folds`); weights of nodes are copied.
 
     Raises
     ------
@@ -89,6 +90,9 @@ def with_observed(
         whole = np.where(truth < 0, observed, truth)
         n_labelled = int((whole >= 0).sum())
         if n_labelled and not ((truth >= 0) & (observed < 0)).any():
+            if describes_nodes(problem):
+                examples.append((replace(problem, known=None), whole, number))
+                continue
             if n_labelled == 1:
                 raise InputError(
                     f"the only label of problem {number} is observed (known), so that no target is "
@@ -100,6 +104,14 @@ def with_observed(
             examples.append((problem, whole, number))
     kept = None if weights is None else [weights[number] for _, _, number in examples]
     return [one for one, _, _ in examples], [truth for _, truth, _ in examples], kept
+
+
+def describes_nodes(problem: LabelingProblem) -> bool:
+    """Whether anything but observed labels tells one node from another."""
+    unary = problem.unary
+    return problem.node_features is not None or (
+        unary is not None and bool((unary != unary[:1]).any())
+    )
 
 
 def without_observed(

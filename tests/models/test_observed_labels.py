@@ -122,10 +122,35 @@ def test_a_labelling_that_contradicts_the_evidence_is_refused() -> None:
         build("amn").fit([problem], [np.array([1, 0, 1])])
     alone = np.array([0, -1, -1])
     with pytest.raises(InputError, match="the only label of problem 0 is observed"):
-        build("crf").fit([problem], [alone])
+        bare = LabelingProblem(graph, ("a", "b"), known=alone)
+        build("crf").fit([bare], [alone])
     half = np.array([0, 1, -1])
     with pytest.raises(InputError, match="learner='qp' does not support known labels"):
         build("amn", {"learner": "qp", "unlabelled": "dropped"}).fit([problem], [half])
+
+
+@pytest.mark.parametrize("with_unary", [False, True])
+def test_observed_strokes_on_an_image_teach_its_colours(with_unary: bool) -> None:
+    rng = np.random.default_rng(3)
+    truth = np.zeros((24, 24), np.int64)
+    truth[4:18, 3:12], truth[8:20, 15:22] = 1, 2
+    known = np.full_like(truth, -1)
+    for rows, columns in [((1, 3), (2, 20)), ((8, 12), (5, 9)), ((12, 16), (16, 20))]:
+        stroke = slice(*rows), slice(*columns)  # compact: no edge joins two observed labels
+        known[stroke] = truth[stroke]
+    looks = np.eye(3)[truth].reshape(-1, 3) + rng.normal(scale=0.6, size=(truth.size, 3))
+    problem = LabelingProblem(
+        LabelGraph.from_lattice(truth.shape, diagonals=True),
+        NAMES,
+        -(((looks[:, np.newaxis] - np.eye(3)) ** 2).sum(axis=2)) if with_unary else None,
+        node_features=looks,
+        known=known.ravel(),
+    )
+    labels = build("amn").fit([problem], [known.ravel()]).infer(problem).labels
+    hidden = known.ravel() < 0
+    alone = np.abs(looks[:, np.newaxis] - np.eye(3)).sum(axis=2).argmin(axis=1)
+    right, right_alone = ((found == truth.ravel())[hidden].mean() for found in (labels, alone))
+    assert right > max(0.95, right_alone)
 
 
 def test_losses_that_are_0_wherever_a_label_is_asked_for_stay_0() -> None:
