@@ -87,7 +87,9 @@ def draw_curves(
         finite = np.where(np.isfinite(values), values, np.nan)
         ax.plot(np.arange(1, len(values) + 1), finite, color=colour, label=name)
     ax.set(xlabel=xlabel, ylabel=ylabel)
-    ax.legend(frameon=False)
+    ax.xaxis.get_major_locator().set_params(integer=True)
+    if len(curves) > 1:
+        ax.legend(frameon=False)
 
 
 def draw_path(

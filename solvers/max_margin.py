@@ -303,7 +303,7 @@ class MaxMarginProblem(MarginProblem):
 
 
 def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
-    """Several training maps, without offsets, as one problem of separate blocks.
+    """Several training maps of one kind as one problem of separate blocks.
 
     The maximum over labellings splits over blocks, so the hinge is the mean of the maps' hinges,
     weighted by their numbers of nodes.
@@ -313,7 +313,8 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         return first
     starts = np.cumsum([0, *(problem.n_nodes for problem in problems[:-1])])
     edges = [problem.edges + start for problem, start in zip(problems, starts, strict=True)]
-    return MaxMarginProblem(
+    offsets = [problem.offset for problem in problems if problem.offset is not None]
+    return type(first)(
         stacked_rows([problem.node_features for problem in problems]),
         np.concatenate(edges).astype(np.int32),
         np.concatenate([problem.edge_features for problem in problems]),
@@ -324,6 +325,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
         known_beside([(problem.observed, problem.n_nodes) for problem in problems]),
         first.costs,
+        np.concatenate(offsets) if offsets else None,
     )
 
 

@@ -55,6 +55,14 @@ class Status(StrEnum):
         return _MEANINGS[self]
 
 
+# What a decoder's history holds.
+_PROGRESS = {
+    "graph-cut": "score",
+    "trw-s": "bound",
+    "icm": "changed nodes",
+    **dict.fromkeys(("mean-field", "max-product", "sum-product"), "largest change"),
+}
+
 _MEANINGS = {
     Status.EXACT: "proved best for the method's scores",
     Status.CONVERGED: "ended at a local optimum; another labelling may score more",
@@ -182,7 +190,7 @@ class Labeling:
         return ax
 
     def plot_convergence(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the method's objective by iteration, with score and bound.
+        """Draw the method's progress by iteration: score, bound, support or largest change.
 
         Parameters
         ----------
@@ -198,10 +206,15 @@ class Labeling:
         InputError
             The method reports no history.
         """
-        history = np.asarray(self.info.get("history", ()), np.float64)
+        history = self.info.get("history", ())
+        if isinstance(history, Mapping):  # of relaxation
+            history, name = history["support"], "support"
+        else:
+            name = _PROGRESS.get(self.info.get("decoder", ""), "progress")
+        history = np.asarray(history, np.float64)
         if not len(history):
             raise InputError("the method reports no figure by iteration")
-        curves = {"history": history}
+        curves = {name: history}
         if "score_history" in self.info:  # the history holds bounds
             scores = np.asarray(self.info["score_history"], np.float64)
             curves = {"bound": history, "score": scores}

@@ -173,7 +173,8 @@ def _standing_words(
 
 
 def _number(value: float) -> str:
-    return f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
+    text = f"{value:.1f}" if abs(value) >= 0.1 else f"{value:.2f}"
+    return text if float(text) else "0.0"  # never -0.00
 
 
 def _points(value: float) -> str:
@@ -231,7 +232,11 @@ class AccuracyAxis:
         return 100 * (value - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """All steps."""
+        """The place of each step, with its number at both ends and at a step in the middle."""
         n_steps = round((self.high - self.low) / self.step)
+        named = {0, n_steps, n_steps / 2}  # more would overlap on a narrow page
         values = [self.low + k * self.step for k in range(n_steps + 1)]
-        return [(self.percent(value), f"{100 * value:.0f} %") for value in values]
+        return [
+            (self.percent(value), f"{100 * value:.0f} %" if k in named else "")
+            for k, value in enumerate(values)
+        ]

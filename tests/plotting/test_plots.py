@@ -145,6 +145,13 @@ def test_convergence_shows_the_bound_and_the_score() -> None:
     lines = {line.get_label(): line.get_ydata() for line in labeling.plot_convergence().lines}
     assert lines["bound"] == pytest.approx(labeling.info["history"])
     assert lines["score"] == pytest.approx(labeling.info["score_history"])
+    cut: Any = decode(graph, Potentials.potts(unary, 0.5), "graph-cut").plot_convergence()
+    assert cut.get_ylabel() == "score" and all(tick % 1 == 0 for tick in cut.get_xticks())
+    problem = p.LabelingProblem(graph, ["a", "b", "c"], unary)
+    relaxed = p.build("relaxation", compatibility=np.eye(3)).infer(problem)
+    ax: Any = relaxed.plot_convergence()
+    assert ax.get_ylabel() == "support"
+    assert ax.lines[0].get_ydata() == pytest.approx(relaxed.info["history"]["support"])
     with pytest.raises(InputError, match="no figure by iteration"):
         Labeling(np.array([0]), Status.EXACT).plot_convergence()
 

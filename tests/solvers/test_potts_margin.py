@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.max_margin import joined
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import problem_oracle
 from pgm_places.solvers.table_margin import PottsMarginProblem
@@ -41,6 +42,16 @@ def score_of(
 def every_labelling(problem: PottsMarginProblem) -> list[NDArray[np.int64]]:
     labels = range(problem.n_labels)
     return [np.array(found) for found in product(labels, repeat=problem.n_nodes)]
+
+
+def test_problems_beside_each_other_keep_their_offsets() -> None:
+    problems = [small(3), small(3)]
+    whole = joined(problems)
+    assert isinstance(whole, PottsMarginProblem)
+    weights = np.random.default_rng(4).random(whole.n_weights)
+    labels = np.arange(whole.n_nodes) % 3
+    apart = sum(score_of(problem, weights, labels[:6]) for problem in problems)
+    assert score_of(whole, weights, labels) == pytest.approx(apart)
 
 
 @pytest.mark.parametrize("n_labels", [2, 3])
