@@ -40,11 +40,6 @@ def test_far_walls_are_found_as_near_ones(n_pillars: int) -> None:
     assert n_pillars > 3 or found.max() > 64**2
 
 
-def test_sparse_walls_in_a_large_room() -> None:
-    blocked = np.random.default_rng(7).random((60, 90)) < 0.002
-    assert (squared_clearance(blocked) == nearest(blocked)).all()
-
-
 @settings(deadline=None)
 @given(piece=varied_arrays(np.int32, shapes, elements=st.integers(-1, 2)))
 def test_edges_are_beside_another_piece_or_the_outside(piece: np.ndarray) -> None:

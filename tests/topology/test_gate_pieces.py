@@ -55,31 +55,26 @@ def places(found: TopologicalMap) -> list[str]:
 
 def test_a_doorway_that_labels_miss_is_found() -> None:
     grid, labels = floor()
-    assert places(topological_map(grid, labels, NAMES)) == [
-        "corridor",
-        *2 * ["doorway"],
-        *3 * ["room"],
-    ]
+    missed = ["corridor", *2 * ["doorway"], *3 * ["room"]]
+    assert places(topological_map(grid, labels, NAMES)) == missed
     found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
     assert places(found) == ["corridor", *3 * ["doorway"], *3 * ["room"]]
     assert not found.corrections
     for door in (region for region in found.regions if region.label == "doorway"):
-        assert [other.label for other in found.neighbours(door.id)] in (
-            ["corridor", "room"],
-            ["room", "corridor"],
-        )
+        assert {other.label for other in found.neighbours(door.id)} == {"corridor", "room"}
         assert door.gate is not None
         assert door.gate.contains([door.anchor_m])[0]
         assert door.gate.width_m == pytest.approx(0.9)
         assert door.confidence == pytest.approx(0.9)
 
 
-def test_offices_in_a_ring_are_rooms_of_their_own() -> None:
+@pytest.mark.parametrize("label", [CORRIDOR, ROOM])
+def test_offices_in_a_ring_are_places_of_their_own(label: int) -> None:
     free = ring_of_offices()
-    grid, labels = grid_of(free), np.where(free, np.int16(ROOM), np.int16(-1))
-    assert places(topological_map(grid, labels, NAMES)) == ["room"]
+    grid, labels = grid_of(free), np.where(free, np.int16(label), np.int16(-1))
+    assert places(topological_map(grid, labels, NAMES)) == [NAMES[label]]
     found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
-    assert places(found) == [*4 * ["doorway"], *4 * ["room"]]
+    assert places(found) == sorted([*4 * ["doorway"], *4 * [NAMES[label]]])
     assert len(found.connections) == 8
     assert all(values["doorway"] for _, _, values in found.place_graph.edges(data=True))
     assert found.place_graph.number_of_edges() == 4
@@ -115,14 +110,6 @@ def test_the_labels_of_a_doorway_reach_no_further_than_its_gate(door: int, wall:
         grid.cell_centres_m(np.stack([r, c], axis=1)), wider_m=0.1, deeper_m=0.1
     ).all()
     assert (found.labels[free] >= 0).all()
-
-
-@pytest.mark.parametrize("label", [CORRIDOR, ROOM])
-def test_a_gate_parts_places_of_any_label(label: int) -> None:
-    grid = grid_of(two_rooms())
-    labels = np.where(grid.free, np.int16(label), np.int16(-1))
-    found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
-    assert sorted(places(found)) == sorted([NAMES[label]] * 2 + ["doorway"])
 
 
 @given(
@@ -269,14 +256,6 @@ def test_where_gates_overlap_the_more_probable_one_is_the_doorway() -> None:
         assert (len(doors) == 1) == (chance[1] > chance[0])
 
 
-def test_a_coarser_model_parts_the_cells_of_the_map_too() -> None:
-    free = np.kron(ring_of_offices(), np.ones((2, 2), np.bool_))
-    grid, labels = grid_of(free, 0.05), np.where(free, np.int16(ROOM), np.int16(-1))
-    found = topological_map(grid, labels, NAMES, doorways=gates_of(coarsen(grid, 0.1)))
-    assert places(found) == [*4 * ["doorway"], *4 * ["room"]]
-    assert (found.labels[free] >= 0).all()
-
-
 def test_without_gates_doorways_are_those_of_the_labels() -> None:
     grid, labels = floor()
     plain = topological_map(grid, labels, NAMES)
@@ -284,14 +263,6 @@ def test_without_gates_doorways_are_those_of_the_labels() -> None:
     np.testing.assert_array_equal(none.region, plain.region)
     unnamed = topological_map(grid, labels, ("corridor", "room", "hatch"), doorways=gates_of(grid))
     assert [region.gate for region in unnamed.regions] == [None] * 4
-
-
-def test_cells_without_a_label_stay_without_a_place() -> None:
-    grid, labels = floor()
-    labels[:, 60:] = -1
-    found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
-    assert (found.region[:, 60:] == 0).all()
-    assert places(found) == ["corridor", "doorway", "room", "room"]
 
 
 @pytest.mark.parametrize("with_gates", [False, True])

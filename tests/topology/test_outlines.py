@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 from pgm_places.simulation import generate_building
 from pgm_places.topology.outlines import Outline, outlines
@@ -141,20 +140,6 @@ def test_a_building_needs_few_points_and_keeps_its_areas() -> None:
         assert abs(area(outline) - size) <= 1.5 * outline.length
 
 
-def test_holes_and_corner_touches() -> None:
-    ring = np.zeros((3, 3), np.int32)
-    ring[1, 1] = -1
-    [outline] = outlines(ring, 1, tolerance=0)
-    assert [len(rings) for rings in outline.polygons] == [2]
-    diagonal = np.array([[0, -1], [-1, 0]], np.int32)
-    [outline] = outlines(diagonal, 1)
-    assert len(outline.polygons) == 2
-    # a chain that closes at a corner: outline and hole touch in a point
-    hook = np.array([[0, 0, 0], [0, -1, 0], [0, 0, -1]], np.int32)
-    [outline] = outlines(hook, 1, tolerance=0)
-    assert [len(rings) for rings in outline.polygons] == [2]
-
-
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_hole_belongs_to_the_part_that_it_is_in(number: int) -> None:
     """One piece of two parts, the inner in a hole of the outer; each has a hole of its own."""
@@ -170,8 +155,3 @@ def test_a_hole_belongs_to_the_part_that_it_is_in(number: int) -> None:
     )
     assert inner == [25, 1]
     assert outer == [121 - number, 81]
-
-
-def test_a_negative_tolerance_is_refused() -> None:
-    with pytest.raises(InputError, match="tolerance must be at least 0 cells, got -1"):
-        outlines(np.zeros((2, 2), np.int32), 1, tolerance=-1)

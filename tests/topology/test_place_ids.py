@@ -64,14 +64,6 @@ def test_a_room_that_is_parted_and_joined_keeps_its_id_and_so_does_its_part() ->
     assert again.next_id == 4
 
 
-def test_a_room_seen_at_its_edge_first_keeps_its_id_as_it_grows() -> None:
-    maps, edge = Maps(), whole()
-    edge[22:, 5:] = NONE
-    first = maps.take(edge)
-    grown = maps.take(whole())
-    assert grown.region[30, 2] == grown.region[30, 50] == first.region[30, 2]
-
-
 def test_the_origin_may_move_and_the_raster_too() -> None:
     maps = Maps()
     before = maps.take(whole())

@@ -97,21 +97,9 @@ def ratios_between(topology: TopologicalMap, found: RouteGraph, label: str) -> n
     return ratios(replace(topology, label_names=swapped, regions=regions), found)
 
 
-def test_parts_that_are_cut_off_are_left_out() -> None:
-    topology = narrow_map(7)
-    found = route_graph(topology, robot_radius_m=0.36)
-    assert found.unreachable
-    assert not {node.region for node in found.nodes} & {*found.unreachable}
-
-
-def route_map(**frame: object) -> TopologicalMap:
-    """The floor with corridor, rooms and doorways in cells of 0.5 m."""
-    return floor_map(**frame)
-
-
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.1])
 def test_every_place_of_a_floor_is_reached(yaw_rad: float) -> None:
-    topology = route_map(yaw_rad=yaw_rad, origin_xy_m=(2.0, 5.0))
+    topology = floor_map(yaw_rad=yaw_rad, origin_xy_m=(2.0, 5.0))
     found = route_graph(topology)
     check(topology, found)
     assert found.unreachable == ()
@@ -143,7 +131,7 @@ def test_shortcuts_past_pillars_keep_most_of_the_clearance_of_their_ends() -> No
 
 
 def test_an_anchor_that_lies_in_another_place_is_no_target() -> None:
-    topology = route_map()
+    topology = floor_map()
     corridor, room = topology.regions[0], topology.regions[1]
     moved = replace(room, anchor_m=corridor.anchor_m)
     regions = tuple(moved if region is room else region for region in topology.regions)
@@ -182,15 +170,12 @@ def test_what_does_not_fit_is_left_out_and_said(radius_m: float, n_lost: int) ->
     found = route_graph(topology, robot_radius_m=radius_m)
     check(topology, found)
     assert len(found.unreachable) == n_lost
+    assert not route_graph(topology, robot_radius_m=1e300).nodes
     if n_lost:
         lost = [topology.place(number) for number in found.unreachable]
         assert sorted(place.label for place in lost) == ["doorway", "room"]
         assert all(place.anchor_m[0] < 3.4 for place in lost)
-
-
-def test_a_disc_of_any_size_is_compared_with_the_map() -> None:
-    topology = narrow_map(7)
-    assert not route_graph(topology, robot_radius_m=1e300).nodes
+        assert not {node.region for node in found.nodes} & {*found.unreachable}
 
 
 @settings(max_examples=100, deadline=None)
@@ -291,14 +276,6 @@ def test_everywhere_is_near_a_node_also_at_dead_ends() -> None:
     # A node that was left out had another at most 1 m away.
     assert max(away.values()) * 0.1 / 1000 < 2.0 + 1.0 + 0.2
     assert len(away) == fits.sum()
-
-
-def test_a_graph_is_the_same_each_time() -> None:
-    made = generate_building(3, size="small")
-    topology = topological_map(made.grid, made.labels, made.label_names)
-    one, other = route_graph(topology), route_graph(topology)
-    assert one.nodes == other.nodes
-    assert one.edges == other.edges
 
 
 def test_a_corridor_has_one_line_of_edges() -> None:

@@ -155,11 +155,6 @@ def test_all_places_are_split_at_once() -> None:
         split_all_apart(apart)
 
 
-def test_two_doors_between_the_same_rooms_count_as_one() -> None:
-    [hidden] = split_candidates(two_rooms(2))
-    assert (hidden.count, len(hidden.lines_m)) == (2, 2)
-
-
 def test_it_is_said_in_a_line_the_table_and_the_picture() -> None:
     found = four_rooms()
     lines = places_summary(found, Path("my maps/out")).splitlines()
