@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from pgm_places.live.live_options import NodeOptions
-from pgm_places.live.ros_codec import TYPES, RosCodec
+from pgm_places.live.ros_codec import RosCodec
 from pgm_places.persistence.stored import save
 from tests.cli.conftest import Run, run
 from tests.drives import building, drive
@@ -129,19 +129,6 @@ def test_topics_that_nobody_publishes_are_named(
     assert code == 0
     assert "no publisher of /tf_static, /tf, /map, /scan: are the topics" in error
     assert f"(ROS_DOMAIN_ID) {domain}" in error
-
-
-@pytest.mark.parametrize("what", sorted(set(TYPES)))
-def test_types_are_declared_as_ros_names_them(what: str) -> None:
-    from cyclonedds.idl import IdlStruct
-
-    from pgm_places.live.dds_bus import _IdlTypes
-
-    codec = RosCodec()
-    cls = _IdlTypes(codec.store.fielddefs).declared(TYPES[what])
-    package, _, name = TYPES[what].split("/")
-    assert issubclass(cls, IdlStruct)
-    assert cls.__idl_typename__ == f"{package}.msg.dds_.{name}_"
 
 
 def test_the_domain_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,13 +55,6 @@ def test_no_pose_is_made_up() -> None:
     )
 
 
-def test_a_circle_of_frames_ends() -> None:
-    frames, place = FrameBuffer(), (1.0, 2.0, 0.0, False)
-    frames.add("a", "b", 0.0, place, is_static=True)
-    frames.add("b", "a", 0.0, place, is_static=True)
-    assert frames.pose("map", "a", 0.0).pose is None
-
-
 def test_old_transforms_are_forgotten_and_so_is_the_future_when_the_clock_jumps_back() -> None:
     frames = FrameBuffer()
     for step in range(300):

@@ -120,16 +120,6 @@ def test_what_cannot_be_kept_is_cast_anew(building: OccupancyGrid, what: str) ->
     assert features.last.n_cast == features.last.n_cells
 
 
-def test_threads_do_not_matter(building: OccupancyGrid) -> None:
-    found = []
-    for n_threads in (1, 3):
-        features = GrowingFeatures(SENSORS["stops"], n_threads=n_threads)
-        features(building)
-        features(changed(building, 1))
-        found.append(features.last)
-    assert found[0] == found[1]
-
-
 def test_a_map_without_free_cells_is_refused() -> None:
     with pytest.raises(InputError, match="the map has no free cell"):
         GrowingFeatures(SENSORS["stops"])(OccupancyGrid(np.array([[-1, 100]], np.int8), 0.1))

@@ -53,10 +53,7 @@ def test_an_update_replaces_its_rectangle() -> None:
 @pytest.mark.parametrize(
     ("raw", "words"),
     [
-        (
-            update(3, 0, [[1, 2, 3]]),
-            r"an update of 3 x 1 cells at \(3, 0\) with 3 values is no part",
-        ),
+        (update(3, 0, [[1, 2, 3]]), r"an update of 3 x 1 cells at \(3, 0\) with 3 values is no"),
         (update(0, 4, [[1]]), "is no part of the map of 5 x 4 cells, and is dropped"),
         (update(-1, 0, [[1]]), "is no part of the map"),
         (update(0, 0, [[1, 2]], shape=(2, 2)), "with 2 values is no part"),

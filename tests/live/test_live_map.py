@@ -121,17 +121,6 @@ def test_noise_that_comes_and_goes_changes_no_place(
         assert found.update.n_changed < 0.1 * np.sum(noisy(building, seed).cells != building.cells)
 
 
-def test_the_same_noise_twice_leaves_every_place_its_id(
-    labeler: PlaceLabeler, building: OccupancyGrid
-) -> None:
-    live = LiveMap(LoadedModel(labeler, "places"))
-    ids = {item.id for item in live.on_map(building).topology.regions}
-    for _ in range(2):
-        found = live.on_map(noisy(building, 3))
-        assert len(ids & {item.id for item in found.topology.regions}) >= 0.95 * len(ids)
-        assert sum(moved > 0.5 for moved in found.moved.values()) <= 0.05 * len(ids)
-
-
 def test_ids_and_anchors_stay_where_a_loop_is_closed() -> None:
     shipped, n_kept, n_near, n_all = trained_labeler(), 0, 0, 0
     for seed in (0, 5):

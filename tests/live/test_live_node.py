@@ -256,47 +256,48 @@ def test_maps_of_another_frame_are_refused() -> None:
     assert robot.service.n_submitted == 0
 
 
-def test_scans_from_the_future_are_said() -> None:
-    path, robot = drive(1)[:3], Robot()
-    robot.take(driven(path), clock_s=float(path.times_s[0]) - 60.0)
-    assert robot.said[0].startswith("a scan is dated 60.00 s ahead")
-    assert len(robot.places()) == 3
+ELSEWHERE = OccupancyGrid(building()[0].grid.cells, building()[0].grid.resolution_m, (500.0, 0.0))
+PATH = drive(1)[:40]
 
 
-def test_what_is_wrong_is_said_once_in_plain_words() -> None:
-    path = drive(1)[:40]
-    robot = Robot()
-    robot.take(driven(path))
-    assert robot.said == ["no map on /map yet: places are estimated from scans only"]
-
-    robot = Robot()
-    robot.take(driven(path[:3]), clock_s=float(path.times_s[0]) + 60.0)
-    [line] = robot.said
-    assert line.startswith("a scan came 60.00 s after its stamp and is dropped")
-
-    robot = Robot(NodeOptions(map_frame="world", base_frame="laser"))
-    robot.take(driven(path[:5]))
-    robot.node.turn(1.0)
-    [line] = robot.said
-    assert "no transforms lead from 'world' to 'laser'; frames: laser, map" in line
-
-    robot = Robot(NodeOptions(base_frame="robot"))
-    robot.take(driven(path[:3]))
-    [line] = robot.said
-    assert line.startswith("the laser stands in for the robot: no transforms lead from 'map' to")
-
-    grid = building()[0].grid
-    robot = Robot()
-    robot.node.take("map", raw_map(OccupancyGrid(grid.cells, grid.resolution_m, (500.0, 0.0))))
+@pytest.mark.parametrize(
+    ("options", "messages", "late_s", "message"),
+    [
+        ({}, driven(PATH), None, "no map on /map yet: places are estimated from scans only"),
+        ({}, driven(PATH[:3]), 60.0, "a scan came 60.00 s after its stamp and is dropped"),
+        ({}, driven(PATH[:3]), -60.0, "a scan is dated 60.00 s ahead"),
+        (
+            *({"map_frame": "world"}, driven(PATH[:5]), None),
+            "no transforms lead from 'world' to 'laser'; frames: laser, map",
+        ),
+        (
+            *({"base_frame": "robot"}, driven(PATH[:3]), None),
+            "the laser stands in for the robot: no transforms lead from 'map' to",
+        ),
+        ({}, [("map", raw_map(ELSEWHERE)), *driven(PATH[:2])], None, "is outside the map"),
+        (
+            *({}, [("scan", b"\0\1\0\0nonsense")], None),
+            "a message of scan cannot be read as sensor_msgs/msg/LaserScan",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_once_in_plain_words(
+    options: dict[str, Any],
+    messages: list[tuple[str, bytes]],
+    late_s: float | None,
+    message: str,
+) -> None:
+    robot = Robot(NodeOptions(**{"base_frame": "laser"} | options))
+    clock = {} if late_s is None else {"clock_s": float(PATH.times_s[0]) + late_s}
+    robot.take(messages[:1], **clock)
     robot.node.turn(0.0)
     robot.node.turn(0.1)
-    robot.take(driven(path[:2]))
-    assert "is outside the map" in robot.said[0]
-    assert robot.places()[0]["region"] is None
-
-    robot = Robot()
-    robot.node.take("scan", b"\0\1\0\0nonsense")
-    assert robot.said[0].startswith("a message of scan cannot be read as sensor_msgs/msg/LaserScan")
+    robot.take(messages[1:], **clock)
+    robot.node.turn(1.0)
+    [line] = [line for line in robot.said if message in line]
+    if late_s != -60.0:
+        assert robot.said == [line]
+    assert all(place["region"] is None for place in robot.places())
 
 
 def test_maps_that_cannot_be_labelled_leave_the_one_before() -> None:
@@ -398,42 +399,30 @@ def changed(raw: bytes, what: str, part: str, value: float) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("part", "value"),
+    ("what", "part", "value"),
     [
-        *(("translation.x", value) for value in (1e308, -1.1e7, np.inf, np.nan)),
-        *(("rotation.z", value) for value in (np.inf, np.nan)),
+        *(("tf", "translation.x", value) for value in (1e308, -1.1e7, np.inf, np.nan)),
+        *(("tf", "rotation.z", value) for value in (np.inf, np.nan)),
+        *(("scan", "angle_increment", value) for value in (0.0, 1e-9, np.nan, np.inf, 1e9, -1.0)),
+        *(("scan", "angle_min", value) for value in (np.nan, np.inf, 1e9)),
     ],
 )
-def test_a_transform_that_leads_nowhere_is_refused_and_the_next_one_taken(
-    part: str, value: float
+def test_what_leads_nowhere_is_refused_and_the_next_one_taken(
+    what: str, part: str, value: float
 ) -> None:
     messages, robot = driven(drive(1)[:2]), Robot()
-    (_, transform), (_, scan), *rest = messages
-    spoiled = changed(transform, "tf", f"transforms.0.transform.{part}", value)
-    robot.take([("map", raw_map(building()[0].grid)), ("tf", spoiled), ("scan", scan), *rest])
+    given = {"map": raw_map(building()[0].grid)} | dict(messages[:2])
+    path = f"transforms.0.transform.{part}" if what == "tf" else part
+    given[what] = changed(given[what], what, path, value)
+    robot.take([*given.items(), *messages[2:]])
     robot.node.turn(100.0)
     assert len(robot.places()) == 1
-    assert robot.said[0].startswith("the transform from 'map' to 'laser' is (")
-    assert "must be metres and radians up to 1e+07; the transform is ignored" in robot.said[0]
-
-
-@pytest.mark.parametrize(
-    ("part", "value"),
-    [
-        *(("angle_increment", value) for value in (0.0, 1e-9, np.nan, np.inf, 1e9, -1.0)),
-        *(("angle_min", value) for value in (np.nan, np.inf, 1e9)),
-    ],
-)
-def test_beams_without_directions_are_refused_and_the_next_scan_taken(
-    part: str, value: float
-) -> None:
-    messages, robot = driven(drive(1)[:2]), Robot()
-    (_, transform), (_, scan), *rest = messages
-    robot.take([("tf", transform), ("scan", changed(scan, "scan", part, value)), *rest])
-    robot.node.turn(100.0)
-    assert len(robot.places()) == 1
-    assert "a scan is dropped: scan: a scan of" in robot.said[0]
-    assert "and cover at most a full circle; check the laser's driver" in robot.said[0]
+    if what == "tf":
+        assert robot.said[0].startswith("the transform from 'map' to 'laser' is (")
+        assert "must be metres and radians up to 1e+07; the transform is ignored" in robot.said[0]
+    else:
+        assert "a scan is dropped: scan: a scan of" in robot.said[0]
+        assert "and cover at most a full circle; check the laser's driver" in robot.said[0]
 
 
 @pytest.mark.parametrize("far_m", [1e3, 1e4, 1e6])

@@ -10,7 +10,6 @@ import pytest
 from pgm_places.errors import LogError, MapError
 from pgm_places.io.logs.bags import MapMessage, grid_of_message, read_map_messages
 from pgm_places.io.logs.trajectories import write_trajectory
-from pgm_places.io.places.place_ids_file import read_session
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelling.label import label_map
@@ -189,39 +188,6 @@ def test_a_bag_with_maps_is_replayed_by_the_command(tmp_path: Path, run: Run) ->
     records = [json.loads(line) for line in text.splitlines()]
     changes = [row for row in records if "label" in row]
     assert changes and all(row in rows for row in changes)
-
-
-def test_a_session_goes_on(tmp_path: Path, run: Run) -> None:
-    path, grid = drive(1)[:6], building()[0].grid
-    save(places(), tmp_path / "model")
-    session = tmp_path / "office.session"
-    found = []
-    for number, seen in enumerate((half(grid), grid)):
-        bag = BagFile()
-        bag.map(0.0, seen)
-        bag.drive(path)
-        (tmp_path / str(number)).mkdir()
-        log = bag.write(tmp_path / str(number))
-        words = ["--replay", log, "--model", tmp_path / "model", "--session", session, "-q"]
-        words.append("--force")  # the first map shows another part of the building
-        code, text, error = run("live", *words)
-        assert code == 0, error
-        found.append(text.splitlines()[0])
-    assert found[0].startswith("map 1: ")
-    assert found[1].startswith("map 2: ")
-    alone = LiveMap(places())
-    alone.on_map(half(grid))
-    new = {place.id for place in alone.on_map(grid).topology.regions}
-    assert read_session(session).last == new
-    assert len(alone.memory.places) == len(read_session(session).places)
-
-
-def test_a_carmen_log_is_replayed_too(tmp_path: Path, run: Run) -> None:
-    save(places(), tmp_path / "model")
-    log = write_trajectory(tmp_path / "drive.log", drive(1)[:20])
-    code, text, _ = run("live", "--replay", log, "--model", tmp_path / "model", "-q")
-    assert code == 0
-    assert text.startswith("map 1: ")
 
 
 def test_bad_requests_are_one_line(tmp_path: Path, run: Run) -> None:

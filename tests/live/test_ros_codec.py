@@ -241,6 +241,7 @@ def test_cyclone_declares_the_same_layout(what: str) -> None:
 
     codec = RosCodec()
     cls = _IdlTypes(codec.store.fielddefs).declared(TYPES[what])
+    assert cls.__idl_typename__ == TYPES[what].replace("/msg/", ".msg.dds_.") + "_"
     message = vars(plain(getattr(Make(codec.store.types), what)()))
     found = cls(**{name: message[name] for name in cls.__annotations__})
     assert bytes(found.serialize(use_version_2=False)).hex() == golden(what).hex()

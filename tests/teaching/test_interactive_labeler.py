@@ -135,21 +135,16 @@ def taught() -> InteractiveResult:
     return teacher().teach(relabelled(0.05))
 
 
-def test_what_is_learned_in_one_half_is_applied_in_the_other() -> None:
+@pytest.mark.parametrize(("keep", "label"), [(0.0, 0), (30.0, 1)])
+def test_what_is_learned_in_one_half_is_applied_in_the_other_unless_it_is_held(
+    keep: float, label: int
+) -> None:
     grid, truth = building().grid, building().labels
     east = grid.free & (truth == 1)
     east[:, : grid.shape[1] // 2 + 20] = False
     assert (plain().labels[east] == 1).mean() > 0.95
-    free = InteractiveLabeler(grid, trained_labeler(), options=TeachingOptions(keep=0.0))
-    assert (free.teach(relabelled(0.05)).labels[east] == 0).mean() > 0.8
-
-
-def test_cells_that_are_kept_hold_the_labeler_to_what_it_says_elsewhere() -> None:
-    grid, truth = building().grid, building().labels
-    east = grid.free & (truth == 1)
-    east[:, : grid.shape[1] // 2 + 20] = False
-    held = InteractiveLabeler(grid, trained_labeler(), options=TeachingOptions(keep=30.0))
-    assert (held.teach(relabelled(0.05)).labels[east] == 1).mean() > 0.8
+    pupil = InteractiveLabeler(grid, trained_labeler(), options=TeachingOptions(keep=keep))
+    assert (pupil.teach(relabelled(0.05)).labels[east] == label).mean() > 0.8
     painted = relabelled(0.05)
     np.testing.assert_array_equal(taught().labels[painted.painted], painted.labels[painted.painted])
 

@@ -41,21 +41,18 @@ def labels_with_halls(labels: list[int]) -> list[int]:
     return rows.with_halls(fitted, HALL, SHOWN, CORRIDOR).selection.labels.tolist()
 
 
-def test_painted_corridors_that_look_like_halls_are_taught_as_halls() -> None:
-    assert labels_with_halls([CORRIDOR, CORRIDOR, ROOM, CORRIDOR]) == [
-        HALL,
-        CORRIDOR,
-        ROOM,
-        CORRIDOR,
-    ]
-
-
-def test_corridors_stay_corridors_where_halls_are_painted_themselves() -> None:
-    assert labels_with_halls([CORRIDOR, CORRIDOR, SHOWN]) == [CORRIDOR, CORRIDOR, HALL]
-
-
-def test_new_classes_come_after_halls() -> None:
-    assert labels_with_halls([ROOM, HALL]) == [ROOM, HALL + 1]
+@pytest.mark.parametrize(
+    ("painted", "taught"),
+    [
+        ([CORRIDOR, CORRIDOR, ROOM, CORRIDOR], [HALL, CORRIDOR, ROOM, CORRIDOR]),
+        ([CORRIDOR, CORRIDOR, SHOWN], [CORRIDOR, CORRIDOR, HALL]),  # halls are painted themselves
+        ([ROOM, HALL], [ROOM, HALL + 1]),  # a new class
+    ],
+)
+def test_painted_corridors_that_look_like_halls_are_taught_as_halls(
+    painted: list[int], taught: list[int]
+) -> None:
+    assert labels_with_halls(painted) == taught
 
 
 def test_gates_of_both_kinds_weigh_the_same_together(monkeypatch: pytest.MonkeyPatch) -> None:

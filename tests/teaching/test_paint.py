@@ -76,10 +76,7 @@ def test_lines_are_as_wide_as_they_say(tmp_path: Path) -> None:
     ("feature", "says"),
     [
         (line([[0, 0]]), "feature 0: coordinates.*at least two points"),
-        (
-            line([[0, 0], [1, 1]], width_m=-1),
-            "property 'width_m' must be a width in metres, got -1",
-        ),
+        (line([[0, 0], [1, 1]], width_m=-1), "property 'width_m' must be a width in metres, got -"),
         (line([[0, 0], [1, 1]]) | {"geometry": {"type": "Point", "coordinates": [0, 0]}}, "Point"),
     ],
 )
