@@ -130,9 +130,17 @@ def test_a_problem_of_weight_two_is_that_problem_twice() -> None:
 def test_sets_must_be_as_in_training(taught: Any) -> None:
     [(problem, truth)] = pictures(1, 8)
     bare = without_sets(problem)
-    wanted = "trained on cliques with 1 features, this problem has no cliques; pass cliques as in"
-    refused(InputError, wanted, taught.infer, bare)
-    wanted = "got cliques with 1 features, no cliques; for a problem without"
-    refused(InputError, wanted, build("amn").fit, [problem, bare], [truth, truth])
-    with pytest.raises(InputError, match="the compact QP does not support cliques"):
-        build("amn", {"learner": "qp"}).fit([problem], [truth])
+    for message, call, arguments in (
+        ("cliques with 1 features, this problem has no cliques; pass cli", taught.infer, [bare]),
+        (
+            "got cliques with 1 features, no cliques; for a problem without",
+            build("amn").fit,
+            [[problem, bare], [truth, truth]],
+        ),
+        (
+            "the compact QP does not support cliques",
+            build("amn", {"learner": "qp"}).fit,
+            [[problem], [truth]],
+        ),
+    ):
+        refused(InputError, message, call, *arguments)

@@ -111,16 +111,6 @@ def small_numbers() -> tuple[Matrix, NDArray[np.int64]]:
     return X, y
 
 
-def test_a_whole_weight_equals_so_many_copies() -> None:
-    X, y = small_numbers()
-    weights = np.random.default_rng(3).integers(0, 4, len(y))
-    once = learned(X, y, weights.astype(float), n_rounds=8, max_depth=3)
-    copies = np.repeat(np.arange(len(y)), weights)
-    copied = learned(X[copies], y[copies], n_rounds=8, max_depth=3)
-    np.testing.assert_array_equal(once.feature, copied.feature)
-    np.testing.assert_allclose(once.value, copied.value, rtol=0, atol=1e-4)
-
-
 def test_trees_tell_apart_what_no_sum_of_stumps_can() -> None:
     rng = np.random.default_rng(0)
     X = rng.uniform(-1, 1, size=(2_000, 2)).astype(np.float32)
@@ -156,38 +146,12 @@ def test_every_round_lowers_the_exponential_loss_and_votes_stay_within_shrinkage
     assert all(later < earlier for earlier, later in zip([1.0, *losses], losses, strict=False))
 
 
-def test_no_leaf_is_lighter_than_asked() -> None:
-    X, y = large_set()
-    model = learned(X, y, n_rounds=1, max_depth=4, shrinkage=1.0, least_weight=0.05)
-    balance = np.where(y > 0, 0.5 / (y > 0).sum(), 0.5 / (y < 0).sum())
-    said = model.scores(X)
-    light = [balance[said == value].sum() for value in np.unique(said)]
-    assert len(light) > 4 and min(light) >= 0.05 - 1e-6
-
-
 @pytest.mark.parametrize("n_columns", [1, 3])
 def test_data_without_information_give_no_tree(n_columns: int) -> None:
     X = np.full((20, n_columns), 3.0, np.float32)
     model = learned(X, np.tile([1, -1], 10), max_depth=3)
     assert model.n_rounds == 0 and len(model.used_features) == 0
     assert model.scores(X).tolist() == [0.0] * 20
-
-
-def test_a_branch_ends_where_nothing_is_left_to_split() -> None:
-    X = np.array([[0.0], [1.0], [2.0], [3.0]], np.float32)
-    model = learned(X, np.array([1, 1, -1, -1]), n_rounds=1, max_depth=3, shrinkage=1.0)
-    assert model.feature.tolist() == [[0, -1, -1, -1, -1, -1, -1]]
-    assert model.cut[0, 0] == 1.5 and np.isinf(model.cut[0, 1:]).all()
-    assert model.value.tolist() == [[1, 0, 0, 0, -1, 0, 0, 0]]
-    assert model.scores(X).tolist() == [1, 1, -1, -1]
-
-
-def test_of_equal_splits_the_lowest_column_then_threshold_wins() -> None:
-    x = np.array([0, 1, 2, 3, 4, 5], np.float32)
-    y = np.array([1, 1, -1, -1, 1, 1])  # 1.5 and 3.5 are equally good
-    mirrored = np.stack([np.zeros(6, np.float32), -x, x], axis=1)
-    model = learned(mirrored, y, n_rounds=1, max_depth=2)
-    assert (model.feature[0, 0], model.cut[0, 0]) == (1, -3.5)
 
 
 def test_examples_of_hardly_any_weight_do_no_harm() -> None:

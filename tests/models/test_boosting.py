@@ -134,16 +134,6 @@ def test_among_equal_stumps_the_lowest_column_then_the_lowest_threshold_wins() -
     assert stumps_of(AdaBoostStumps(n_rounds=1).fit(X[:, 2:], y)) == [(0, 0.5, 1)]
 
 
-def test_a_weight_equals_copies_and_zero_weight_equals_absence() -> None:
-    X, y = large_set(300)
-    weights = np.random.default_rng(2).integers(0, 4, 300)
-    weighted = AdaBoostStumps(n_rounds=25).fit(X, y, sample_weight=weights)
-    copied = AdaBoostStumps(n_rounds=25).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))
-    alpha = copied.strong_classifier_.alpha.tolist()
-    wanted = [(*stump, a) for stump, a in zip(stumps_of(copied), alpha, strict=True)]
-    assert_same_stumps(weighted, wanted, X)
-
-
 def test_a_perfect_stump_ends_boosting_with_a_finite_alpha() -> None:
     model = AdaBoostStumps().fit([[0.0], [1.0], [5.0], [6.0]], [0, 0, 1, 1])
     assert stumps_of(model) == [(0, 3.0, -1)]
@@ -204,14 +194,11 @@ def test_probabilities_are_equation_seven() -> None:
     np.testing.assert_allclose(model.predict_proba(X)[:, 1], wanted, rtol=1e-12, atol=0)
 
 
-def test_scores_depend_neither_on_layout_nor_on_company() -> None:
+def test_scores_do_not_depend_on_company() -> None:
     X, y = large_set(1_000)
     one = AdaBoostStumps(n_rounds=20).fit(X, y).strong_classifier_
     two = AdaBoostStumps(n_rounds=7).fit(X, -y * np.sign(X[:, 2])).strong_classifier_
-    wanted = one.scores(X)
-    np.testing.assert_array_equal(one.scores(np.asfortranarray(X)), wanted)
-    np.testing.assert_array_equal(VoteTable.of([two, one]).scores(X)[1], wanted)
-    np.testing.assert_array_equal(one.scores(X[::3]), wanted[::3])
+    np.testing.assert_array_equal(VoteTable.of([two, one]).scores(X)[1], one.scores(X))
     assert one.scores(X[:0]).shape == (0,)
 
 

@@ -49,18 +49,6 @@ def a_problem(truth: NDArray[np.int64], seed: int, right: float) -> LabelingProb
     return LabelingProblem(LabelGraph.from_trajectory(line(len(truth))), NAMES, unary=np.log(z))
 
 
-def test_a_drive_that_counts_twice_is_as_good_as_two() -> None:
-    drives = [rooms_and_doorways(seed, 4) for seed in (1, 2)]
-    places = [line(len(labels)) for labels in drives]
-    weights = [
-        np.full(len(labels), factor) for labels, factor in zip(drives, (2.0, 1.0), strict=True)
-    ]
-    found = learn_durations(places, drives, 2, smoothing=1.0, weights=weights)
-    twice = learn_durations([places[0], *places], [drives[0], *drives], 2, smoothing=1.0)
-    np.testing.assert_allclose(found.rates, twice.rates, rtol=1e-12)
-    np.testing.assert_allclose(found.leaving, twice.leaving, rtol=1e-12)
-
-
 def test_rates_are_occurrences_over_exposure_by_hand() -> None:
     # A room entered unseen and left after 0.675 m; a doorway left after 0.375 m; a room, not left.
     labels = np.array([0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0])

@@ -5,11 +5,11 @@ import pytest
 
 from pgm_places._core import bin_members, count_bins
 from pgm_places.errors import InputError
-from pgm_places.models.sorted_features import SortedFeatures, prepare
+from pgm_places.models.sorted_features import prepare
 from tests.refusals import refused
 
 
-def prepared_example() -> tuple[SortedFeatures, Any, Any]:
+def test_columns_that_order_the_examples_alike_are_kept_once() -> None:
     rng = np.random.default_rng(3)
     X = rng.normal(size=(5_000, 8)).astype(np.float32)
     X[:, 1] = np.round(X[:, 1])
@@ -18,20 +18,7 @@ def prepared_example() -> tuple[SortedFeatures, Any, Any]:
     X[:, 4] *= rng.random(5_000) < 0.05
     X[:, 5] = -X[:, 0]
     X[:, 6] = 4.0
-    part = rng.integers(-1, 3, 5_000)
-    return prepare(X, part), X, part
-
-
-def test_rows_stand_by_part_in_the_order_given() -> None:
-    prepared, _, part = prepared_example()
-    assert prepared.parts[0] == 0 and prepared.parts[-1] == (part >= 0).sum()
-    for p in range(3):
-        rows = prepared.rows[prepared.parts[p] : prepared.parts[p + 1]]
-        np.testing.assert_array_equal(rows, np.flatnonzero(part == p))
-
-
-def test_columns_that_order_the_examples_alike_are_kept_once() -> None:
-    prepared, _, _ = prepared_example()
+    prepared = prepare(X, rng.integers(-1, 3, 5_000))
     np.testing.assert_array_equal(prepared.columns, [0, 1, 4, 5, 6, 7])
 
 
@@ -43,55 +30,6 @@ def test_columns_that_differ_inside_one_bin_are_both_kept() -> None:
     prepared = prepare(X, np.zeros(5_000, np.int64))
     np.testing.assert_array_equal(prepared.codes[0], prepared.codes[1])
     np.testing.assert_array_equal(prepared.columns, [0, 1])
-
-
-def test_bins_follow_the_values_and_never_split_ties() -> None:
-    prepared, X, _ = prepared_example()
-    for plane, column in enumerate(prepared.columns):
-        values = X[prepared.rows, column]
-        code = prepared.codes[plane].astype(int)
-        order = np.argsort(values, kind="stable")
-        assert (np.diff(code[order]) >= 0).all()
-        same = np.diff(values[order]) == 0
-        assert (np.diff(code[order])[same] == 0).all()
-        for number in np.flatnonzero(prepared.pure[plane]):
-            assert len(np.unique(values[code == number])) <= 1
-
-
-def test_a_value_of_many_examples_has_a_bin_of_its_own() -> None:
-    prepared, X, _ = prepared_example()
-    plane = int(np.flatnonzero(prepared.columns == 4)[0])
-    zero = X[prepared.rows, 4] == 0
-    (code,) = np.unique(prepared.codes[plane][zero])
-    assert prepared.pure[plane, code]
-    assert not (prepared.codes[plane][~zero] == code).any()
-
-
-def test_every_kept_column_is_in_one_table_whose_cells_follow_its_bins() -> None:
-    prepared, _, _ = prepared_example()
-    seen = []
-    tables = prepared.tables
-    for t, cells in enumerate(tables.cells):
-        own = slice(tables.axes[t], tables.axes[t + 1])
-        n_cells = int(np.prod(tables.sizes[own]))
-        assert n_cells == np.diff(tables.starts)[t] <= 32**2
-        digits = np.unravel_index(cells, tuple(tables.sizes[own]))
-        for plane, digit in zip(tables.planes[own], digits, strict=True):
-            code = prepared.codes[plane].astype(int)
-            order = np.argsort(code, kind="stable")
-            assert (np.diff(digit[order]) >= 0).all()
-            for number in np.flatnonzero(prepared.tables.pure[plane]):
-                assert len(np.unique(code[digit == number])) == 1
-            seen.append(int(plane))
-    assert sorted(seen) == list(range(len(prepared.columns)))
-
-
-def test_sorted_bins_hold_their_members_by_value() -> None:
-    prepared, X, _ = prepared_example()
-    members, values = prepared.sorted_bin(0, 17)
-    np.testing.assert_array_equal(np.sort(members), np.flatnonzero(prepared.codes[0] == 17))
-    np.testing.assert_array_equal(values, X[prepared.rows[members], 0])
-    assert (np.diff(values) >= 0).all()
 
 
 def test_memory_is_at_most_two_bytes_per_example_and_feature() -> None:

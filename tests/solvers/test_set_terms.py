@@ -12,7 +12,6 @@ from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.margin_solution import LearnedWeights
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
-    hinge,
     joined,
     objective,
 )
@@ -20,6 +19,7 @@ from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import certify_weights, problem_oracle
 from pgm_places.solvers.set_terms import SetTerms
 from tests.reference import max_margin as reference
+from tests.refusals import refused
 
 GRAPHS = [graph for graph in nx.graph_atlas_g() if 2 <= len(graph) <= 6]
 
@@ -125,26 +125,14 @@ def test_the_score_of_maps_beside_each_other_is_the_sum_of_theirs() -> None:
     assert reference.score(whole, weights, whole.labels) == pytest.approx(apart)
 
 
-def test_without_rewards_sets_change_nothing() -> None:
-    problem = with_sets(100, 2)
-    weights = some_weights(problem, 3)
-    problem.set_weights(weights)[:] = 0.0
-    alone = replace(problem, sets=None)
-    labels = problem_oracle(problem)(*problem.potentials(weights))
-    other = problem_oracle(alone)(*alone.potentials(weights[: alone.n_weights]))
-    np.testing.assert_array_equal(labels, other)
-    assert hinge(problem, weights, 5.0) == pytest.approx(
-        hinge(alone, weights[: alone.n_weights], 5.0)
-    )
-
-
 def test_what_cannot_be_learned_is_refused() -> None:
-    sets, one = Cliques.of([[0, 1]], 2), np.ones((1, 1))
-    with pytest.raises(InputError, match=r"learned up to a dissent of 0.5, got 0.7"):
-        SetTerms.of(sets, one, 2, 2, 0.7)
-    with pytest.raises(InputError, match="clique_features must be at least 0, got -1"):
-        SetTerms.of(sets, -one, 2, 2, 0.5)
-    with pytest.raises(InputError, match="does not support cliques; use learner='cutting-plane'"):
-        max_margin_qp(with_sets(50, 2))
-    with pytest.raises(InputError, match="a problem of 2 nodes and 2 labels, but this one has"):
-        replace(with_sets(50, 2), sets=SetTerms.of(sets, one, 2, 2, 0.5))
+    sets, one, problem = Cliques.of([[0, 1]], 2), np.ones((1, 1)), with_sets(50, 2)
+    other = SetTerms.of(sets, one, 2, 2, 0.5)
+    wanted = r"learned up to a dissent of 0.5, got 0.7"
+    refused(InputError, wanted, SetTerms.of, sets, one, 2, 2, 0.7)
+    wanted = "clique_features must be at least 0, got -1"
+    refused(InputError, wanted, SetTerms.of, sets, -one, 2, 2, 0.5)
+    wanted = "does not support cliques; use learner='cutting-plane'"
+    refused(InputError, wanted, max_margin_qp, problem)
+    wanted = "a problem of 2 nodes and 2 labels, but this one has"
+    refused(InputError, wanted, replace, problem, sets=other)
