@@ -12,6 +12,7 @@ from pgm_places.solvers.marginal_lp import solve_marginal_lp
 from pgm_places.solvers.pairwise import Terms, pairwise_model
 from pgm_places.solvers.trws import RepeatedDecoding, trws
 from tests.reference.energy import Model, best_score, score
+from tests.refusals import refused
 from tests.solvers.test_expansion import grid_model
 from tests.strategies import models
 
@@ -106,6 +107,13 @@ def test_each_iteration_is_reported_with_the_bound() -> None:
     assert [step for step, _ in seen] == [1, 2]
     assert [bound for _, bound in seen] == found.history[:, 1].tolist()
     assert not found.converged
+
+
+def test_graphs_without_a_labelling_are_refused() -> None:
+    never = np.full((2, 2), -np.inf)
+    model = pairwise_model(np.zeros((3, 2)), [(0, 1), (1, 2)], pairwise=never)
+    refused(InputError, "pairwise forbids every labelling", trws, model)
+    refused(InputError, "pairwise forbids every labelling", solve_marginal_lp, model)
 
 
 @pytest.mark.parametrize(
