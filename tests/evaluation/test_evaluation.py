@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.bootstrap import block_bootstrap, square_blocks
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from tests.refusals import refused
 
@@ -86,15 +85,6 @@ def test_reliability_counts_by_hand() -> None:
     np.testing.assert_array_equal(table.accuracy[[5, 8, 9]], [1.0, 0.0, 1.0])
     expected = (0.45 + 0.85 + 0.05) / 4
     assert result.expected_calibration_error == pytest.approx(expected, rel=1e-12)
-
-
-def test_calibrated_beliefs_have_little_calibration_error() -> None:
-    rng = np.random.default_rng(5)
-    beliefs = rng.dirichlet([0.5, 0.5, 0.5], 40_000)
-    truth = (rng.random((40_000, 1)) > beliefs.cumsum(axis=1)).sum(axis=1).clip(0, 2)
-    result = evaluate(truth, beliefs.argmax(1), NAMES[:3], beliefs=beliefs)
-    assert result.expected_calibration_error is not None
-    assert result.expected_calibration_error < 0.01
 
 
 def test_merged_is_the_evaluation_of_everything_together() -> None:
@@ -182,10 +172,3 @@ def test_bootstrap_checks_its_input() -> None:
     refused(InputError, "confidence", block_bootstrap, [0], [0], [0], n_labels=1, confidence=1.0)
     refused(InputError, "no node", block_bootstrap, [-1], [0], [0], n_labels=1)
     refused(InputError, "square_blocks", square_blocks, np.zeros((3, 3), int), 2)
-
-
-def test_balanced_accuracy_is_the_mean_recall_of_the_labels_that_occur() -> None:
-    confusion = confusion_matrix(np.array([0, 0, 0, 2]), np.array([0, 0, 1, 2]))
-    assert confusion.tolist() == [[2, 1, 0], [0, 0, 0], [0, 0, 1]]
-    assert balanced_accuracy(confusion) == pytest.approx((2 / 3 + 1) / 2)
-    assert balanced_accuracy(0.25 * confusion) == pytest.approx((2 / 3 + 1) / 2)

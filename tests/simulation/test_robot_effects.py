@@ -22,7 +22,6 @@ from tests.simulation.test_simulated_map import (
     NAMES,
     ROOM,
     STILL,
-    n_pieces,
     square_metres,
 )
 
@@ -73,38 +72,6 @@ def test_rays_leave_through_windows_and_what_they_see_has_no_label(plan: Labelle
     assert open_.grid.shape > still.grid.shape
     for label in (CORRIDOR, ROOM, DOORWAY, HALL):
         assert square_metres(open_, label) == pytest.approx(square_metres(still, label), rel=0.03)
-
-
-def test_glass_fronts_let_the_laser_into_rooms_that_were_not_entered(plan: LabelledMap) -> None:
-    locked = replace(STILL, entered_rooms=(0.0, 0.0), closed_doors=(1.0, 1.0))
-    dark, glazed = (
-        simulate_map(plan, NAMES, seed=1, options=replace(locked, glass_fronts=(share, share)))
-        for share in (0.0, 1.0)
-    )
-    assert square_metres(dark, ROOM) < 1
-    assert square_metres(glazed, ROOM) > 50
-
-
-def test_a_closed_door_is_a_wall_between_two_places(plan: LabelledMap) -> None:
-    half = simulate_map(plan, NAMES, seed=1, options=replace(STILL, closed_doors=(0.5, 0.5)))
-    assert n_pieces(half.labels == DOORWAY) < 0.8 * n_pieces(plan.labels == DOORWAY)
-    closed = simulate_map(plan, NAMES, seed=1, options=replace(STILL, closed_doors=(1.0, 1.0)))
-    assert not (closed.labels == DOORWAY).any()
-    assert square_metres(closed, CORRIDOR) > 0.9 * square_metres(plan, CORRIDOR)
-
-
-def test_glimpses_of_rooms_are_forgotten(plan: LabelledMap) -> None:
-    seen = replace(STILL, entered_rooms=(0.3, 0.3))
-    all_, judged = (
-        simulate_map(plan, NAMES, seed=1, options=replace(seen, least_seen=least))
-        for least in (0.0, 0.9)
-    )
-    assert np.array_equal(all_.grid.cells, judged.grid.cells)
-    lost = (all_.labels >= 0) & (judged.labels < 0)
-    assert set(np.unique(all_.labels[lost])) <= {ROOM, DOORWAY}
-    assert (all_.labels[lost] == ROOM).sum() > 500
-    kept = (judged.labels == ROOM) & (all_.labels == ROOM)
-    assert kept.any()
 
 
 def test_what_slips_doubles_walls(plan: LabelledMap) -> None:

@@ -12,7 +12,7 @@ from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.simulation import MapSimulation, generate_building, simulate_map
 from pgm_places.simulation.floor_plan import Rect
 from pgm_places.simulation.plan_reading import read_plan
-from pgm_places.simulation.portable_random import Dice, MetreScale
+from pgm_places.simulation.portable_random import MetreScale
 from tests.simulation.test_building import digest
 
 NAMES = ("corridor", "room", "doorway", "hall")
@@ -255,10 +255,3 @@ def test_a_plan_without_labels_or_without_space_is_refused(plan: LabelledMap) ->
 def test_bad_options_are_named(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         MapSimulation(**options)
-
-
-def test_a_range_is_drawn_from_within() -> None:
-    from pgm_places.simulation.simulated_map import _between
-
-    drawn = [_between(Dice(seed, 0), (2.0, 3.0)) for seed in range(200)]
-    assert 2 <= min(drawn) < 2.05 and 2.95 < max(drawn) <= 3
