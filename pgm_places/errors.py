@@ -160,4 +160,10 @@ def nearest_name(name: str, known: Sequence[str], *, never: Container[str] = ())
     close = difflib.get_close_matches(name[:_LONGEST_NAME], offered, n=1, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     more = f" and {len(known) - len(listed)} more" if len(listed) < len(known) else ""
-    return f"{hint}Known: {', '.join(sorted(listed))}{more}"
+    return f"{hint}Known: {', '.join(sorted(listed, key=_counting))}{more}"
+
+
+def _counting(name: str) -> list[tuple[int, str]]:
+    """A key that sorts ``room 2`` before ``room 10``."""
+    parts = re.findall(r"[0-9]+|[^0-9]+", name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pgm_places as pp
 from pgm_places.cli.terminal import complain
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, nearest_name
 from pgm_places.io.places.result_folder import ExportRequest
 
 if TYPE_CHECKING:
@@ -26,8 +26,11 @@ def write_export(
     OutputError
         A file cannot be written.
     """
-    from pgm_places.io.places.exports import export, write_cleaned_map
+    from pgm_places.io.places.exports import EXPORTS, OF_RADIUS, export, write_cleaned_map
+    from pgm_places.io.places.filter_masks import TYPES
 
+    if asked.to not in (known := ["nav2", "map", *OF_RADIUS, *EXPORTS, *TYPES]):
+        raise InputError(f"there is no export called {asked.to!r}. {nearest_name(asked.to, known)}")
     values = _values(asked.values)
     if asked.to == "nav2":
         topology.ids_of(asked.keep_out)  # a wrong name is refused before anything is read

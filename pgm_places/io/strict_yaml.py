@@ -60,10 +60,18 @@ class YamlFile:
 
     def value(self, key: str) -> YamlValue:
         """The value of a required key."""
-        if key not in self.values:
-            hint = nearest_name(key, list(self.values), never=self._keys)
-            raise self.fail(f"key {quoted(key)} is missing. {hint}")
+        self.require(key)
         return self.values[key]
+
+    def require(self, *keys: str) -> None:
+        """Refuse a file that lacks some of these keys, all of them in one message."""
+        missing = [key for key in keys if key not in self.values]
+        if missing:
+            hint = nearest_name(missing[0], list(self.values), never=self._keys)
+            hint = hint.replace("Known: ", "Keys of the file: ")
+            names = ", ".join(map(quoted, missing))
+            missed = f"key {names} is" if len(missing) == 1 else f"keys {names} are"
+            raise self.fail(f"{missed} missing. {hint}")
 
     def text(self, key: str) -> str:
         """A text that is not empty."""

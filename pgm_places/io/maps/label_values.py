@@ -82,7 +82,8 @@ def read_label_values(
         if name not in wanted:
             raise file.fail(
                 f"label {quoted(name)} is not among the configured labels. "
-                f"{nearest_name(name, wanted)}. Correct the name, or move its value under 'ignore'"
+                f"{nearest_name(name, wanted)}. Correct the name, add it to the configured labels, "
+                "or move its value under 'ignore'"
             )
     for name in wanted:
         if name not in values:

@@ -204,6 +204,12 @@ def load_map(
     check_option("unknown_value", UnknownGrey | None, unknown_value)
     _refuse_picture(yaml_path)
     file = read_yaml(yaml_path, MapError, "map description", keys=_KEYS)
+    if "values" in file and "image" not in file:
+        raise file.fail(
+            "these are the names of a label image; give the map's description (YAML), whose key "
+            "'image' names its picture"
+        )
+    file.require(*(key for key in _KEYS if key != "mode"))
     warnings: list[str] = []
     rules = _rules(file, compat)
     resolution_m = file.number("resolution")

@@ -184,7 +184,7 @@ def write_filter_mask(
     if values is None and kind != "zones":
         classes = ", ".join(topology.label_names)
         raise InputError(
-            f"a {kind} mask needs values by class or place, such as room = 100; classes: {classes}"
+            f"a {kind} mask needs values by class or place, such as room=100; classes: {classes}"
         )
     coded, multiplier = (None, 1.0) if values is None else _coded(kind, values)
     mask = mask_values(topology, coded)

@@ -269,10 +269,25 @@ def test_a_picture_is_answered_with_its_description(tmp_path: Path, is_there: bo
 def test_a_key_that_is_there_is_not_offered_for_one_that_is_missing(tmp_path: Path) -> None:
     path = write_map(tmp_path, PIXELS)
     path.write_text(path.read_text().replace("occupied_thresh: 0.65\n", ""))
-    with pytest.raises(MapError, match=r"key 'occupied_thresh' is missing\. Known: free_thresh"):
+    with pytest.raises(MapError, match=r"key 'occupied_thresh' is missing\. Keys of the file: fre"):
         load_map(path)
     path.write_text(path.read_text() + "ocupied_thresh: 0.65\n")
     with pytest.raises(MapError, match=r"missing\. Did you mean 'ocupied_thresh'"):
+        load_map(path)
+
+
+def test_all_missing_keys_are_named_at_once(tmp_path: Path) -> None:
+    path = write_map(tmp_path, PIXELS)
+    path.write_text("image: map.png\nresolution: 0.05\n")
+    words = r"keys 'origin', 'negate', 'occupied_thresh', 'free_thresh' are missing\. Keys of the "
+    with pytest.raises(MapError, match=words + r"file: image, resolution$"):
+        load_map(path)
+
+
+def test_the_names_of_a_label_image_are_no_map(tmp_path: Path) -> None:
+    path = tmp_path / "labels.yaml"
+    path.write_text("values: {room: 77}\nignore: 0\n")
+    with pytest.raises(MapError, match="these are the names of a label image; give the map's"):
         load_map(path)
 
 
