@@ -1,4 +1,4 @@
-"""``pgm-places doctor``: checks the installation and maps."""
+"""``pgm-places doctor``: checks maps, or the installation."""
 
 import contextlib
 import platform
@@ -25,7 +25,7 @@ def doctor(
     model: Model = "default",
     unknown_value: UnknownValue = None,
 ) -> None:
-    """Check the installation and, optionally, maps.
+    """Check maps or, without any, the installation.
 
     For several maps, a table shows how many cells each has at the model's resolution, and roughly
     how long labelling them takes on this machine. The exit code is 3 if some map cannot be
@@ -41,11 +41,9 @@ def doctor(
     """
     if fix and not maps:
         raise InputError("--fix needs maps; name one, or a folder")
-    try:
-        if maps:
-            _maps(maps, model, unknown_value, fix=fix)
-            say("")
-    finally:  # also below what is wrong with a map
+    if maps:
+        _maps(maps, model, unknown_value, fix=fix)
+    else:
         _environment()
 
 

@@ -46,6 +46,8 @@ def check_map(
     say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
     say(shares_line(loaded.fractions))
     used, notes, problems = _examined(loaded, labeler)
+    if unentered := find_unentered(grid):
+        notes.append(f"{unentered}; {_UNENTERED}")
     if grid.yaw_rad:
         notes.append(
             f"the map is turned by {np.degrees(grid.yaw_rad):.4g} degrees about its origin: "
@@ -71,8 +73,6 @@ def _examined(
         used, notes = at_model_resolution(labeler, loaded.grid)
     except MapError as error:
         problems.append(str(error))
-    if unentered := find_unentered(loaded.grid):
-        problems.append(f"{unentered}; {_UNENTERED}")
     return used, notes, problems
 
 

@@ -48,7 +48,9 @@ def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) 
         "frame it is turned in, rasters are as the image; Nav2's costmaps do not turn maps",
         "no problems found",
     ]
-    assert "scikit-learn" in text and "threads: " in text
+    assert text.endswith("no problems found\n")
+    _, installed, _ = run("doctor")
+    assert "scikit-learn" in installed and "threads: " in installed
 
 
 def test_an_image_beside_its_description_is_corrected(tmp_path: Path, run: Run) -> None:
@@ -57,7 +59,7 @@ def test_an_image_beside_its_description_is_corrected(tmp_path: Path, run: Run) 
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
     assert text.startswith(f"corrected {path}: image map.png; the original file is map.yaml.orig")
-    assert text.split("\n\n")[0].endswith("no problems found")
+    assert text.endswith("no problems found\n")
 
 
 def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
@@ -77,7 +79,7 @@ def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
     code, text, _ = run("doctor", path, "--fix")
     assert code == 0
     assert f"corrected {path}: free_thresh 0.196; the original file is map.yaml.orig" in text
-    assert text.split("\n\npackage")[0].endswith("\nno problems found")
+    assert text.endswith("\nno problems found\n")
     assert (tmp_path / "map.yaml.orig").read_text() == before
     assert path.read_text() == before.replace("0.25", "0.196")
     code, text, _ = run("doctor", path, "--fix")  # there is nothing left to correct
@@ -100,9 +102,8 @@ def test_what_is_refused(
     write(tmp_path)
     monkeypatch.chdir(tmp_path)
     code, text, error = run("doctor", *arguments)
-    assert code == 2
+    assert (code, text) == (2, "")
     assert message in error
-    assert ("decoders: graph-cut" in text) == ("none.yaml" in arguments)  # what is installed
 
 
 @pytest.mark.usefixtures("measured")
@@ -111,7 +112,7 @@ def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
     write(tmp_path / "fine" / "coarse", resolution="0.5")
     code, text, _ = run("doctor", tmp_path)
     assert code == 0
-    table = text[text.index("map  ") : text.index("\n\npackage")].splitlines()
+    table = text[text.index("map  ") :].splitlines()
     # 15,000 + 0.05 x 2,400 + 1,196 cells, and as many with 119,600
     assert [line.split() for line in table[2:4]] == [
         ["fine/coarse/map", "0.5", "299.0", "119,600", "13", "s", "1"],
