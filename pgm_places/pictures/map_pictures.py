@@ -20,7 +20,7 @@ from pgm_places.palette import (
     label_colours,
     label_swatches,
 )
-from pgm_places.pictures.canvas import label_canvas, value_canvas, view_of
+from pgm_places.pictures.canvas import Canvas, label_canvas, value_canvas, view_of
 from pgm_places.pictures.drawing import INK, MUTED, Drawing, text_width
 from pgm_places.pictures.figure_grid import ColourBar, Panel, figure_grid
 
@@ -66,6 +66,30 @@ def label_map(
     canvas = label_canvas(grid, labels, label_names, view)
     entries = (*label_swatches(label_names), *GROUND_SWATCHES) if legend else ()
     return figure_grid([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar).png()
+
+
+def path_cells(
+    grid: OccupancyGrid,
+    label_raster: NDArray[np.integer],
+    label_names: Sequence[str],
+    *,
+    title: str | None = None,
+) -> bytes:
+    """A PNG file of the labels of the cells along a path, with a legend."""
+    labels = _checks.label_raster("label_raster", label_raster, grid.shape, len(label_names))
+    view = view_of(grid, most_pixels=_MOST_PIXELS)
+    canvas = _unhatched(label_canvas(grid, labels, label_names, view))
+    entries = (*label_swatches(label_names), *_PLAIN_SWATCHES)
+    return figure_grid([Panel(canvas)], title=title, legend=entries).png()
+
+
+_PLAIN_SWATCHES = tuple(item for item in GROUND_SWATCHES if not item.hatched)
+
+
+def _unhatched(canvas: Canvas) -> Canvas:
+    """Free space in plain white, as hardly a cell of the picture has a label."""
+    plain = (IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
+    return replace(canvas, colours=tuple(plain))
 
 
 def thumbnail(
@@ -181,10 +205,7 @@ def path_map(
     other = None if other_m is None else finite_array("other_m", other_m, ("S", 2))
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     nowhere = np.full(grid.shape, -1, np.int16)
-    canvas = label_canvas(grid, nowhere, label_names, view)
-    # Free space in plain white, because no cell has a label on this picture.
-    plain = (IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
-    canvas = replace(canvas, colours=tuple(plain))
+    canvas = _unhatched(label_canvas(grid, nowhere, label_names, view))
     colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end
 
     def draw(panel: Drawing, scale: int) -> None:
@@ -201,7 +222,7 @@ def path_map(
         entries.append(Swatch("no label", _NO_LABEL))
     if other is not None:
         entries.append(Swatch(f"{other_name} (dashed)", _OTHER_COLOUR))
-    entries += [item for item in GROUND_SWATCHES if not item.hatched]
+    entries += _PLAIN_SWATCHES
     return figure_grid([Panel(canvas, overlay=draw)], title=title, legend=entries).png()
 
 

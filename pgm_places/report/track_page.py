@@ -14,7 +14,7 @@ from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours, label_swatches
 from pgm_places.pictures.drawing import INK, MUTED, text_width
-from pgm_places.pictures.map_pictures import label_map
+from pgm_places.pictures.map_pictures import path_cells
 from pgm_places.pictures.page import data_uri, render
 from pgm_places.report.line_chart import PixelFigure
 from pgm_places.trajectories.path_layout import PathLayout
@@ -31,7 +31,7 @@ def path_raster(track: Track, grid: OccupancyGrid) -> NDArray[np.int16]:
 
 def path_picture(track: Track, grid: OccupancyGrid, *, title: str | None = None) -> bytes:
     """A PNG file of the map with the path in the colours of its labels."""
-    return label_map(grid, path_raster(track, grid), track.label_names, title=title)
+    return path_cells(grid, path_raster(track, grid), track.label_names, title=title)
 
 
 def belief_plot(track: Track, *, title: str | None = None) -> bytes:

@@ -275,7 +275,7 @@ def _nav2(session: MapSession, stage: Path, folder: Path) -> list[Path]:
 def _training(session: MapSession, stage: Path, _: Path) -> list[Path]:
     """A configuration with which ``pgm-places train`` repeats the training of the studio."""
     names = [name for name, n in paint_of(session).counts.items() if n]
-    title = f"{session.source.yaml_path.stem}, painted in the studio"
+    title = f"{session.source.name}, painted in the studio"
     written = write_training([session], stage, title, names, beside=True)
     return [written[0], *_corrections(session, stage, stage)]
 

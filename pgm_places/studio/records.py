@@ -33,7 +33,7 @@ def state_record(session: MapSession) -> dict[str, Any]:
     return {
         "tick": session.tick,
         "map": {
-            "name": session.source.yaml_path.stem,
+            "name": session.source.name,
             "rows": grid.shape[0],
             "columns": grid.shape[1],
             "resolution_m": grid.resolution_m,

@@ -92,7 +92,7 @@ class SessionPool:
     @classmethod
     def of(cls, session: MapSession, export_folders: ExportFolders | None = None) -> Self:
         """The pool of one map."""
-        book = MapEntry(session.source.yaml_path.stem, session.folder, lambda: session)
+        book = MapEntry(session.source.name, session.folder, lambda: session)
         pool = cls([book], session.folder, export_folders)
         pool._open[0] = session
         return pool

@@ -11,9 +11,9 @@ from experiments.paper.confusion_picture import confusion_picture
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import normalized_entropy
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.palette import LABEL_COLOURS, rgb_of
+from pgm_places.palette import IGNORED_STRIPE, LABEL_COLOURS, rgb_of
 from pgm_places.pictures.figure_grid import round_length
-from pgm_places.pictures.map_pictures import label_map, overview
+from pgm_places.pictures.map_pictures import label_map, overview, path_cells
 from pgm_places.simulation import generate_building
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
@@ -77,6 +77,15 @@ def test_beliefs_without_a_layout_are_refused() -> None:
 def test_maps_of_any_shape(shape: tuple[int, int]) -> None:
     grid = OccupancyGrid(np.zeros(shape, np.int8), 0.05)
     assert label_map(grid, np.zeros(shape, int), NAMES)[1:4] == b"PNG"
+
+
+def test_free_space_beside_a_path_is_plain() -> None:
+    item = small_map()
+    path = np.where(np.arange(item.grid.shape[1]) < 3, item.truth, -1)
+    hatched, plain = (pixels(draw(item.grid, path, NAMES)) for draw in (label_map, path_cells))
+    assert len(where(hatched, IGNORED_STRIPE)) > 0
+    assert len(where(plain, IGNORED_STRIPE)) == 0
+    assert len(where(plain, LABEL_COLOURS[0])) > 0
 
 
 def test_large_maps_give_pictures_of_a_bounded_size() -> None:
