@@ -61,7 +61,12 @@ def _root_in(folder: Path) -> Path | None:
 
 def batch_of(folder: Path) -> Path | None:
     """The folder of the batch that labelled a map into this one; None where no batch did."""
-    return next((path for path in folder.resolve().parents if (path / _RECORD).is_file()), None)
+    return next((path for path in folder.resolve().parents if is_of_batch(path)), None)
+
+
+def is_of_batch(folder: Path) -> bool:
+    """Whether many maps were labelled into a folder."""
+    return (folder / _RECORD).is_file()
 
 
 def write_root(out: Path, root: Path) -> None:

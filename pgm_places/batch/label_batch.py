@@ -34,6 +34,9 @@ from pgm_places.progress import Progress, duration
 _LOOK_AGAIN_S = 1.0
 """How often to see whether another batch has finished a map, or has died on it."""
 
+_MOST_FAILURES = 5
+"""How many failed maps the command names."""
+
 
 @dataclass(frozen=True)
 class LabelledBatch:
@@ -47,6 +50,8 @@ class LabelledBatch:
         Of the whole folder, with what earlier runs and others wrote.
     written : tuple of str
         The files that list all maps.
+    failures : tuple of Failure
+        The first maps that could not be labelled.
     """
 
     n_labelled: int
@@ -54,6 +59,7 @@ class LabelledBatch:
     n_failed: int
     overview: Overview
     written: tuple[str, ...]
+    failures: tuple[Failure, ...]
 
     def summary(self) -> str:
         """One line: how many maps were labelled, had been before, and failed."""
@@ -158,7 +164,14 @@ def label_batch(
                     stage.update(tally.share, tally.note())
         overview = lists.end()
         written = tuple(f"{shown_path(out)}/{path.name}" for path in lists.files())
-    return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, written)
+    return LabelledBatch(
+        tally.n_labelled,
+        tally.n_kept,
+        tally.n_failed,
+        overview,
+        written,
+        tuple(tally.failures),
+    )
 
 
 @contextmanager
@@ -264,11 +277,14 @@ class _Tally:
     def __init__(self) -> None:
         self._start = time.monotonic()
         self.n_all = self.n_labelled = self.n_kept = self.n_failed = self.n_elsewhere = 0
+        self.failures = list[Failure]()  # the first ones, for the last message
 
     def count(self, outcome: LabelledRow | Failure) -> None:
         """Take note of a map."""
-        self.n_failed += isinstance(outcome, Failure)
-        if isinstance(outcome, LabelledRow):
+        if isinstance(outcome, Failure):
+            self.n_failed += 1
+            self.failures += [outcome] if len(self.failures) < _MOST_FAILURES else []
+        else:
             self.n_kept += outcome.kept
             self.n_labelled += not outcome.kept
 

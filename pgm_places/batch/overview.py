@@ -213,7 +213,7 @@ def _cards(overview: Overview) -> Iterator[tuple[str, str]]:
     if overview.n_failures:
         yield f"{overview.n_failures:,}", "failed"
     total = overview.total
-    yield f"{total.area_m2:,.0f} m²", "free area"
+    yield f"{total.area_m2:,.0f} m²", "labelled area"
     yield f"{total.n_places:,}", "places"
     if total.known_m2:
         share = total.doubtful_m2 / total.known_m2

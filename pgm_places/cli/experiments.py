@@ -1,5 +1,6 @@
 """The commands demo, compare and train: read inputs, call the library, write results."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -8,13 +9,20 @@ from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import grouped
 from pgm_places.cli.label import WorkerOptions, make_workers
 from pgm_places.cli.tables import comparison_table
-from pgm_places.cli.terminal import complain, make_progress, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
 from pgm_places.errors import InputError
 from pgm_places.options import Seed
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.experiment.tasks import Trained
+
+_USES = {
+    "cells": "label map.yaml --model {model} --out labelled  # any map",
+    "steps": "track drive.log --model {model} --out tracked  # any drive",
+    "both": "track drive.log --map map.yaml --model {model} --out tracked  # any drive and its map",
+}
+"""How a trained model is used, by what it labels."""
 
 
 def _experiment(
@@ -154,11 +162,10 @@ def demo(
     say(table)
     say_written(files)
     config_path = out / config_path.name
-    say(
-        "\nNext:\n"
-        f"  open {out / 'report.html'} in a browser\n"
-        f"  pgm-places train {config_path} --out model\n"
-        f"  pgm-places label {out / 'map.yaml'} --model model --out labelled"
+    say_next(
+        f"open {out / 'report.html'} in a browser",
+        f"pgm-places train {config_path} --out model",
+        f"pgm-places label {out / 'map.yaml'} --model model --out labelled",
     )
 
 
@@ -185,6 +192,8 @@ def train(
     say(f"wrote {out} (labels: {names}; {word}: {', '.join(methods)})")
     for option, chosen in _choices(trained).items():
         say(f"{option}: {chosen}")
+    if (command := _USES.get(trained.experiment.config.nodes)) is not None:
+        say_next(f"pgm-places {command.format(model=shlex.quote(str(out)))}")
 
 
 def _choices(trained: "Trained") -> dict[str, str]:

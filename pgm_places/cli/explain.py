@@ -23,6 +23,9 @@ def explain(
 ) -> None:
     """Explain the label at a position. Shows the evidence of its scan, place and graph.
 
+    Names such as f27_sd are laser features, which the documentation lists under Features; names
+    such as way_out[0.9] are space features at one scale (m), listed under Gates and corrections.
+
     Parameters
     ----------
     map_yaml

@@ -13,7 +13,7 @@ from pgm_places.cli.declarations import Argument, GivenOptions, Option, grouped
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.tables import shares_line
-from pgm_places.cli.terminal import make_progress, say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_next, say_written
 from pgm_places.errors import InputError
 from pgm_places.labelling.options import LabelOptions, Outputs
 from pgm_places.options import Positive, option_hints
@@ -158,9 +158,15 @@ def label_many(
         **chosen,
     )
     say(done.summary())
+    for failure in done.failures:
+        say(f"  {failure.name}: {failure.message}")
+    if (n := done.n_failed - len(done.failures)) > 0:
+        say(f"  and {n:,} more in failures.csv")
     _say_gone(done.overview)
     for path in done.written:
         say(f"wrote {path}")
+    if done.overview.n_rows:
+        say_next(f"open {shlex.quote(f'{asked.out}/index.html')} in a browser")
     if done.n_failed:
         raise SystemExit(EXIT_MAPS_FAILED)
 
@@ -260,10 +266,16 @@ def label(
 
 
 def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -> None:
+    from pgm_places.batch.batch_folder import is_of_batch
     from pgm_places.labelling.files import label_files, write_labelled
     from pgm_places.labelling.label import label as label_grid
     from pgm_places.report.places_summary import places_summary
 
+    if is_of_batch(asked.out) and not asked.force:
+        raise InputError(
+            f"{asked.out} holds the results of many maps: choose another folder for this map, or "
+            "label it among them with --jobs 1"
+        )
     model = _read(options, progress)
     with progress.stage("map"):
         loaded = read_map(Path(asked.maps[0]), options.unknown_value, progress)
@@ -297,11 +309,10 @@ def _label_one(asked: LabelFlags, options: LabelOptions, progress: "Progress") -
     say_written(files)
     paths = (asked.out, asked.out / "index.html", asked.maps[0])
     out, page, source = (shlex.quote(str(path)) for path in paths)
-    say(
-        "\nNext:\n"
-        f"  open {page} in a browser\n"
-        f"  pgm-places studio {source}  # to correct the labels\n"
-        f"  pgm-places export {out} --to nav2 --out nav2"
+    say_next(
+        f"open {page} in a browser",
+        f"pgm-places studio {source}  # to correct the labels",
+        f"pgm-places export {out} --to nav2 --out nav2  # --robot-radius 0.2, in metres",
     )
 
 

@@ -1,7 +1,9 @@
 """Commands about places: topology, export, where, and changes by hand: rename, merge and split."""
 
+import shlex
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +12,7 @@ from pgm_places.cli.arguments import Force, Out, Place, Places, Quiet, UnknownVa
 from pgm_places.cli.declarations import Argument, GivenOptions, Option, option_flags
 from pgm_places.cli.entry import EXIT_NOT_FOUND
 from pgm_places.cli.inputs import read_labels, read_map
-from pgm_places.cli.terminal import complain, make_progress, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.places.result_folder import MANIFEST_FILE, NAMES_FILE
 from pgm_places.options import AtLeastZero, option_values
@@ -199,22 +201,33 @@ def export(
     if summary:
         say(summary)
     say_written(files)
+    if to == "nav2":
+        launch = shlex.join(["ros2", "launch", str(target / "bringup.launch.py")])
+        servers = shlex.join(["ros2", "launch", str(target / "places.launch.py")])
+        say_next(
+            f"{launch} params_file:=my_nav2_params.yaml  # Kilted and later: Nav2 with all of it",
+            f"{servers}  # Humble, Jazzy: beside a running Nav2 with nav2_params.yaml merged in",
+        )
 
 
 def where(
-    folder: Places, x: Annotated[float, Argument("X")], y: Annotated[float, Argument("Y")]
+    folder: Places,
+    place: Annotated[str, Argument("PLACE|X")],
+    y: Annotated[float | None, Argument("Y")] = None,
 ) -> None:
-    """Show the place at a position. The exit code is 1 if there is none.
+    """Show the place at a position, or where a place is. The exit code is 1 if there is none.
 
     Parameters
     ----------
-    x, y
+    place
+        Name or id of a place; or a position in the map frame (m), with Y.
+    y
         Position in the map frame (m).
     """
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology = load_named_topology(folder)
-    region = topology.region_at(x, y)
+    region = topology.place(_key(place)) if y is None else topology.region_at(_metres(place), y)
     if region is None:
         say("no place at this position")
         raise SystemExit(EXIT_NOT_FOUND)
@@ -224,6 +237,8 @@ def where(
     own = "" if region.name == numbered else f"{region.name}: "
     say(f"{own}{numbered} ({region.area_m2:.1f} m²{confidence})")
     say(f"next to: {near}")
+    x_m, y_m = region.anchor_m
+    say(f"anchor: {x_m:.2f} {y_m:.2f} (clearance {region.clearance_m:.2f} m)")
 
 
 def rename(folder: Places, place: Place, name: Annotated[str, Argument("NAME")]) -> None:
@@ -288,7 +303,8 @@ def merge(folder: Places, first: Place, second: Annotated[str, Argument("OTHER")
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import merged
 
-    _write(folder, merged(load_named_topology(folder), _key(first), _key(second)), "merge")
+    topology = load_named_topology(folder)
+    _write(folder, topology, merged(topology, _key(first), _key(second)), "merge")
 
 
 def split(
@@ -324,7 +340,7 @@ def split(
         raise InputError(
             f"split takes a point X Y, a line X1 Y1 X2 Y2 or nothing, got {len(points)} numbers"
         )
-    _write(folder, edited, "split")
+    _write(folder, topology, edited, "split")
 
 
 def _key(text: str) -> int | str:
@@ -332,12 +348,20 @@ def _key(text: str) -> int | str:
     return int(text) if text.isdecimal() else text
 
 
-def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
-    from pgm_places.report.places_summary import places_summary
+def _metres(text: str) -> float:
+    """The X of a position."""
+    with suppress(ValueError):
+        if isfinite(x := float(text)):
+            return x
+    raise InputError(f"X must be a finite number, got {text!r}")
 
-    with _edited(folder, topology, by) as files:
+
+def _write(folder: Path, before: "TopologicalMap", after: "TopologicalMap", by: str) -> None:
+    from pgm_places.report.places_summary import edit_summary, places_summary
+
+    with _edited(folder, after, by) as files:
         pass
-    say(places_summary(topology, folder))
+    say(f"{edit_summary(before, after)}\n{places_summary(after, folder)}")
     say_written(files)
 
 

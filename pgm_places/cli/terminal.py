@@ -43,6 +43,11 @@ def say_written(files: "OutputSet") -> None:
         say(f"wrote {path}")
 
 
+def say_next(*lines: str) -> None:
+    """Print the next commands, as lines that can be copied."""
+    say("\n".join(("\nNext:", *(f"  {line}" for line in lines))))
+
+
 def warn(message: str) -> None:
     """Print a warning to standard error, as one line."""
     complain(f"warning: {message}")

@@ -1,5 +1,6 @@
 """``pgm-places track`` of a whole log: labelled, alone or with its map, written, summed up."""
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import pgm_places as pp
 from pgm_places.cli.declarations import named_as_flags
 from pgm_places.cli.inputs import read_map
 from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import make_progress, say, say_written
+from pgm_places.cli.terminal import make_progress, say, say_next, say_written
 from pgm_places.cli.track_options import TrackOptions
 from pgm_places.errors import ConfigError
 from pgm_places.io.logs.loaded_log import LoadedLog
@@ -196,6 +197,7 @@ def run_track(stored: Stored, options: TrackOptions) -> None:
             write(track, given.grid, files.stage)
     say(summary(track))
     say_written(files)
+    say_next(f"open {shlex.quote(str(out / 'report.html'))} in a browser")
 
 
 def misfit(
@@ -293,6 +295,8 @@ def run_joint(stored: Stored, options: TrackOptions) -> None:
     if written is not None:
         say(f"{written.summary}\n{places_summary(written.topology)}")
     say_written(files)
+    pages = ("report.html",) if written is None else ("report.html", "index.html")
+    say_next(*(f"open {shlex.quote(str(out / page))} in a browser" for page in pages))
 
 
 def _labeler(stored: Stored, options: TrackOptions) -> pp.JointLabeler:

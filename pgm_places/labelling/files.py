@@ -165,6 +165,11 @@ def write_labelled(
                 picture=outputs.pictures,
                 page={"names": names, "map_name": source.yaml_path.name, "warnings": warnings},
             )
+            if not topology.regions and (least := rules.min_clearance_m):
+                warn(
+                    f"no place is left: a disc with a radius of {least:g} m fits into none; give "
+                    "the robot's radius in metres (--disc-radius)"
+                )
         record["area_m2"] = topology.area_m2
         warnings = (*warnings, *of_places)
         record["warnings"] = [*warnings]

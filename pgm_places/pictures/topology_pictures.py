@@ -319,4 +319,5 @@ def count_line(topology: TopologicalMap) -> str:
     for label in topology.label_names:
         count = sum(region.label == label for region in topology.regions)
         parts.append(f"{count} {label}{'' if count == 1 else 's'}")
-    return f"{', '.join(parts)}; {len(topology.connections)} connections"
+    n = len(topology.connections)
+    return f"{', '.join(parts)}; {n} connection{'' if n == 1 else 's'}"

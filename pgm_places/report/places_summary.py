@@ -6,6 +6,7 @@ from pathlib import Path
 from pgm_places.pictures.topology_pictures import count_line, marked_checks
 from pgm_places.topology.checks import doubtful_share
 from pgm_places.topology.cuts import line_width_m
+from pgm_places.topology.regions import Region
 from pgm_places.topology.split_candidates import SplitCandidate, split_candidates
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -18,7 +19,7 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
     With their ``folder``, also the places that could be several rooms.
     """
     n = len(topology.corrections)
-    lines = [f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"]
+    lines = [f"places: {count_line(topology)}; {n} region{'' if n == 1 else 's'} corrected"]
     doubt = doubt_summary(topology)
     lines += [] if doubt is None else [doubt]
     if folder is not None and (found := split_candidates(topology)):
@@ -31,6 +32,32 @@ def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
             f"{command} {found[0].place.id}"
         )
     return "\n".join(lines)
+
+
+def edit_summary(before: TopologicalMap, after: TopologicalMap) -> str:
+    """Lines that say which places were split into which, and which became part of which."""
+    olds, news = ({item.id for item in places.regions} for places in (before, after))
+    parts, gone = dict[int, list[str]](), dict[int, list[str]]()
+    for item in after.regions:
+        if item.id not in olds and (whole := before.region_at(*item.anchor_m)):
+            parts.setdefault(whole.id, []).append(_with_area(item))
+    for item in before.regions:
+        if item.id not in news and (whole := after.region_at(*item.anchor_m)):
+            gone.setdefault(whole.id, []).append(item.name)
+    lines = [
+        f"{before.place(number).name} was split into "
+        + ", ".join([_with_area(after.place(number)), *names])
+        for number, names in parts.items()
+    ]
+    lines += [
+        f"{', '.join(names)} became part of {_with_area(after.place(number))}"
+        for number, names in gone.items()
+    ]
+    return "\n".join(lines)
+
+
+def _with_area(place: Region) -> str:
+    return f"{place.name} ({place.area_m2:.1f} m²)"
 
 
 def hidden_line(item: SplitCandidate) -> str:

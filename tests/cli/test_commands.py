@@ -79,7 +79,7 @@ def test_train_then_label(building: Path, run: Run) -> None:
         "Next:",
         f"  open {out}/index.html in a browser",
         f"  pgm-places studio {building / 'map.yaml'}  # to correct the labels",
-        f"  pgm-places export {out} --to nav2 --out nav2",
+        f"  pgm-places export {out} --to nav2 --out nav2  # --robot-radius 0.2, in metres",
     ]
 
     truth = pixels(building / "labels.png")
@@ -105,7 +105,8 @@ def test_label_imports_nothing_heavy(building: Path) -> None:
 
 
 def test_label_by_another_method(building: Path, run: Run) -> None:
-    run("train", building / "config.toml", "--out", building / "model", "-q")
+    _, text, _ = run("train", building / "config.toml", "--out", building / "model", "-q")
+    assert text.endswith(f"label map.yaml --model {building}/model --out labelled  # any map\n")
     arguments = ["label", building / "map.yaml", "-m", building / "model", "-o", building / "x"]
     code, _, error = run(*arguments, "--method", "adabost", "-q")
     assert code == 2

@@ -42,10 +42,21 @@ def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, r
     assert code == 3
     assert text.splitlines() == [
         "3 maps: 2 labelled, 1 failed",
+        f"  f3/map: {floors / 'floors/f3/map.yaml'}: its image 'map.png' is missing: no file "
+        f"{floors / 'floors/f3/map.png'}; correct the key 'image' or put the image there",
         *(f"wrote {out / name}" for name in ("failures.csv", "index.html", "summary.csv")),
+        "",
+        "Next:",
+        f"  open {out}/index.html in a browser",
     ]
     assert [line.partition(":")[0] for line in error.splitlines()] == ["labelling maps"]
     assert (out / "f1" / "map" / "labels.png").exists()
+    single = [*label[:1], floors / "floors/f1/map.yaml", *label[2:]]
+    code, _, error = run(*single, "--quiet")
+    assert code == 2
+    assert f"{out} holds the results of many maps: choose another folder" in error
+    code, text, _ = run(*single, "--quiet", "--jobs", 1)
+    assert (code, text.splitlines()[0]) == (0, "1 map: 0 labelled, 1 done before")
     (floors / "floors" / "f3" / "map.yaml").unlink()
     code, text, _ = run(*label, "--quiet")
     assert code == 0

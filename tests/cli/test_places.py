@@ -70,6 +70,8 @@ def test_where(places: Path, run: Run) -> None:
     assert code == 0
     assert region["name"] in text
     assert "next to: " in text
+    assert run("where", places, "attic", 1)[2].endswith("X must be a finite number, got 'attic'\n")
+    assert "there is no place 'attic'. Known: " in run("where", places, "attic")[2]
     code, text, _ = run("where", places, -1000, -1000)
     assert code == 1
     assert "no place at this position" in text
@@ -108,12 +110,17 @@ def test_nav2_without_routes_says_so_and_writes_the_rest(places: Path, run: Run)
     assert "no route graph: no two places are connected by a passage wide enough" in out
     assert (places / "poses.yaml").exists()
     assert not (places / "nav2_route.geojson").exists()
+    launch, beside = out.splitlines()[-2:]
+    assert launch.startswith(f"  ros2 launch {places / 'bringup.launch.py'} params_file:=")
+    assert beside.startswith(f"  ros2 launch {places / 'places.launch.py'}  # Humble, Jazzy")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["export", "--to", "nav2-rout"], "Did you mean 'nav2-route'"),
+        (["export", "--to", "nav"], "Did you mean 'nav2'? Known: binary,"),
+        (["export", "--to", "mapp"], "Did you mean 'map'"),
         (["export", "--to", "dot", "--keep-out", "room"], "accepts no --keep-out; nav2 and"),
         (["export", "--to", "nav2-route", "--keep-out", "rom"], "there is no place 'rom'"),
         (["export", "--to", "nav2-route", "--map", "m.yaml"], "accepts no --map; nav2 and map do"),
@@ -142,7 +149,7 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     out = building / "labelled"
     code, text, _ = run("label", building / "map.yaml", "-m", building / "model", "-o", out, "-q")
     assert code == 0
-    assert "corrections" in text
+    assert " corrected\n" in text
     found = json.loads((out / "places.json").read_text())
     assert found["regions"]
     assert all(region["confidence"] is not None for region in found["regions"])
@@ -235,14 +242,22 @@ def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
     assert code == 0, err
     assert (places / "place_names.yaml").read_text() == f'# ours\n{number}: "Anna\'s office"\n'
     assert run("where", places, x, y)[1].startswith(f"Anna's office: room {number} (")
-    code, _, err = run("split", places, "Anna's office", x, y)
+    by_name = run("where", places, "Anna's office")
+    assert by_name[:2] == (0, run("where", places, x, y)[1]) == (0, run("where", places, number)[1])
+    assert f"\nanchor: {x:.2f} {y:.2f} (clearance " in by_name[1]
+    code, said, err = run("split", places, "Anna's office", x, y)
     assert code == 0, err
     after = json.loads((places / "places.json").read_text())
     assert len(after["regions"]) == len(before["regions"]) + 1
     new = max(region["id"] for region in after["regions"])
     assert new == before["next_id"]
-    code, _, err = run("merge", places, "Anna's office", new)
+    sizes = {region["id"]: region["area_m2"] for region in after["regions"]}
+    whole, part = f"Anna's office ({sizes[number]:.1f} m²)", f"room {new} ({sizes[new]:.1f} m²)"
+    assert said.splitlines()[0] == f"Anna's office was split into {whole}, {part}"
+    code, said, err = run("merge", places, "Anna's office", new)
     assert code == 0, err
+    grown = f"Anna's office ({room['area_m2']:.1f} m²)"
+    assert said.splitlines()[0] == f"room {new} became part of {grown}"
     again = json.loads((places / "places.json").read_text())
     whole = next(region for region in again["regions"] if region["id"] == number)
     assert whole["area_m2"] == pytest.approx(room["area_m2"])

@@ -54,6 +54,7 @@ def test_a_log_becomes_a_table_pictures_and_a_report(folder: Path, run: Run) -> 
     names = {path.name for path in out.iterdir()}
     assert names == {RECORD_FILE, *TRACK}
     assert len(rows_of(out / "beliefs.csv")) == 60
+    assert text.splitlines()[-2:] == ["Next:", f"  open {out / 'report.html'} in a browser"]
 
 
 @pytest.mark.parametrize("mode", ["smooth", "viterbi"])

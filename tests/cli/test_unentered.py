@@ -27,7 +27,8 @@ def test_label_and_doctor_say_so(map_yaml: Path, run: Run) -> None:
     record = json.loads((out / "details/summary.json").read_text())
     assert record["unentered_m2"] == pytest.approx(unentered.area_m2)
     code, text, _ = run("doctor", map_yaml)
-    assert f"warning: {unentered}; 'label' gives it no label" in text
+    assert f"note: {unentered}; 'label' gives it no label" in text
+    assert text.endswith("no problems found\n")
     everything = map_yaml.parent / "all"
     code, text, _ = run(
         "label", map_yaml, "--model", "generated", "--unentered", "--out", everything
@@ -38,3 +39,15 @@ def test_label_and_doctor_say_so(map_yaml: Path, run: Run) -> None:
     code, _, error = run("label", map_yaml, "--disc-radius", "-1", "--out", out)
     assert code == 2
     assert "--disc-radius must be a number of at least 0" in error
+
+
+def test_a_robot_that_fits_nowhere_is_said_to(map_yaml: Path, run: Run) -> None:
+    out = map_yaml.parent / "out"
+    code, text, error = run(
+        "label", map_yaml, "--model", "generated", "--disc-radius", 25, "--out", out
+    )
+    assert code == 0
+    assert "places: 0 corridors" in text
+    assert "warning: no place is left: a disc with a radius of 25 m fits into none" in error
+    [warning] = json.loads((out / "details/summary.json").read_text())["warnings"]
+    assert warning in error
