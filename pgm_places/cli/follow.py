@@ -66,7 +66,7 @@ def run_follow(options: TrackOptions) -> None:
             progress.warn(f"{log}: no scans received")
         elif files is not None:
             write(follower.track(log), given.grid, files.stage)
-    if files is not None:
+    if files is not None and not options.jsonl:  # whose lines are all JSON
         say_written(files)
 
 

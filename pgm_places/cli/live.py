@@ -1,5 +1,6 @@
 """``pgm-places live``: the place of a robot as it drives, and its map as it grows."""
 
+import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import pgm_places as pp
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import ForceMisfit, Method, Model, Quiet, Threads
 from pgm_places.cli.declarations import Option, grouped, option_flags
-from pgm_places.cli.terminal import complain, make_progress, say, say_written
+from pgm_places.cli.terminal import complain, make_progress, say, say_next, say_written
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsNetwork
 from pgm_places.live.live_options import LiveOptions, NodeOptions
@@ -106,8 +107,10 @@ def _run_replay(asked: LiveFlags, log: Path, map_topic: str, options: LiveOption
         _say_all(run, None if files is None else files.stage, asked.jsonl)
     if asked.session is not None:
         write_session(asked.session, memory)
-    if files is not None:
+    if files is not None and not asked.jsonl:  # whose lines are all JSON
         say_written(files)
+        pages = [path for path in files.written if path.name == "index.html"]
+        say_next(*(f"open {shlex.quote(str(path))} in a browser" for path in pages))
 
 
 def _run_robot(asked: LiveFlags, node: NodeOptions, options: LiveOptions) -> None:

@@ -44,7 +44,9 @@ def say_written(files: "OutputSet") -> None:
 
 
 def say_next(*lines: str) -> None:
-    """Print the next commands, as lines that can be copied."""
+    """Print the next commands, as lines that can be copied; nothing without any."""
+    if not lines:
+        return
     say("\n".join(("\nNext:", *(f"  {line}" for line in lines))))
 
 

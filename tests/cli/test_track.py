@@ -120,7 +120,8 @@ def test_json_lines_name_the_region_and_the_labelled_map_counts(
     monkeypatch.setattr(sys, "stdin", Pipe())
     model = folder / "model"
     code, text, _ = run(
-        "track", "-", "--follow", "--jsonl", "--map-labels", labelled, "-m", model, "-q"
+        *("track", "-", "--follow", "--jsonl", "--map-labels", labelled, "-m", model, "-q"),
+        *("-o", folder / "followed"),
     )
     assert code == 0
     records = [json.loads(line) for line in text.splitlines()]

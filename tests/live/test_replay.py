@@ -183,7 +183,8 @@ def test_a_bag_with_maps_is_replayed_by_the_command(tmp_path: Path, run: Run) ->
     assert len(rows) == len(path)
     assert {row["map_seq"] for row in rows} == {0, 1, 2}
     assert (out / "places.json").exists()
-    code, text, _ = run(*arguments, *options, "--jsonl")
+    assert lines[-2:] == ["Next:", f"  open {out / 'index.html'} in a browser"]
+    code, text, _ = run(*arguments, *options, "--jsonl", "--out", tmp_path / "again")
     assert code == 0
     records = [json.loads(line) for line in text.splitlines()]
     changes = [row for row in records if "label" in row]
