@@ -87,7 +87,7 @@ def draw_curves(
         finite = np.where(np.isfinite(values), values, np.nan)
         ax.plot(np.arange(1, len(values) + 1), finite, color=colour, label=name)
     ax.set(xlabel=xlabel, ylabel=ylabel)
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.locator_params(axis="x", integer=True)
     if len(curves) > 1:
         ax.legend(frameon=False)
 
