@@ -125,7 +125,10 @@ def log_partitions(
     InputError
         Numbers of graphs and potentials differ; or as for one graph.
     """
-    _check_pairs(graphs, potentials)
+    if len(graphs) != len(potentials):
+        raise InputError(
+            f"got {len(graphs)} graphs but {len(potentials)} potentials; give one of each"
+        )
     forests = [] if method in ("trees", "mean-field") else _forests(graphs, potentials)
     done = dict(zip(forests, _exact_forests(graphs, potentials, forests), strict=True))
     return [
@@ -217,23 +220,6 @@ def structured_hinge(
     return ValueAndGradient(value, of_nodes, of_edges, "exact" if is_exact else "lower bound")
 
 
-def structured_hinges(
-    graphs: Sequence[LabelGraph],
-    potentials: Sequence[Potentials],
-    labelings: Sequence[ArrayLike],
-    *,
-    decoder: str | None = None,
-) -> list[ValueAndGradient]:
-    """:func:`structured_hinge` of many graphs with the Hamming cost."""
-    _check_pairs(graphs, potentials)
-    if len(labelings) != len(graphs):
-        raise InputError(f"got {len(graphs)} graphs but {len(labelings)} labelings; one of each")
-    return [
-        structured_hinge(graph, item, labels, decoder=decoder)
-        for graph, item, labels in zip(graphs, potentials, labelings, strict=True)
-    ]
-
-
 def entropy(graph: LabelGraph, potentials: Potentials) -> float:
     """Entropy in nats of the distribution ``p ~ exp(score)``: ``log Z - E[score]``.
 
@@ -272,13 +258,6 @@ def _expected_score(
         used = weight > 0
         total += float(np.sum(weight[used] * np.broadcast_to(value, weight.shape)[used]))
     return total
-
-
-def _check_pairs(graphs: Sequence[LabelGraph], potentials: Sequence[Potentials]) -> None:
-    if len(graphs) != len(potentials):
-        raise InputError(
-            f"got {len(graphs)} graphs but {len(potentials)} potentials; give one of each"
-        )
 
 
 def _indicators(graph: LabelGraph, labels: NDArray[np.int64], k: int) -> tuple[Array, Array]:
