@@ -36,8 +36,13 @@ from pgm_places.labelling.places import places_of, separating_gates
 from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.progress import warn
-from pgm_places.studio.export_folders import ExportFolders
-from pgm_places.studio.export_record import RECORD_FILE, Content, ExportRecord, digest
+from pgm_places.studio.export_folders import (
+    RECORD_FILE,
+    Content,
+    ExportFolders,
+    ExportRecord,
+    digest,
+)
 from pgm_places.studio.relabelling import renamed
 from pgm_places.studio.session import MapSession
 from pgm_places.studio.training_config import CORRECTIONS, paint_of, rules_of, write_training

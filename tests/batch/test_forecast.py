@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch import forecast
-from pgm_places.batch.forecast import Forecast, Speed
 from pgm_places.batch.map_task import Failure, MapTask
+from pgm_places.cli import doctor_maps
+from pgm_places.cli.doctor_maps import Forecast, Speed
 from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelling.options import LabelOptions
@@ -39,7 +39,7 @@ def test_the_speed_is_that_of_the_faster_run_once_kernels_are_loaded(
         folders.add(task.folder)
 
     times = clock(30.0, 0.9, 0.6, 0.8)
-    monkeypatch.setattr(forecast, "label_one", labelled)
+    monkeypatch.setattr(doctor_maps, "label_one", labelled)
     monkeypatch.setattr(time, "process_time", lambda: next(times))
     speed = Speed.measured(OPTIONS)
     assert len(folders) == 4  # one that is done would take no time
@@ -54,7 +54,7 @@ def test_a_floor_that_cannot_be_labelled_is_said(monkeypatch: pytest.MonkeyPatch
     def failed(task: MapTask) -> Failure:
         return task.failure(MemoryError())
 
-    monkeypatch.setattr(forecast, "label_one", failed)
+    monkeypatch.setattr(doctor_maps, "label_one", failed)
     with pytest.raises(InputError, match="speed of this machine could not be measured: out of mem"):
         Speed.measured(OPTIONS)
 
@@ -63,6 +63,6 @@ def test_a_floor_is_really_labelled(monkeypatch: pytest.MonkeyPatch) -> None:
     made = generate_building(1, size="small", resolution_m=0.1)
     corner = made.grid.with_cells(made.grid.cells[:40, :50])
     monkeypatch.setattr(
-        forecast, "generate_building", lambda *_, **__: SimpleNamespace(grid=corner)
+        doctor_maps, "generate_building", lambda *_, **__: SimpleNamespace(grid=corner)
     )
     assert Speed.measured(OPTIONS).seconds_per_cell > 0

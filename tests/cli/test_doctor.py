@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.batch.forecast import Speed
+from pgm_places.cli.doctor_maps import Speed
 from pgm_places.cli.terminal import make_progress
 from pgm_places.cli.track_log import map_of
 from pgm_places.cli.track_options import TrackOptions
