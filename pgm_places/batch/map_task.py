@@ -53,7 +53,7 @@ class LabelledRow:
     doubt : float or None
         Share of the area that is expected to be labelled wrongly; None if unknown.
     check_first : str
-        The place with most area in doubt; empty where nothing is known.
+        The place with most uncertain area; empty where nothing is known.
     warnings : tuple of str
     seconds : float
         Wall clock of the run that labelled it.

@@ -14,7 +14,7 @@ from pgm_places.pictures.map_page import PAGE_FILE
 from pgm_places.pictures.page import render
 
 MOST_ROWS = 2000
-"""Maps listed, those with most area in doubt; the table of all is in ``summary.csv``."""
+"""Maps listed, those with most uncertain area; the table of all is in ``summary.csv``."""
 
 
 @dataclass
@@ -25,7 +25,7 @@ class FolderSums:
     ----------
     n_rows, n_failures, n_places : int
     area_m2, known_m2, doubtful_m2 : float
-        The area of all maps, of those whose doubt is known, and what is in doubt of it.
+        The area of all maps, of those whose uncertainty is known, and the uncertain area.
     """
 
     n_rows: int = 0
@@ -109,7 +109,7 @@ class Overview:
 
     @property
     def rows(self) -> list[Row]:
-        """The maps with most area in doubt, those first; then by name."""
+        """The maps with most uncertain area, those first; then by name."""
         return [row for *_, row in sorted(self._most, key=lambda item: (-item[0], -item[1]))]
 
 
@@ -185,7 +185,7 @@ def _figure(text: str, times: float = 1.0) -> str:
 
 
 def _folders(overview: Overview) -> list[tuple[str, list[str]]]:
-    """The folders with most area in doubt, each with its figures; none where there is only one."""
+    """The folders with most uncertain area, each with its figures; none where there is only one."""
     if len(overview.folders) < 2:
         return []
     most = heapq.nsmallest(
@@ -217,4 +217,4 @@ def _cards(overview: Overview) -> Iterator[tuple[str, str]]:
     yield f"{total.n_places:,}", "places"
     if total.known_m2:
         share = total.doubtful_m2 / total.known_m2
-        yield f"{100 * share:.1f} %", "of the area in doubt"
+        yield f"{100 * share:.1f} %", "of the area uncertain"

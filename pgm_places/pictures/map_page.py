@@ -131,7 +131,7 @@ def _cards(
         (f"{len(doorways):,}", "doorway" if len(doorways) == 1 else "doorways"),
         (f"{sum(found.area_m2.values()):,.1f} m²", "labelled area"),
     ]
-    return cards if share is None else [*cards, (f"{100 * share:.1f} %", "of the area in doubt")]
+    return cards if share is None else [*cards, (f"{100 * share:.1f} %", "of the area uncertain")]
 
 
 def _rows(regions: Iterable[Region], found: TopologicalMap) -> list[dict[str, Any]]:

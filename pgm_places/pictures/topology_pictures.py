@@ -308,7 +308,7 @@ def _name(panel: Drawing, name: str, x: float, y: float) -> None:
 
 
 def marked_checks(topology: TopologicalMap) -> list[PlaceCheck]:
-    """The first few places to check: at most five, each with 1 m² in doubt or more."""
+    """The first few places to check: at most five, each with 1 m² uncertain or more."""
     first = places_to_check(topology)[:_MOST_MARKED]
     return [check for check in first if check.doubtful_m2 >= _LEAST_DOUBTFUL_M2]
 

@@ -1,4 +1,4 @@
-"""Summary of a map's places: counts, area in doubt, and places that could be several rooms."""
+"""Summary of a map's places: counts, uncertain area, and places that could be several rooms."""
 
 import shlex
 from pathlib import Path
@@ -14,7 +14,7 @@ _MOST_SPLITS = 5
 
 
 def places_summary(topology: TopologicalMap, folder: Path | None = None) -> str:
-    """Lines with the counts of places, connections and corrections, and the area in doubt if known.
+    """Lines with the counts of places, connections and corrections, and any uncertain area.
 
     With their ``folder``, also the places that could be several rooms.
     """
@@ -70,7 +70,7 @@ def hidden_line(item: SplitCandidate) -> str:
 
 
 def doubt_summary(topology: TopologicalMap) -> str | None:
-    """A line with the share of area in doubt, and the places with most of it; None if unknown."""
+    """The uncertain share of the area and the places with most of it; None if unknown."""
     share = doubtful_share(topology)
     if share is None:
         return None

@@ -19,7 +19,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 MOST_CHECKS = 200
 LEAST_M2 = 0.05
-"""Least area in doubt of a place to check (m²): a smaller one would be displayed as 0.0 m²."""
+"""Least uncertain area of a place to check (m²): a smaller one would be displayed as 0.0 m²."""
 
 MOST_PATH_POINTS = 20_000
 PLACE_KEYS = ("id", "name", "label", "is_likely_hall", "anchor_m", "box_m")

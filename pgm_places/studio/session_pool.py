@@ -196,7 +196,7 @@ class SessionPool:
 
 
 def progress_of(session: MapSession) -> dict[str, Any]:
-    """The progress of a session: painted cells, and area in doubt."""
+    """The progress of a session: painted cells, and uncertain area."""
     taught, cell_m2 = session.taught, session.grid.resolution_m**2
     return {
         "painted_m2": session.painting.n_painted * cell_m2,

@@ -41,7 +41,7 @@ class PlaceCheck:
 
 @public
 def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
-    """The places of a map with known probabilities, by descending area in doubt.
+    """The places of a map with known probabilities, by descending uncertain area.
 
     With calibrated probabilities, checking places in this order corrects the most area with the
     fewest checks.

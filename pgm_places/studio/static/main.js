@@ -86,7 +86,7 @@ class Studio {
     this.changed();
   }
 
-  /** Labels have come: the first lead to what is in doubt, others show what they changed. */
+  /** Labels have come: the first lead to uncertain places, others show what they changed. */
   #labelled(relabelling) {
     if (!relabelling || relabelling.number === this.labelled) return;
     const first = this.labelled === undefined;

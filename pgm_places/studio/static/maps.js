@@ -23,7 +23,7 @@ class Overview {
     this.written = h("p", { className: "paths" });
     byId("training").append(
       h("h2", {}, "One model for all"),
-      h("p", { className: "small" }, "Correct what is in doubt on each map. Then this writes one configuration that teaches a model the paint of all of them: ", h("code", {}, "pgm-places train train.toml --out model")),
+      h("p", { className: "small" }, "Correct uncertain places on each map. Then this writes one configuration that teaches a model the paint of all of them: ", h("code", {}, "pgm-places train train.toml --out model")),
       write, this.written);
   }
 
@@ -62,7 +62,7 @@ class Overview {
 
   #row(map) {
     const parts = [h("b", {}, map.title), h("span", { className: "small" }, words(map))];
-    if (typeof map.doubtful_m2 === "number") parts.push(h("span", { className: "amount" }, `${map.doubtful_m2.toFixed(1)} m² in doubt`));
+    if (typeof map.doubtful_m2 === "number") parts.push(h("span", { className: "amount" }, `${map.doubtful_m2.toFixed(1)} m² uncertain`));
     return h("li", {}, h("a", { className: "book", href: map.address }, parts, icon("next")));
   }
 

@@ -38,11 +38,11 @@ export class Review {
   #row(check, k, state) {
     const chosen = this.studio.chosen === check.id;
     const hall = check.is_likely_hall ? ", rather a hall" : "";
-    const doubt = `${Math.round(100 * check.doubt)} % in doubt`;
+    const uncertain = `${Math.round(100 * check.doubt)} % uncertain`;
     const row = h("button", { className: "check", type: "button", "aria-expanded": String(chosen) },
       swatch(this.studio.colours.of(check.label)),
       h("b", {}, check.name),
-      h("small", {}, `${doubt}${check.second_label ? `, perhaps ${check.second_label}` : ""}${hall}`),
+      h("small", {}, `${uncertain}${check.second_label ? `, perhaps ${check.second_label}` : ""}${hall}`),
       h("span", { className: "amount" }, `${check.doubtful_m2.toFixed(1)} m²`));
     row.addEventListener("click", () => this.go(k));
     const region = this.studio.places.byId.get(check.id);
