@@ -168,7 +168,10 @@ def learned_tables(
     for (problem, truth), weight in zip(pairs, weights, strict=True):
         require_chain(problem.graph, method)
         if problem.unary is None:
-            raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
+            raise InputError(
+                f"{method!r} needs unary log-probabilities; the problem has none. Put a classifier "
+                "in front: StructuredLabeler(method, classifier)"
+            )
         known = np.flatnonzero(truth >= 0)
         observed = known if problem.unseen is None else known[~problem.unseen[known]]
         pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)

@@ -135,7 +135,7 @@ class ConditionalRandomField(LinearModel):
     1.0
     """
 
-    learner: Literal["auto"] | FieldLearner = "auto"
+    learner: Literal["auto", FieldLearner] = "auto"
     inference: Literal["auto"] | Decoder = "auto"
     C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = "auto"
     unlabelled: Literal["hidden", "dropped"] = "hidden"

@@ -12,6 +12,16 @@ from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedD
 GROUP = "pgm_places.decoders"
 """Entry-point group of decoders in other packages: ``name = "package.module:function"``."""
 
+_OTHER_NAMES = {
+    **dict.fromkeys(("alpha-expansion", "expansion", "maxflow", "min-cut"), "graph-cut"),
+    **dict.fromkeys(("bp", "lbp", "loopy-bp", "belief-propagation"), "sum-product"),
+    **dict.fromkeys(("junction-tree", "variable-elimination", "viterbi"), "exact"),
+    "ilp": "lp",
+    "max-sum": "max-product",
+    "mf": "mean-field",
+}
+"""What decoders are called in papers and other libraries."""
+
 _registered: dict[str, NamedDecoder] = {}
 
 
@@ -40,6 +50,8 @@ def named_decoder(name: str) -> NamedDecoder:
         return known
     target = _installed().get(name)
     if target is None:
+        if name in _OTHER_NAMES:
+            raise ConfigError(f"unknown decoder {name!r}; it is called {_OTHER_NAMES[name]!r} here")
         raise ConfigError(f"unknown decoder {name!r}. {nearest_name(name, decoder_names())}")
     module_name, _, attribute = target.partition(":")
     try:

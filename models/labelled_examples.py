@@ -87,8 +87,8 @@ def node_losses(
     missing = [name for name, count in zip(label_names, counts, strict=True) if not count]
     if missing:
         raise LabelError(
-            f"no training map has a node labelled {', '.join(map(repr, missing))}; "
-            "add a map that has one or remove the label from label_names"
+            f"no node of the training data is labelled {', '.join(map(repr, missing))}; "
+            "label one, or remove the label from label_names"
         )
     if isinstance(class_weight, Mapping):
         for name in class_weight:

@@ -347,6 +347,12 @@ def _is_like_an_array(value: Any) -> bool:
 
 
 @functools.cache
+def takes_more(function: Any) -> bool:
+    """Whether a function takes any number of positional arguments."""
+    parameters = inspect.signature(function).parameters.values()
+    return any(parameter.kind is parameter.VAR_POSITIONAL for parameter in parameters)
+
+
 def checks_of(function: Any) -> tuple[tuple[str, ...], dict[str, Check]]:
     """The names of the positional parameters, and the check of each that has one."""
     hints = hints_of(function)

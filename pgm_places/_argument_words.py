@@ -5,7 +5,7 @@ import numbers
 import os
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -50,6 +50,20 @@ def refused(
     problem = f"must be {words(hint)}, got {described(value)}"
     problem += _swapped(function, name, given) or _what_to_do(hint, value)
     return OptionError(name, problem) if is_option else error(f"{name} {problem}")
+
+
+def too_many(
+    function: Any, names: Sequence[str], args: Sequence[Any], error: type[InputError]
+) -> InputError:
+    """The error of more positional arguments than a function has parameters for them."""
+    own = [name for name in names if name not in ("self", "cls")]
+    given = tuple(args[len(names) - len(own) :])
+    is_size = len(own) == 1 and all(isinstance(item, numbers.Integral) for item in given)
+    hint = f"write one tuple: {given}" if is_size else "give the others by name"
+    return error(
+        f"{function.__qualname__.removesuffix('.__init__')} takes {len(own)} positional "
+        f"argument{'' if len(own) == 1 else 's'} ({', '.join(own)}), got {len(given)}; {hint}"
+    )
 
 
 def words(hint: Any) -> str:

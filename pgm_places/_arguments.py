@@ -58,9 +58,17 @@ def _checked(function: Any, error: type[InputError]) -> Any:
 
     @functools.wraps(function)
     def checked(*args: Any, **kwargs: Any) -> Any:
-        from pgm_places._argument_kinds import NO, checks_of  # NumPy: commands begin without it
+        from pgm_places._argument_kinds import (
+            NO,
+            checks_of,
+            takes_more,
+        )  # NumPy: commands begin without it
 
         names, checks = checks_of(function)
+        if len(args) > len(names) and not takes_more(function):
+            from pgm_places._argument_words import too_many
+
+            raise too_many(function, names, args, error)
         passed = [*zip(names, args, strict=False), *kwargs.items()]
         converted = {name: checks[name](value) for name, value in passed if name in checks}
         for name, value in converted.items():

@@ -208,7 +208,7 @@ def lattice_mask(nodes: tuple[int, ...] | ArrayLike) -> NDArray[np.bool_]:
     mask = np.asarray(nodes)
     if mask.dtype != np.bool_ or mask.ndim == 0:
         raise InputError(
-            "from_lattice takes a tuple of sizes or a boolean mask, got an array of shape "
-            f"{mask.shape} and dtype {mask.dtype}"
+            "from_lattice takes a tuple of sizes, such as (24, 24), or a boolean mask, got "
+            + (f"{nodes}" if mask.ndim == 0 else f"shape {mask.shape} and dtype {mask.dtype}")
         )
     return mask

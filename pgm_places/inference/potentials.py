@@ -3,7 +3,7 @@
 One sign everywhere: larger is better, the score is maximised.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -101,6 +101,14 @@ class Potentials:
     unary: NDArray[np.float64]
     pairwise: NDArray[np.float64] | None = None
     agreement: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        parts = (
+            f"{item.name} {getattr(self, item.name).shape}"
+            for item in fields(self)
+            if getattr(self, item.name) is not None
+        )
+        return f"Potentials({', '.join(parts)})"
 
     def __post_init__(self) -> None:
         unary = _checks.finite_array("unary", self.unary, ("N", "K"), allow_minus_inf=True)

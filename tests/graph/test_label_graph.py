@@ -109,7 +109,7 @@ def test_what_does_not_fit_is_refused() -> None:
             lambda: order.tables(np.zeros((2, 2, 3))),
         ),
         (
-            r"a tuple of sizes or a boolean mask.*dtype int64",
+            r"a tuple of sizes.* or a boolean mask.*dtype int64",
             lambda: LabelGraph.from_lattice(np.ones((3, 3), np.int64)),
         ),
         (r"shape \(N, N\), got \(2, 3\)", lambda: of_sparse(sparse.csr_array((2, 3)))),

@@ -107,3 +107,8 @@ def test_potts_takes_a_weight_for_each_edge() -> None:
     three = Potentials.potts(unary, weight[:3])
     refused(InputError, "3 rows but the graph has 4 edges", score, graph, three, [0] * 4)
     refused(InputError, "weight must have shape", Potentials.potts, unary, weight[:, None])
+
+
+def test_shapes_are_shown_instead_of_numbers() -> None:
+    assert repr(Potentials(np.zeros((4, 2)))) == "Potentials(unary (4, 2))"
+    assert repr(Potentials.potts(np.zeros((4, 2)), np.ones(3))).endswith(", agreement (3, 2))")

@@ -117,6 +117,7 @@ def test_options_name_all_decoders_where_there_is_none() -> None:
         ("lost", "decoder 'lost' needs 'not_there', which is not installed"),
         ("word", "NO_FUNCTION is not a function of a DecodingTask"),
         ("trws", r"unknown decoder 'trws'. Did you mean 'trw-s'"),
+        ("bp", "unknown decoder 'bp'; it is called 'sum-product' here"),
     ],
 )
 def test_what_cannot_be_had_is_told(name: str, text: str) -> None:
