@@ -13,40 +13,13 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.simulation import generate_building
+from tests.faults.killed_commands import CONFIG
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(?:console|bash|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 QUOTED = re.compile(r"`(pgm-places [^`]+)`")
 
-CONFIG = """\
-resolution_m = 0.4
-
-[labels]
-names = ["corridor", "room", "doorway"]
-
-[classifier]
-n_rounds = 2
-n_folds = 2
-order = "heuristic"
-
-[space]
-n_rounds = 2
-
-[context]
-half_widths_m = []
-
-[[train]]
-map = "office.yaml"
-labels = "office_labels.png"
-
-[[test]]
-map = "office.yaml"
-labels = "office_labels.png"
-
-[[methods]]
-name = "independent"
-"""
 RUN_PAGES = ("README.md", "ros.md", "places.md", "training_data.md")
 """Pages whose lines run one after the other in one folder, with the files of ``reader``."""
 
@@ -126,7 +99,7 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         save_map(made.grid, tmp_path / name, image_format="pgm")
         save_labels(tmp_path / f"{name}_labels.png", made.labels, made.label_names)
     save_labels(tmp_path / "labels.png", made.labels, made.label_names)
-    (tmp_path / "office.toml").write_text(CONFIG)
+    (tmp_path / "office.toml").write_text(CONFIG.format(name="office"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
