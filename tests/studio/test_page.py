@@ -92,6 +92,18 @@ def drag(page: Any, *points: tuple[float, float]) -> None:
     page.mouse.up()
 
 
+def keys(page: Any, *pressed: str) -> None:
+    for key in pressed:
+        page.keyboard.press(key)
+
+
+def rectangles(page: Any, *painted: tuple[str, tuple[float, float], tuple[float, float]]) -> None:
+    """Paint each from corner to corner in the class of a key."""
+    for key, first, last in painted:
+        keys(page, key, "r")
+        drag(page, first, last)
+
+
 def wait_revision(page: Any, revision: int) -> None:
     until(page, f"studio.state.revision === {revision}")
 
@@ -127,8 +139,7 @@ def test_paint_undo_and_redo_by_keys(opened: Open, running: StudioProcess, map_y
     assert page.locator("#act-redo").is_enabled()
     page.keyboard.press("Control+Shift+z")
     wait_revision(page, 4)
-    page.keyboard.press("0")
-    page.keyboard.press("r")
+    keys(page, "0", "r")
     drag(page, (34, 12), (36, 14))
     wait_revision(page, 5)
     assert running.stop() == 130
@@ -142,11 +153,8 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
-    page.keyboard.press("1")
-    page.keyboard.press("r")
-    drag(page, (6, 6), (24, 24))
-    page.keyboard.press("2")
-    page.keyboard.press("p")
+    rectangles(page, ("1", (6, 6), (24, 24)))
+    keys(page, "2", "p")
     for point in ((27, 6), (45, 6), (45, 24), (27, 24)):
         click(page, *point)
     page.keyboard.press("Enter")
@@ -160,8 +168,7 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     wait_revision(page, 3)
     until(page, "studio.places.regions.some((r) => r.name === 'hall of fame')")
     until(page, "document.getElementById('readout').textContent.includes('hall of fame')")
-    page.keyboard.press("f")
-    page.keyboard.press("3")
+    keys(page, "f", "3")
     click(page, 10.5, 10.5)
     wait_taught(page, 4)
     page.keyboard.press("Control+z")
@@ -197,10 +204,7 @@ def test_a_region_is_split_by_a_doorway_and_merged_with_another(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
-    page.keyboard.press("r")
-    for key, left, right in (("1", 6, 24), ("2", 27, 45)):
-        page.keyboard.press(key)
-        drag(page, (left, 6), (right, 24))
+    rectangles(page, ("1", (6, 6), (24, 24)), ("2", (27, 6), (45, 24)))
     wait_taught(page, 2)
     page.keyboard.press("v")
     click(page, 10.5, 10.5)
@@ -224,10 +228,8 @@ def test_a_place_that_could_be_two_rooms_is_split_by_a_key(
     opened: Open, running: StudioProcess
 ) -> None:
     page = opened(running)
-    page.keyboard.press("r")
-    for key, left, right in (("2", (5, 5), (46, 25)), ("1", (5, 5), (8, 8))):
-        page.keyboard.press(key)  # a corner keeps the other class alive
-        drag(page, left, right)
+    # A corner keeps the other class alive.
+    rectangles(page, ("2", (5, 5), (46, 25)), ("1", (5, 5), (8, 8)))
     wait_taught(page, 2)
     large = "(region) => region.area_m2 > 20"
     until(page, f"studio.places.regions.some({large})")
@@ -260,11 +262,8 @@ def test_the_next_place_is_the_one_that_has_moved_up_and_what_is_read_of_a_cell_
     opened: Open, running: StudioProcess
 ) -> None:
     page = opened(running)
-    corners = [((6, 6), (14, 12)), ((27, 6), (35, 12)), ((6, 18), (14, 24)), ((27, 18), (35, 24))]
-    for number, (first, last) in enumerate(corners):
-        page.keyboard.press("1" if number % 2 else "2")
-        page.keyboard.press("r")
-        drag(page, first, last)
+    for y in (6, 18):
+        rectangles(page, ("2", (6, y), (14, y + 6)), ("1", (27, y), (35, y + 6)))
     wait_taught(page, 4)
     until(page, "studio.placesVersion === `${studio.state.relabelling.number}.4`")
     ids = page.evaluate("studio.places.checks.map((check) => check.id)")
@@ -415,9 +414,7 @@ def test_several_maps_are_listed_and_each_leads_back(
         page.get_by_role("link", name="other").click()
         until(page, "window.studio?.state")
         assert page.inner_text("#map-name") == "other"
-        page.keyboard.press("1")
-        page.keyboard.press("r")
-        drag(page, (6, 6), (14, 12))
+        rectangles(page, ("1", (6, 6), (14, 12)))
         wait_revision(page, 1)
         page.click("#all-maps")
         page.wait_for_selector("text=m² painted")
@@ -430,8 +427,7 @@ def test_several_maps_are_listed_and_each_leads_back(
 
 def test_every_tool_draws_from_the_keyboard(opened: Open, running: StudioProcess) -> None:
     page = opened(running)
-    page.keyboard.press("1")
-    page.keyboard.press("r")
+    keys(page, "1", "r")
     page.focus("#canvas")
     for _ in range(2):
         page.keyboard.press("ArrowLeft")
@@ -441,16 +437,13 @@ def test_every_tool_draws_from_the_keyboard(opened: Open, running: StudioProcess
     page.keyboard.press("Enter")
     wait_revision(page, 1)
     before = page.evaluate("studio.state.painted")
-    page.keyboard.press("2")
-    page.keyboard.press("b")
-    page.keyboard.press("Enter")
+    keys(page, "2", "b", "Enter")
     for _ in range(6):
         page.keyboard.press("ArrowLeft")
     page.keyboard.press("Enter")
     wait_revision(page, 2)
     assert page.evaluate("studio.state.painted") > before
-    page.keyboard.press("3")
-    page.keyboard.press("p")
+    keys(page, "3", "p")
     for key in ("ArrowDown", "ArrowLeft", "ArrowUp"):
         page.keyboard.press("Enter")
         for _ in range(4):
@@ -458,10 +451,7 @@ def test_every_tool_draws_from_the_keyboard(opened: Open, running: StudioProcess
     assert page.evaluate("studio.tools.points.length") == 3
     page.keyboard.press("Shift+Enter")
     wait_revision(page, 3)
-    page.keyboard.press("d")
-    page.keyboard.press("Enter")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    keys(page, "d", "Enter", "ArrowDown", "Enter")
     wait_revision(page, 4)
     x = page.evaluate("studio.view.x")
     page.keyboard.press("Shift+ArrowLeft")
@@ -472,10 +462,7 @@ def test_only_one_class_is_painted_over(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
-    page.keyboard.press("r")
-    for key, left, right in (("1", 6, 14), ("2", 14, 24)):
-        page.keyboard.press(key)
-        drag(page, (left, 6), (right, 12))
+    rectangles(page, ("1", (6, 6), (14, 12)), ("2", (14, 6), (24, 12)))
     wait_revision(page, 2)
     page.keyboard.press("3")
     page.get_by_label("What is painted over").select_option("only over room")
@@ -490,8 +477,7 @@ def test_only_one_class_is_painted_over(
 
 def test_tool_layers_and_comparison_survive_a_reload(opened: Open, running: StudioProcess) -> None:
     page = opened(running)
-    page.keyboard.press("2")
-    page.keyboard.press("p")
+    keys(page, "2", "p")
     page.click("#tab-layers")
     page.get_by_label("Gates", exact=True).check()
     page.keyboard.press("Shift+S")
@@ -573,10 +559,7 @@ def test_a_place_is_cut_by_two_clicks_and_undone(
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
-    page.keyboard.press("r")
-    for key, left, right in (("1", 5, 25), ("2", 26, 46)):
-        page.keyboard.press(key)
-        drag(page, (left, 5), (right, 25))
+    rectangles(page, ("1", (5, 5), (25, 25)), ("2", (26, 5), (46, 25)))
     wait_taught(page, 2)
     until(page, "studio.places.regions.length === 2")
     page.keyboard.press("k")
@@ -612,8 +595,7 @@ def test_a_doorway_is_shown_in_its_colour_where_it_will_end_and_painted_by_two_c
         page.keyboard.press(digit)
         seen += colours_of_panes(page, 10.5, 15.5)
     assert seen[0] == seen[1] != colours_of_panes(page, 16.5, 15.5)[0]
-    page.keyboard.press("Escape")
-    page.keyboard.press("d")
+    keys(page, "Escape", "d")
     click(page, 25.5, 14.3)
     page.mouse.move(*at(page, 25.5, 15.7))
     until(page, "studio.tools.line")
@@ -724,8 +706,7 @@ def test_keys_of_other_keyboards_are_understood_and_a_corner_is_taken_back(
     page.keyboard.press("p")
     for x in (28, 38, 39, 40):
         click(page, x, 10)
-    page.keyboard.press("Backspace")
-    page.keyboard.press("Control+z")
+    keys(page, "Backspace", "Control+z")
     assert page.evaluate("studio.tools.points.length") == 2
     assert page.evaluate("studio.state.revision") == 5
     click(page, 38, 20)
@@ -742,10 +723,7 @@ def test_why_is_closed_by_escape_and_what_changes_elsewhere_is_undone_by_one_pre
     opened: Open, running: StudioProcess, map_yaml: Path
 ) -> None:
     page = opened(running)
-    for key, first, last in (("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12))):
-        page.keyboard.press(key)
-        page.keyboard.press("r")
-        drag(page, first, last)
+    rectangles(page, ("1", (6, 6), (14, 12)), ("2", (27, 6), (35, 12)))
     wait_taught(page, 2)
     page.keyboard.press("v")
     click(page, 20.5, 20.5)
