@@ -84,7 +84,7 @@ class CsvTable:
             yield values, row
 
     def read(
-        self, numbers: Sequence[int], texts: Sequence[int] = ()
+        self, numbers: Sequence[int], texts: Sequence[int] = (), *, _max_values: int = MAX_VALUES
     ) -> tuple[NDArray[np.float64], list[list[str]]]:
         """(rows, columns) of the numeric columns, and a list for each text column.
 
@@ -98,9 +98,9 @@ class CsvTable:
         once: dict[str, str] = {}
         row_number = 0
         for row_number, (row_values, row) in enumerate(self.rows(numbers), 1):
-            if row_number * (len(numbers) + len(texts)) > MAX_VALUES:
+            if row_number * (len(numbers) + len(texts)) > _max_values:
                 raise self._error(
-                    f"{self.path}, row {row_number} after the header: more than {MAX_VALUES} "
+                    f"{self.path}, row {row_number} after the header: more than {_max_values} "
                     "values; split the table"
                 )
             values.extend(row_values)

@@ -5,14 +5,13 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import LogError
-from pgm_places.io import csv_table
 from pgm_places.io.csv_table import open_table
 
 
-def read(tmp_path: Path, text: str) -> tuple[list[list[float]], list[list[str]]]:
+def read(tmp_path: Path, text: str, **limit: int) -> tuple[list[list[float]], list[list[str]]]:
     (tmp_path / "a.csv").write_bytes(text.encode())
     with open_table(tmp_path / "a.csv", LogError, "a table", max_bytes=10_000_000) as table:
-        numbers, texts = table.read([1, 0], [2])
+        numbers, texts = table.read([1, 0], [2], **limit)
     return numbers.tolist(), texts
 
 
@@ -48,8 +47,7 @@ def test_the_rest_is_one_message(tmp_path: Path, text: str, message: str) -> Non
     assert len(str(caught.value)) < 400
 
 
-def test_the_number_of_values_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(csv_table, "MAX_VALUES", 6)
-    assert len(read(tmp_path, "a,b,c\n" + "1,2,3\n" * 2)[0]) == 2
+def test_the_number_of_values_is_limited(tmp_path: Path) -> None:
+    assert len(read(tmp_path, "a,b,c\n" + "1,2,3\n" * 2, _max_values=6)[0]) == 2
     with pytest.raises(LogError, match="row 3 after the header: more than 6 values; split"):
-        read(tmp_path, "a,b,c\n" + "1,2,3\n" * 3)
+        read(tmp_path, "a,b,c\n" + "1,2,3\n" * 3, _max_values=6)

@@ -41,8 +41,8 @@ class LogLines:
         line of more than 4 MiB.
     """
 
-    def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
+    def __init__(self, path: Path | str, *, _max_bytes: int = MAX_BYTES) -> None:
+        self.path, self._max_bytes = Path(path), _max_bytes
         self.damage: str | None = None
         """The damage of the compressed data, once the lines have been read; else None."""
 
@@ -66,8 +66,9 @@ class LogLines:
         n_bytes = 0
         while line := stream.readline(MAX_LINE + 1):
             n_bytes += len(line)
-            if n_bytes > MAX_BYTES:
-                raise LogError(f"{self.path}: more than {MAX_BYTES} bytes when unpacked; split it")
+            if n_bytes > self._max_bytes:
+                allowed = f"{self._max_bytes} bytes when unpacked"
+                raise LogError(f"{self.path}: more than {allowed}; split it")
             yield _checked(line, str(self.path))
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import LogError
-from pgm_places.io.logs import log_lines
 from pgm_places.io.logs.log_lines import MAX_LINE, LogLines, follow_lines
 
 LINES = [f"ODOM {number}\n".encode() for number in range(20_000)]
@@ -72,8 +71,7 @@ def test_an_endless_line_is_refused(tmp_path: Path) -> None:
     assert list(follow_lines(io.BytesIO(b"one\ntwo"), poll_s=None)) == [b"one\n", b"two"]
 
 
-def test_an_endless_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_lines, "MAX_BYTES", 100)
+def test_an_endless_log_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.log.gz").write_bytes(gzip.compress(b"SYNC\n" * 21))
     with pytest.raises(LogError, match="more than 100 bytes when unpacked; split it"):
-        list(LogLines(tmp_path / "a.log.gz"))
+        list(LogLines(tmp_path / "a.log.gz", _max_bytes=100))
