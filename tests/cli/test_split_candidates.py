@@ -22,7 +22,9 @@ def test_places_are_split_into_the_rooms_that_they_look_like(
     save_topology(tmp_path, four_rooms())
     code, text, error = run("split", tmp_path, *place)
     assert (code, error) == (0, "")
-    assert text.startswith("places: 4 rooms, 0 corridors; 3 connections")
+    edit, counts, *_ = text.splitlines()
+    assert edit.startswith("room 1 was split into room 1 (") and edit.count(" m²)") == 4
+    assert counts.startswith("places: 4 rooms, 0 corridors; 3 connections")
     assert "could be" not in text
     code, _, error = run("split", tmp_path, *place)
     assert code == 2 and refused in error
