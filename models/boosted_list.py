@@ -300,7 +300,7 @@ def first_positive(scores: NDArray[np.float64], order: NDArray[np.int64]) -> NDA
     return chosen
 
 
-def _stored_classes(labels: Any) -> NDArray[Any]:
+def _stored_classes(labels: object) -> NDArray[np.generic]:
     if not isinstance(labels, list) or len({type(label) for label in labels}) != 1:
         raise ModelFileError("classes must be a list of labels of one type")
     if not isinstance(labels[0], str | int | float | bool):

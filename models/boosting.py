@@ -137,7 +137,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return tags
 
 
-def check_two_classes(classes: NDArray[Any]) -> None:
+def check_two_classes(classes: NDArray[np.generic]) -> None:
     """Raise scikit-learn's usual error if all training labels are equal."""
     if len(classes) < 2:
         raise InputError(

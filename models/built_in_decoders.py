@@ -111,7 +111,7 @@ def _max_product(problem: DecodingTask) -> DecodingAnswer:
     return DecodingAnswer(spread.labels, converged(spread.converged), info=info)
 
 
-def _better(problem: DecodingTask, labels: NDArray[np.int64], score: float) -> dict[str, Any]:
+def _better(problem: DecodingTask, labels: NDArray[np.int64], score: float) -> dict[str, object]:
     """The result of a local search from a labelling that is not optimal, if it scores more."""
     if score == -np.inf:
         return {}

@@ -187,7 +187,9 @@ class ChainTransitions(StepFilter):
                 f"transitions for updates every {from_m:g} m cannot be rescaled to every {to_m:g} "
                 "m; train the model at this distance"
             )
-        changes: dict[str, Any] = {"fitted_weights": weights_at(self.fitted_weights, from_m, to_m)}
+        changes: dict[str, object] = {
+            "fitted_weights": weights_at(self.fitted_weights, from_m, to_m)
+        }
         if self.step_length != "usual":
             return replace(self, **changes), 0.0  # type: ignore[type-var]
         table, changed = transition_at(self._moves, self._usual_length, from_m, to_m)

@@ -204,7 +204,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             )
         return self
 
-    def _explicit_order(self, classes: NDArray[Any]) -> tuple[int, ...] | None:
+    def _explicit_order(self, classes: NDArray[np.generic]) -> tuple[int, ...] | None:
         if isinstance(self.order, str):
             _one_of("order", self.order, _ORDERS)
             return None
@@ -237,7 +237,9 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         number[weighted] = folds.number
         return Folds(number, folds.held_out)
 
-    def _chosen_order(self, training: ListTraining, classes: NDArray[Any]) -> tuple[int, ...]:
+    def _chosen_order(
+        self, training: ListTraining, classes: NDArray[np.generic]
+    ) -> tuple[int, ...]:
         if self.order == "heuristic":
             rates = training.rates()
             self.rates_ = rates
@@ -254,7 +256,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return self._fitted().classes
 
     @property
-    def order_(self) -> NDArray[Any]:
+    def order_(self) -> NDArray[np.generic]:
         """(K,) the labels in the order of the list."""
         fitted = self._fitted()
         return fitted.classes[fitted.order]
@@ -351,6 +353,6 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return hasattr(self, "boosted_list_")
 
 
-def _one_of(name: str, value: Any, known: tuple[str, ...]) -> None:
+def _one_of(name: str, value: object, known: tuple[str, ...]) -> None:
     if value not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")

@@ -262,7 +262,7 @@ def _repaired(task: DecodingTask, answer: DecodingAnswer) -> DecodingAnswer:
 
 def _certificate(
     task: DecodingTask, labels: NDArray[np.int64], total: float
-) -> tuple[float, dict[str, Any]]:
+) -> tuple[float, dict[str, object]]:
     """An upper bound of every score, and its cost."""
     from pgm_places.solvers.trws import trws
 

@@ -19,7 +19,7 @@ Evidence = Literal["posterior", "likelihood"] | Probability
 """``"posterior"``, ``"likelihood"``, or the exponent of the prior to divide by (0 and 1)."""
 
 
-Real = TypeVar("Real", bound=np.floating[Any])
+Real = TypeVar("Real", bound=np.floating)
 
 
 def divided_share(evidence: str | float) -> float:

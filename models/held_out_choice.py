@@ -218,7 +218,7 @@ def check_choices(table: NDArray[np.float64] | None) -> None:
 
 def choice_record(
     table: NDArray[np.float64] | None, chosen: Mapping[str, Any]
-) -> list[dict[str, Any]]:
+) -> list[dict[str, object]]:
     """The rows of a :class:`Choice` by name, with the one that was ``chosen`` marked."""
     if table is None or table.shape[1] != 5:  # of earlier versions: C and balanced accuracy
         return []
@@ -261,7 +261,7 @@ def held_out_words(row: Mapping[str, Any]) -> str:
     return f"held-out accuracy {accuracy:.1f}, balanced {balanced:.1f}"
 
 
-def _options(row: Mapping[str, Any]) -> str:
+def _options(row: Mapping[str, object]) -> str:
     learner = "" if row["learner"] in ("cutting-plane", "qp") else f", {row['learner']}"
     features = "" if row["node_features"] == "auto" else f", {row['node_features']}"
     return f"C = {row['penalty']:g}{features}{learner}"

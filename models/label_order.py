@@ -38,7 +38,7 @@ def frequency_order(labelings: Sequence[NDArray[np.integer]], n_labels: int) -> 
     return np.lexsort((place, -np.bincount(every[every >= 0], minlength=n_labels)))
 
 
-def preference_order(unary: NDArray[np.floating[Any]], names: Sequence[str]) -> NDArray[np.int64]:
+def preference_order(unary: NDArray[np.floating], names: Sequence[str]) -> NDArray[np.int64]:
     """(K,) the labels by the number of nodes that prefer them, most preferred first.
 
     A node prefers all labels of its highest unary (N, K). Equals are in alphabetical order.

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +52,9 @@ def last_quarters(labels: NDArray[np.int64], n_classes: int) -> Folds:
     return Folds(number, (1,))
 
 
-def folds_of_groups(groups: NDArray[Any], labels: NDArray[np.int64], n_classes: int) -> Folds:
+def folds_of_groups(
+    groups: NDArray[np.generic], labels: NDArray[np.int64], n_classes: int
+) -> Folds:
     """One fold per group, or five folds of neighbouring groups if there are more.
 
     A fold with all examples of some class is never held out.

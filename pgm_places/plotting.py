@@ -220,7 +220,7 @@ def draw_values(
     ax.figure.colorbar(image, ax=ax, label=title)
 
 
-def _patch(swatch: palette.Swatch) -> Any:
+def _patch(swatch: palette.Swatch) -> object:
     from matplotlib.patches import Patch
 
     return Patch(facecolor=swatch.colour, label=swatch.name)

@@ -187,7 +187,7 @@ class _UnderWay:
         self._sent[sent.future.key] = sent
         sent.future.add_done_callback(partial(self._judge_later, sent.task))
 
-    def _judge_later(self, task: Any, future: Any) -> None:
+    def _judge_later(self, task: object, future: object) -> None:
         with suppress(RuntimeError):  # closed: no caller waits for the result
             self._judging.submit(self._judged, task, future)
 
@@ -220,7 +220,7 @@ class _UnderWay:
         self._send(sent)
         return True
 
-    def _leave_out(self, worker: str, result: Any) -> None:
+    def _leave_out(self, worker: str, result: object) -> None:
         """Give a worker no more tasks, unless it is the last one."""
         if self._threads.keys() - self._left_out - {worker} and worker not in self._left_out:
             self._left_out.add(worker)
@@ -243,7 +243,9 @@ class _UnderWay:
         self._asked_s = time.monotonic()
 
 
-def _on_worker(function: Callable[[Any], Any], task: Any) -> tuple[str, Any, BaseException | None]:
+def _on_worker(
+    function: Callable[[Any], Any], task: object
+) -> tuple[str, Any, BaseException | None]:
     """The address of the worker, and what the function returned or raised."""
     from distributed import get_worker
 

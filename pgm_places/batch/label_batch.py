@@ -195,7 +195,7 @@ class _Judge:
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
-    def fault(self, task: MapTask, result: Any, worker: str) -> Fault | None:
+    def fault(self, task: MapTask, result: object, worker: str) -> Fault | None:
         """See :class:`pgm_places.batch.local_workers.Judge`."""
         where = f"worker {worker}"
         if isinstance(result, NoSpaceError | InputError):

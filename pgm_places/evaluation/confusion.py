@@ -69,18 +69,18 @@ def precision(confusion: NDArray[Any]) -> NDArray[np.float64]:
     return ratio(_right(confusion), confusion.sum(axis=-2))
 
 
-def f1(confusion: NDArray[Any]) -> NDArray[np.float64]:
+def f1(confusion: NDArray[np.generic]) -> NDArray[np.float64]:
     """Harmonic mean of recall and precision (..., K), NaN for labels on neither side."""
     return ratio(2 * _right(confusion), confusion.sum(axis=-1) + confusion.sum(axis=-2))
 
 
-def iou(confusion: NDArray[Any]) -> NDArray[np.float64]:
+def iou(confusion: NDArray[np.generic]) -> NDArray[np.float64]:
     """Intersection over union (..., K), NaN for labels on neither side."""
     right = _right(confusion)
     return ratio(right, confusion.sum(axis=-1) + confusion.sum(axis=-2) - right)
 
 
-def mcc(confusion: NDArray[Any]) -> NDArray[np.float64]:
+def mcc(confusion: NDArray[np.generic]) -> NDArray[np.float64]:
     """Matthews' correlation (...,) of truth and prediction; 0 where either is constant."""
     counts = np.asarray(confusion, np.float64)
     true, predicted = counts.sum(axis=-1), counts.sum(axis=-2)
@@ -98,12 +98,12 @@ def mean_of_defined(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return means
 
 
-def ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:
+def ratio(part: NDArray[np.generic], whole: NDArray[np.generic]) -> NDArray[np.float64]:
     """``part / whole``, NaN where ``whole`` is 0."""
     result = np.full(np.shape(whole), np.nan)
     np.divide(part, whole, out=result, where=np.asarray(whole) != 0)
     return result
 
 
-def _right(confusion: NDArray[Any]) -> NDArray[Any]:
+def _right(confusion: NDArray[np.generic]) -> NDArray[np.generic]:
     return np.diagonal(confusion, axis1=-2, axis2=-1)

@@ -256,7 +256,7 @@ def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
     return {quantity: values for quantity, values in numbers.items() if values}
 
 
-def learning_of(backend: Any) -> dict[str, Sequence[float]]:
+def learning_of(backend: object) -> dict[str, Sequence[float]]:
     """Objective and lower bound after each step of learning, if a method records them."""
     history = getattr(backend, "learning_history", None)
     if history is None or len(history) < 2:
@@ -264,7 +264,7 @@ def learning_of(backend: Any) -> dict[str, Sequence[float]]:
     return {"objective": history[:, 1].tolist(), "lower bound": history[:, 2].tolist()}
 
 
-def _numbers(values: Any) -> list[float]:
+def _numbers(values: object) -> list[float]:
     """The values as floats, or nothing if they are not a sequence of numbers."""
     try:
         array = np.asarray(values, np.float64)

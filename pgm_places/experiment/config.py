@@ -344,7 +344,7 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
     return validated_config(content, where)
 
 
-def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig:
+def validated_config(content: Mapping[str, object], where: str) -> ExperimentConfig:
     """The checked configuration from a mapping in the form of the records."""
     try:
         return from_mapping(ExperimentConfig, content)
@@ -352,7 +352,9 @@ def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig
         raise ConfigError(f"{where}: {error}") from None
 
 
-def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list[dict[str, Any]]:
+def _split(
+    tables: object, key: str, own_keys: tuple[str, ...], where: str
+) -> list[dict[str, object]]:
     """Tables as records: name, the record's own keys, and all others as options."""
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         raise ConfigError(f"{where}: {key} must be tables; write [[{key}]] above each")
@@ -366,6 +368,6 @@ def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list
     return split
 
 
-def build_features(config: ExperimentConfig) -> tuple[Any, ...]:
+def build_features(config: ExperimentConfig) -> tuple[object, ...]:
     """The custom features described by the tables, checked in the same way."""
     return as_features([FEATURES.build(item.name, item.options) for item in config.features])

@@ -8,7 +8,7 @@ from pgm_places.experiment.config import ExperimentConfig, validated_config
 from pgm_places.options import option_values, plain_values
 
 
-def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> ExperimentConfig:
+def changed_config(config: ExperimentConfig, changes: Mapping[str, object]) -> ExperimentConfig:
     """The configuration with values replaced by dotted keys, checked like a file.
 
     Parameters
@@ -92,7 +92,7 @@ def seeded_config(config: ExperimentConfig, seed: int) -> ExperimentConfig:
     """
     if config.base_model is not None:
         return changed_config(config, {"teaching.seed": seed})
-    changes: dict[str, Any] = {"classifier.seed": seed}
+    changes: dict[str, object] = {"classifier.seed": seed}
     if config.nodes in ("cells", "both"):
         changes["space.seed"] = seed
     if config.nodes in ("steps", "both"):

@@ -228,7 +228,7 @@ def _parts(
 
 def _candidates(
     config: ExperimentConfig, settings: SelectConfig
-) -> list[tuple[dict[str, Any], ExperimentConfig]]:
+) -> list[tuple[dict[str, object], ExperimentConfig]]:
     """All combinations of options with their configurations, checked before anything is learned."""
     number = math.prod(len(values) for values in settings.options.values())
     if number > MOST_CANDIDATES:

@@ -64,7 +64,7 @@ def one_method(config: ExperimentConfig, what: str) -> None:
         )
 
 
-def step_methods(config: ExperimentConfig) -> dict[str, Any]:
+def step_methods(config: ExperimentConfig) -> dict[str, object]:
     """The unfitted methods for steps, or for steps and cells together, by their ids.
 
     Raises

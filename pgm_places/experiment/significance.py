@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from pgm_places.evaluation.bootstrap import Interval, Resamples, SignTest, poole
 from pgm_places.experiment.evaluated_items import TestItem, blocks_of
 from pgm_places.inference.labeling import Labeling
 
-FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
+FIGURES: Mapping[str, Callable[[NDArray[np.generic]], NDArray[np.float64]]] = {
     "accuracy": confusion.accuracy,
     "balanced_accuracy": confusion.balanced_accuracy,
     "macro_f1": lambda counts: confusion.mean_of_defined(confusion.f1(counts)),
@@ -23,7 +22,7 @@ FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
 TESTED = ("accuracy", "balanced_accuracy")
 """Figures whose differences are listed and tested over buildings."""
 
-BY_LABEL: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
+BY_LABEL: Mapping[str, Callable[[NDArray[np.generic]], NDArray[np.float64]]] = {
     "recall": confusion.recall,
     "precision": confusion.precision,
     "iou": confusion.iou,

@@ -191,5 +191,5 @@ def _checked(item: Any, method: str, values: ArrayLike, n: int) -> NDArray[np.fl
     return checked
 
 
-def _kind(item: Any) -> str:
+def _kind(item: object) -> str:
     return type(item).__name__

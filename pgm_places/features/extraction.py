@@ -66,7 +66,7 @@ class Workspace:
         self.beams = np.zeros(N_BEAMS + 1, np.int64)
 
 
-Columns = Sequence[int] | NDArray[np.integer[Any]]
+Columns = Sequence[int] | NDArray[np.integer]
 
 TILES_PER_GROUP = 8
 """Tiles per kernel call: their buffers, about a megabyte, fit into a near cache."""

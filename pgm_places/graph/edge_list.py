@@ -14,7 +14,7 @@ from pgm_places.graph.edge_order import EdgeOrder
 from pgm_places.graph.raster_edges import EdgeKind, RasterEdges
 
 
-def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
+def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[np.generic]:
     """``edges`` as an array, of shape (0, 2) without edges; (2, E) gets a hint."""
     pairs = number_array(name, edges, None)
     if pairs.ndim == 2 and pairs.shape[0] == 2 and pairs.shape[1] > 2:
@@ -92,7 +92,7 @@ def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
-def require_sparse(matrix: Any) -> None:
+def require_sparse(matrix: object) -> None:
     """Raise InputError unless the value is a sparse SciPy matrix or array."""
     if not hasattr(matrix, "tocoo"):
         raise InputError(
@@ -155,7 +155,7 @@ def mapped_edges(
 
 def mapped_nodes(
     names: tuple[Hashable, ...] | range, values: Mapping[Hashable, Any], default: Any
-) -> NDArray[Any]:
+) -> NDArray[np.generic]:
     """(N, ...) the value of each node by its name."""
     missing = [name for name in names if name not in values]
     if missing and default is None:

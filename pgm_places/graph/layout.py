@@ -161,7 +161,7 @@ class GridLayout:
         return gathered
 
 
-def _rows(values: ArrayLike, n_nodes: int) -> NDArray[Any]:
+def _rows(values: ArrayLike, n_nodes: int) -> NDArray[np.generic]:
     array = np.asarray(values)
     if len(array) != n_nodes:
         raise InputError(f"values must have one row per node ({n_nodes}), got {len(array)}")

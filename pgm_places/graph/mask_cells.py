@@ -51,7 +51,7 @@ class MaskCells:
         """The numbers of the cells in a band of rows."""
         return slice(int(self.row_start[rows.start]), int(self.row_start[rows.stop]))
 
-    def nodes_at(self, cells_rc: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    def nodes_at(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:
         """(n,) the number of each cell (n, 2) of the raster, -1 for false cells."""
         row, column = cells_rc.T
         nodes = np.full(len(cells_rc), -1, np.int64)
@@ -76,7 +76,7 @@ class MaskCells:
             into[:, 0] += rows.start
         return cells
 
-    def _listed(self, some: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
+    def _listed(self, some: NDArray[np.integer]) -> NDArray[np.int32]:
         if some.dtype == np.bool_:
             some = np.flatnonzero(some)
         row = np.searchsorted(self.row_start, some, "right") - 1
@@ -87,7 +87,7 @@ class MaskCells:
         return cells
 
 
-def _by_value(values: NDArray[np.integer[Any]]) -> list[tuple[int, Any]]:
+def _by_value(values: NDArray[np.integer]) -> list[tuple[int, Any]]:
     """Each distinct value and its positions, as a slice if the values ascend."""
     if not len(values):
         return []

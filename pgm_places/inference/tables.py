@@ -125,12 +125,14 @@ def _values(what: str, table: Any, column: str) -> list[Hashable]:
     return list(values if values.ndim == 1 else table[column])  # tuples are names, and not rows
 
 
-def is_empty(value: Any) -> bool:
+def is_empty(value: object) -> bool:
     """Whether a value of a table is missing: None, NaN or an empty text."""
     return value is None or value == "" or value != value  # NaN is not itself
 
 
-def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) -> NDArray[np.int64]:
+def _pairs(
+    edges: object, ends: tuple[str, str], number: Mapping[Hashable, int]
+) -> NDArray[np.int64]:
     """(E, 2) node numbers of the edges."""
     sides = []
     for column in ends:

@@ -101,7 +101,9 @@ def likeliest_temperature(beliefs: Sequence[ArrayLike], truths: Sequence[ArrayLi
     return 1 / high
 
 
-def _log_beliefs(beliefs: ArrayLike, truth: ArrayLike) -> tuple[NDArray[Any], NDArray[np.int64]]:
+def _log_beliefs(
+    beliefs: ArrayLike, truth: ArrayLike
+) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
     """(n, K) logarithms of the beliefs of labelled nodes, and (n,) their labels."""
     known = np.flatnonzero(np.asarray(truth) >= 0)
     log = np.log(np.maximum(np.asarray(beliefs, np.float64)[known], LEAST_BELIEF))

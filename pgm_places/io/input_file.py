@@ -212,7 +212,7 @@ def read_record(
         raise InputError(f"{path} is damaged ({quoted(error)}); {remedy}") from None
 
 
-def parsed_json(text: str, path: Path, error: type[InputError]) -> Any:
+def parsed_json(text: str, path: Path, error: type[InputError]) -> object:
     """The content of a JSON text; the path is for messages.
 
     Raises
@@ -260,7 +260,7 @@ _DEEP_KEY = re.compile(rf"(?:{_KEY}[ \t]*+\.[ \t]*+){{{MAX_KEYS}}}")
 """tomllib's time grows with the square of a key's length: deep ones are refused before it."""
 
 
-def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
+def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, object]:
     """The content of a TOML file.
 
     Parameters

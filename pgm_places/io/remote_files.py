@@ -134,7 +134,7 @@ class RemoteFolder:
         """The files below it by name, each with a text that changes with its content."""
         return {name: repr(sorted(state.items())) for name, state in self._found().items()}
 
-    def _found(self) -> dict[str, dict[str, Any]]:
+    def _found(self) -> dict[str, dict[str, object]]:
         try:
             entries = self._asked(partial(self.system.find, detail=True), self.path, absent=True)
         except FileNotFoundError:
@@ -187,12 +187,14 @@ class RemoteFolder:
                 with contextlib.suppress(FileNotFoundError):
                     self._again(self.system.rm_file, f"{self.path}/{name}")
 
-    def _asked(self, request: Callable[..., Found], *arguments: Any, absent: bool = False) -> Found:
+    def _asked(
+        self, request: Callable[..., Found], *arguments: object, absent: bool = False
+    ) -> Found:
         """The result of a request; with ``absent``, FileNotFoundError passes."""
         with as_errors(self.address, InputError, absent=absent):
             return self._again(request, *arguments)
 
-    def _again(self, request: Callable[..., Found], *arguments: Any) -> Found:
+    def _again(self, request: Callable[..., Found], *arguments: object) -> Found:
         """The result of a request, retried with growing waits while the server is busy."""
         for wait_s in _WAITS_S if self.is_patient else ():
             try:
@@ -208,7 +210,7 @@ class RemoteFolder:
         return request(*arguments)
 
 
-def _options(address: str) -> dict[str, Any]:
+def _options(address: str) -> dict[str, object]:
     """Options of S3: as many connections as requests; its default is ten."""
     if not address.startswith(("s3:", "s3a:")):
         return {}

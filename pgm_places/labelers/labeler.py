@@ -86,7 +86,7 @@ def as_fitted(backend: Any, fitted: Any) -> Any:
     return dataclasses.replace(fitted, **chosen)
 
 
-def _what_is_learned(backend: Any) -> Hashable | None:
+def _what_is_learned(backend: object) -> Hashable | None:
     """What learning depends on; None for what learns nothing, or says nothing of that."""
     if not isinstance(backend, Learnable) or not traits_of(backend).labelling_options:
         return None
@@ -257,12 +257,12 @@ class Labeler:
         return Tags(estimator_type=None, target_tags=TargetTags(required=False))
 
 
-def _is_limited(hint: Any) -> bool:
+def _is_limited(hint: object) -> bool:
     """Whether an annotation says more of its values than their type."""
     return get_origin(hint) in (Annotated, Literal) or any(map(_is_limited, get_args(hint)))
 
 
-def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
+def _options_of(value: object, *, deep: bool) -> dict[str, object]:
     """The options of an option: of an estimator, of a dataclass, or the items of a mapping."""
     if hasattr(value, "get_params") and not isinstance(value, type):
         return dict(value.get_params(deep))
@@ -275,7 +275,7 @@ def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
     return _with_inner(options, options.__getitem__) if deep else options
 
 
-def _with_inner(options: dict[str, Any], part: Callable[[str], Any]) -> dict[str, Any]:
+def _with_inner(options: dict[str, object], part: Callable[[str], Any]) -> dict[str, object]:
     """The options with those of their parts, called ``sensor__n_beams``."""
     every = dict(options)
     for name in options:
@@ -301,7 +301,7 @@ def _changed(value: Any, params: Mapping[str, Any]) -> Any:
     return {**value, **new} if isinstance(value, Mapping) else dataclasses.replace(value, **new)
 
 
-def _grouped(params: Mapping[str, Any]) -> dict[str, tuple[bool, dict[str, Any]]]:
+def _grouped(params: Mapping[str, object]) -> dict[str, tuple[bool, dict[str, object]]]:
     """Per option whether it is given itself, and what is given of its own options."""
     found: dict[str, tuple[bool, dict[str, Any]]] = {}
     for key, value in params.items():

@@ -23,7 +23,7 @@ from pgm_places.unary.map_model import sees_spaces
 Unary = Literal["auto", "laser", "context", "laser+space", "space", "floor"]
 
 
-def as_backend(method: Any) -> Backend:
+def as_backend(method: object) -> Backend:
     """The method itself, or the one of that name.
 
     Raises
@@ -136,7 +136,7 @@ def with_shares(backend: Any, truths: Sequence[NDArray[np.int64]], n_labels: int
     return backend if learn is None else learn(truths, n_labels)
 
 
-def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
+def check_labels_any_graph(name: str, backend: object, what: str) -> None:
     """Refuse a method for chains where the graph is none, before anything is learned.
 
     Raises
@@ -152,7 +152,7 @@ def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
         )
 
 
-def check_labels_maps(name: str, backend: Any) -> None:
+def check_labels_maps(name: str, backend: object) -> None:
     """Refuse a method that cannot label maps, whose neighbours make cycles.
 
     Raises

@@ -218,7 +218,7 @@ def segment_problem(
         return LabelingProblem(segments.graph(loop_m=loop_m), names, unary=np.log(means))
 
 
-def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
+def check_can_learn(method: object, trajectories: Sequence[Trajectory]) -> None:
     """Refuse to learn from maps alone what needs a sequence, before anything is learned.
 
     Raises

@@ -254,7 +254,7 @@ def write_labels(
     return written
 
 
-def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, Any]:
+def _record_of(result: LabelledPlaces, source: MapFile) -> dict[str, object]:
     """What ``summary.json`` says of a labelling; the areas are those of its places."""
     status = result.labeling.status
     return {
@@ -323,7 +323,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
     return written
 
 
-def _in_bytes(shares: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
+def _in_bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
     """(N,) shares from 0 to 1 as 0 to 255, piece by piece: temporary copies take four times it."""
     levels = np.empty(len(shares), np.uint8)
     for some in row_blocks(len(shares)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 from pgm_places.io.input_file import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -101,11 +101,11 @@ class LoadedModel:
         return self.labeler.method(self.method)
 
 
-def _given(**values: Any) -> dict[str, Any]:
+def _given(**values: object) -> dict[str, object]:
     """The values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
 
 
-def with_given(options: T, given: Mapping[str, Any]) -> T:
+def with_given(options: T, given: Mapping[str, object]) -> T:
     """A model's options, those replaced that were given (are not None)."""
     return from_mapping(type(options), {**option_values(options), **_given(**given)})

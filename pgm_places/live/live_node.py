@@ -365,7 +365,7 @@ def _stamp_s(header: Any) -> float:
     return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
 
 
-def _place_message(codec: RosCodec, found: FoundPlace, stamp: Any, frame: str) -> bytes:
+def _place_message(codec: RosCodec, found: FoundPlace, stamp: object, frame: str) -> bytes:
     """The place as a ``pgm_places_msgs/Place``."""
     region, types = found.region, codec.store.types
     message = types[TYPES["current_place"]](

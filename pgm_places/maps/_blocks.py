@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from fractions import Fraction
 from itertools import count
 from math import ceil
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +65,7 @@ def block_areas(
     return _run_sums(tall, factor, shape[1])
 
 
-def _run_sums(values: NDArray[Any], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
+def _run_sums(values: NDArray[np.generic], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
     """(n, n_runs) sum of each row over runs of ``factor`` entries; cut entries count in part."""
     length = values.shape[1]
     total = np.zeros((len(values), length + 1), np.int64)

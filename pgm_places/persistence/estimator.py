@@ -30,7 +30,7 @@ ESTIMATORS: Mapping[str, str] = {
 }
 """What can be stored: class to module."""
 
-Record = dict[str, Any]
+Record = dict[str, object]
 
 _PLAIN = (bool, int, float, str, type(None))
 
@@ -141,7 +141,7 @@ def _plain(name: str, key: str, value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _dump_state(arrays: Arrays, prefix: str, estimator: Any) -> Record:
+def _dump_state(arrays: Arrays, prefix: str, estimator: object) -> Record:
     """The attributes that fitting set, which scikit-learn names with a trailing underscore."""
     names, numbers = [], {}
     for key, value in vars(estimator).items():

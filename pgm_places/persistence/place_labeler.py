@@ -158,7 +158,7 @@ def _unary_model(manifest: Mapping[str, Any], arrays: Arrays) -> UnaryModel:
     )
 
 
-def _dump_space(arrays: Arrays, space: SpaceModel) -> dict[str, Any]:
+def _dump_space(arrays: Arrays, space: SpaceModel) -> dict[str, object]:
     return {
         "feature_set": space_features_hash(),
         "classifier": parts.dump_list(arrays, "space", space.classifier),

@@ -149,7 +149,7 @@ def read(folder: Path | str, *kinds: str) -> Stored:
         return Stored(kind, item, names, record, *options)
 
 
-def _options_of(record: Any) -> tuple[TopologyOptions, EnteredOptions]:
+def _options_of(record: object) -> tuple[TopologyOptions, EnteredOptions]:
     """How places are found and what counts as entered, checked; the defaults without a record."""
     config = _table("record.config", _table("record", record).get("config", {}))
     paths = {name: f"record.config.{name}" for name in ("topology", "entered")}
@@ -164,7 +164,7 @@ def _table(where: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _kind_of(item: Any) -> str:
+def _kind_of(item: object) -> str:
     if isinstance(item, Labeler) and item.stored_as in KINDS:
         return item.stored_as
     if isinstance(item, Backend) and not isinstance(item, type | Labeler):

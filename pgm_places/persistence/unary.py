@@ -73,7 +73,7 @@ def _shipped_networks() -> tuple[FloorNetwork, ...]:
     return _networks(arrays, manifest["floor"]["n_networks"])
 
 
-def check_feature_set(manifest: Mapping[str, Any]) -> None:
+def check_feature_set(manifest: Mapping[str, object]) -> None:
     """Refuse lists that learned from other laser features than this version computes.
 
     Raises

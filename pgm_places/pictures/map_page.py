@@ -134,7 +134,7 @@ def _cards(
     return cards if share is None else [*cards, (f"{100 * share:.1f} %", "of the area uncertain")]
 
 
-def _rows(regions: Iterable[Region], found: TopologicalMap) -> list[dict[str, Any]]:
+def _rows(regions: Iterable[Region], found: TopologicalMap) -> list[dict[str, object]]:
     """The rows of a table of places."""
     swatch = {item.name: item for item in _swatches(found)}
     return [

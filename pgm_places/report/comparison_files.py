@@ -86,7 +86,7 @@ def comparison_record(comparison: Comparison, *, marginals: bool = False) -> dic
     return plain
 
 
-def _difference_record(found: Difference) -> dict[str, Any]:
+def _difference_record(found: Difference) -> dict[str, object]:
     interval, signs = found.interval, found.buildings
     return {
         **{name: getattr(found, name) for name in ("first", "second", "figure")},
@@ -145,7 +145,7 @@ def _door_record(doors: DoorScores) -> dict[str, Any]:
     return {name: getattr(doors, name) for name in names}
 
 
-def _labeling_record(labeling: Labeling, marginals: bool) -> dict[str, Any]:
+def _labeling_record(labeling: Labeling, marginals: bool) -> dict[str, object]:
     record = {name: getattr(labeling, name) for name in ("score", "bound", "gap")}
     info = {
         name: value

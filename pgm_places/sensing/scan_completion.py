@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import pi
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -155,7 +155,7 @@ class ScanCompletion:
 
     def _cast(
         self, pose: NDArray[np.float64], angles: NDArray[np.float64]
-    ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.generic], NDArray[np.bool_]]:
         """Ranges in the map along the angles, and whether they end at obstacles."""
         if self.local_map is not None:
             return self.local_map.cast(pose, angles, max_range_m=self.max_range_m)

@@ -193,7 +193,7 @@ def _numbers(request: Request, *names: str) -> list[float]:
     return values
 
 
-async def _body(request: Request) -> Mapping[str, Any]:
+async def _body(request: Request) -> Mapping[str, object]:
     try:
         text = (await request.body()).decode()
         body = parsed_json(text, Path("the request"), InputError)
@@ -204,7 +204,7 @@ async def _body(request: Request) -> Mapping[str, Any]:
     return body
 
 
-def _json(value: Any) -> Response:
+def _json(value: object) -> Response:
     headers = {"cache-control": "no-store"}
     content = json.dumps(value, allow_nan=False, separators=(",", ":"))
     return Response(content, media_type="application/json", headers=headers)

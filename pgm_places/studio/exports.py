@@ -162,7 +162,7 @@ def write_export(
     return written
 
 
-def edit_with_exports(session: MapSession, request: Mapping[str, Any]) -> str:
+def edit_with_exports(session: MapSession, request: Mapping[str, object]) -> str:
     """Carry out an edit; a new name of a place is written into the exports that are up to date.
 
     All files in the session's folder change at once, or none.

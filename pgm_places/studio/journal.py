@@ -105,7 +105,7 @@ class Journal:
     def _length(self) -> int:
         return os.fstat(self._file.fileno()).st_size
 
-    def _read(self, subject: dict[str, Any]) -> list[dict[str, Any]]:
+    def _read(self, subject: dict[str, object]) -> list[dict[str, object]]:
         self._size = self._length()
         if self._size > MAX_BYTES:
             raise InputError(f"{self.path} has {self._size} bytes; at most {MAX_BYTES} are read")
@@ -133,17 +133,17 @@ class Journal:
         return entries[1:]
 
 
-def _line(entry: dict[str, Any]) -> bytes:
+def _line(entry: dict[str, object]) -> bytes:
     return json.dumps(entry, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
 
 
-def _is_begun(torn: bytes, header: dict[str, Any]) -> bool:
+def _is_begun(torn: bytes, header: dict[str, object]) -> bool:
     """Whether an incomplete line is the beginning of a journal's header, of any map."""
     first = _line({"format": header["format"], "schema": header["schema"]})[:-1]
     return torn.startswith(first) or first.startswith(torn)
 
 
-def subject_of(path: Path) -> dict[str, Any] | None:
+def subject_of(path: Path) -> dict[str, object] | None:
     """The map that the edits of a journal belong to; None without a journal or a complete line.
 
     Raises
@@ -164,7 +164,7 @@ def subject_of(path: Path) -> dict[str, Any] | None:
     return {key: value for key, value in header.items() if key not in ("format", "schema")}
 
 
-def _entry(path: Path, number: int, line: bytes) -> dict[str, Any]:
+def _entry(path: Path, number: int, line: bytes) -> dict[str, object]:
     try:
         entry = json.loads(line)
     except (ValueError, RecursionError):

@@ -341,7 +341,7 @@ class Layers:
         return self._values[layer]
 
 
-def _as_bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
+def _as_bytes(values: NDArray[np.generic]) -> NDArray[np.uint8]:
     return np.asarray(values, np.uint8)
 
 

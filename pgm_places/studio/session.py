@@ -189,7 +189,7 @@ class MapSession:
 
     # ------------------------------------------------------------------ edits
 
-    def edit(self, request: Mapping[str, Any]) -> str:
+    def edit(self, request: Mapping[str, object]) -> str:
         """Carry out an edit of the browser; return a message, or an empty text.
 
         Raises
@@ -246,7 +246,7 @@ class MapSession:
         return strokes.Limits(self.painting.labels, doorway, topology)
 
     def _edit_stroke(
-        self, label: int, stroke: Mapping[str, Any], over: int | None = None
+        self, label: int, stroke: Mapping[str, object], over: int | None = None
     ) -> Window | None:
         drawn = from_mapping(strokes.Stroke, stroke, path="stroke")
         limits = self._limits if drawn.tool == "doorway" else None

@@ -106,7 +106,7 @@ def _table(header: str, values: Mapping[str, Any]) -> list[str]:
     return ["", header, *_keys(values)]
 
 
-def _keys(values: Mapping[str, Any]) -> list[str]:
+def _keys(values: Mapping[str, object]) -> list[str]:
     """Lines of TOML; strings, numbers, booleans and lists are written as in JSON."""
     return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 

@@ -16,7 +16,7 @@ SIZES = ("heading_rad", "width_m", "depth_m")
 """Property names of a gate."""
 
 
-def gate_record(gate: Gate) -> dict[str, Any]:
+def gate_record(gate: Gate) -> dict[str, object]:
     """Centre, heading, width, depth and the four corners (counter-clockwise), in the map frame.
 
     Examples
@@ -31,7 +31,7 @@ def gate_record(gate: Gate) -> dict[str, Any]:
     }
 
 
-def region_feature(region: Region, neighbours: Sequence[int]) -> dict[str, Any]:
+def region_feature(region: Region, neighbours: Sequence[int]) -> dict[str, object]:
     """A Feature with the outline of a region as a Polygon or MultiPolygon.
 
     Properties: ``id``, ``class``, ``name``, ``area_m2``, ``perimeter_m``, ``confidence`` (where it

@@ -365,7 +365,7 @@ def observed_along(
     return observer.along(trajectory.poses, trajectory.ranges_m)
 
 
-def check_scan_features(features: Sequence[Any]) -> None:
+def check_scan_features(features: Sequence[object]) -> None:
     """Raise an error for features that only cells of maps have."""
     for item in features:
         if isinstance(item, MapFeature):

@@ -95,7 +95,7 @@ def _checked(
     return ObjectCounts(times, values.astype(np.int64), names)
 
 
-def _number(where: str, name: str, value: Any) -> float:
+def _number(where: str, name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise LogError(
             f"{where}: {escape_control(name)} must be a finite number, got {quoted(value)}"

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -315,7 +315,7 @@ def raster_png(picture: "Image") -> bytes:
     return encoded(picture, compress_type=zlib.Z_RLE)
 
 
-def encoded(picture: "Image", kind: str = "PNG", **options: Any) -> bytes:
+def encoded(picture: "Image", kind: str = "PNG", **options: object) -> bytes:
     """A picture as the bytes of a file, with options of Pillow's ``save``."""
     buffer = io.BytesIO()
     picture.save(buffer, kind, **options)

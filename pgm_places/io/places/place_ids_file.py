@@ -120,7 +120,7 @@ def _runs(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.column_stack([row[first], column[first], column[last]])
 
 
-def _cells(runs: Any, most: int) -> NDArray[np.int64]:
+def _cells(runs: object, most: int) -> NDArray[np.int64]:
     """(n, 2) the cells of runs; refuses damaged runs."""
     checked = np.array(runs, np.int64).reshape(-1, 3)
     length = checked[:, 2] - checked[:, 1] + 1

@@ -189,7 +189,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     return [write_json(target / PLACES_FILE, _record(topology), indent=1), *written]
 
 
-def _record(topology: TopologicalMap) -> dict[str, Any]:
+def _record(topology: TopologicalMap) -> dict[str, object]:
     return {
         "format": FORMAT,
         "schema": SCHEMA,
@@ -203,7 +203,7 @@ def _record(topology: TopologicalMap) -> dict[str, Any]:
     }
 
 
-def _region_record(region: Region) -> dict[str, Any]:
+def _region_record(region: Region) -> dict[str, object]:
     names = [field.name for field in dataclasses.fields(region)]
     record = {name: getattr(region, name) for name in names if name not in ("polygons", "gate")}
     return record if region.gate is None else {**record, "gate": gate_record(region.gate)}
