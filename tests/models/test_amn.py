@@ -190,7 +190,7 @@ def test_weights_by_name_and_costs_of_confusion() -> None:
         InputError, "has a weight for 'hall', which is no label", task, class_weight={"hall": 1}
     )
     refused(InputError, "0 on the diagonal", task, loss=((1.0, 1.0), (1.0, 0.0)))
-    refused(InputError, r"shape \(3, 3\)", task, loss=((0.0, 1.0), (1.0, 0.0)))
+    refused(InputError, r"shape \(3, 3\)", learn, problem, truth, loss=((0.0, 1.0), (1.0, 0.0)))
 
 
 def test_costs_follow_their_labels_whatever_the_order_inside() -> None:
