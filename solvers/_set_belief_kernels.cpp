@@ -14,7 +14,7 @@ using std::int64_t;
 using Numbers = std::vector<double>;
 using Places = Array<const int64_t, 1>;
 
-struct Sets {  // see SetTables in set_beliefs.py
+struct Sets {  // see SetTables in set_terms.py
     Places start, member;
     ConstMatrix worth, log_gain;
     auto fields() { return std::tie(start, member, worth, log_gain); }
