@@ -205,10 +205,12 @@ def apply_space_evidence(
     if doorway is not None:
         unary = doorways_at_gates(unary, scores.accepted_gates, layout, doorway, doorway_depth_m)
     if whole_spaces and scores.segments is not None:
-        place, has_gates = None, scores.doorways is not None or scores.spaces is not None
-        if problem.known is not None and has_gates:
+        names, known, place = tuple(problem.label_names), problem.known, None
+        has_gates = scores.doorways is not None or scores.spaces is not None
+        has_networks = scores.floor is not None
+        if has_gates and (has_networks or known is not None):
             place = layout.from_raster(scores.accepted_gates.place)
         unary = smooth_over_spaces(
-            unary, scores.segments, layout, tuple(problem.label_names), problem.known, place
+            unary, scores.segments, layout, names, known, place, weigh_wide=has_networks
         )
     return problem if unary is problem.unary else problem.with_unary(freeze(unary))

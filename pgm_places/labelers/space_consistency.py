@@ -28,6 +28,13 @@ _ROOM_IN_RIBBON = 0.1
 """What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed
 on all sides; what it leads to says more."""
 
+_CORRIDOR_IN_WIDE = 0.1
+"""What evidence for a corridor counts in a wide segment of a place that is no sure corridor: lanes
+between desks look like corridors; chosen on held-out buildings (docs/notes/tried.md)."""
+
+_SURE_CORRIDOR = 2.0
+"""Log-odds of corridor over room that half of the cells of a sure corridor exceed."""
+
 _SHARE = np.log([0.65, 0.35])
 """The new and the old label of cells that change, of what both had: about as many are right."""
 
@@ -45,6 +52,8 @@ def smooth_over_spaces(
     label_names: tuple[str, ...],
     known: NDArray[np.int64] | None = None,
     place: NDArray[np.integer] | None = None,
+    *,
+    weigh_wide: bool = False,
 ) -> NDArray[np.float64]:
     """The scores of cells, those of parts that saw a space in two given to the label around them.
 
@@ -52,7 +61,9 @@ def smooth_over_spaces(
     parts maximise the evidence of their cells less the length of the borders between both labels,
     which costs more within a segment than along an opening: an exact minimum cut. So a border in
     open space moves to an opening of its segment, or goes, unless much speaks for both sides. In
-    ribbons, evidence for a room counts a tenth: one that continues a corridor is corridor.
+    ribbons, evidence for a room counts a tenth: one that continues a corridor is corridor. With
+    ``weigh_wide``, evidence for a corridor counts a tenth in wide segments, unless at least half of
+    the cells of their place have log-odds of a corridor above 2: an open space is one place.
 
     Parameters
     ----------
@@ -68,7 +79,10 @@ def smooth_over_spaces(
         Labels of the cells that are known, -1 elsewhere: their parts keep them, and borders along
         them cost most.
     place : (N,) int, optional
-        The place between doorways that each cell is in: known cells do not pull those of others.
+        The place between doorways that each cell is in, -1 for none: known cells do not pull those
+        of others.
+    weigh_wide : bool
+        Whether wide segments are weighed by their place.
     """
     if not set(_PAIR) <= set(label_names):
         return log_z
@@ -78,7 +92,10 @@ def smooth_over_spaces(
         label[some] = log_z[some].argmax(axis=1)
     if known is not None:
         np.copyto(label, known, where=known >= 0, casting="unsafe")
-    parts = _Parts.of(label, segments, layout, pair)
+    in_wide = np.zeros(len(segments.is_wide), np.bool_)
+    if weigh_wide and place is not None:
+        in_wide = _wide_and_unsure(log_z, segments, place, pair)
+    parts = _Parts.of(label, segments, layout, pair, in_wide)
     part = layout.from_raster(parts.pieces.piece)
     pulls = None
     if known is not None:
@@ -91,6 +108,27 @@ def smooth_over_spaces(
     if known is not None:
         moves &= known < 0
     return _moved(log_z, np.flatnonzero(moves), label, pair)
+
+
+def _wide_and_unsure(
+    log_z: NDArray[np.float64],
+    segments: NodeSegments,
+    place: NDArray[np.integer],
+    pair: list[int],
+) -> NDArray[np.bool_]:
+    """(S,) the wide segments of places that are no sure corridors."""
+    n_cells, n_sure = np.zeros((2, int(place.max(initial=-1)) + 2))  # the first for no place
+    for some in row_blocks(len(log_z)):
+        number = place[some].astype(np.int64) + 1
+        sure = log_z[some, pair[0]] - log_z[some, pair[1]] > _SURE_CORRIDOR
+        n_cells += np.bincount(number, minlength=len(n_cells))
+        n_sure += np.bincount(number[sure], minlength=len(n_sure))
+    unsure = 2 * n_sure < n_cells
+    unsure[0] = False
+    found = np.zeros(len(segments.is_wide) + 1, np.bool_)  # the last for no segment
+    for some in row_blocks(len(log_z)):
+        found[segments.segment[some][unsure[place[some].astype(np.int64) + 1]]] = True
+    return np.asarray(found[:-1] & segments.is_wide)
 
 
 class _KnownBorders(NamedTuple):
@@ -122,7 +160,7 @@ class _Parts:
     is_room : (P,) bool
     segment : (P,) int64
         -1 for none.
-    in_ribbon : (P,) bool
+    in_ribbon, in_wide : (P,) bool
     resolution_m : float
     """
 
@@ -130,13 +168,19 @@ class _Parts:
     is_room: NDArray[np.bool_]
     segment: NDArray[np.int64]
     in_ribbon: NDArray[np.bool_]
+    in_wide: NDArray[np.bool_]
     resolution_m: float
 
     @classmethod
     def of(
-        cls, label: NDArray[np.int16], segments: NodeSegments, layout: GridLayout, pair: list[int]
+        cls,
+        label: NDArray[np.int16],
+        segments: NodeSegments,
+        layout: GridLayout,
+        pair: list[int],
+        in_wide: NDArray[np.bool_],
     ) -> Self:
-        """Those of cells with these labels."""
+        """Those of cells with these labels; ``in_wide`` (S,) are the segments weighed as wide."""
         code = np.full(len(label), -1, np.int32)
         for some in row_blocks(len(label)):
             for second, k in enumerate(pair):
@@ -145,9 +189,10 @@ class _Parts:
         pieces = connected_components(layout.to_raster(code, fill=-1))
         assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
         of_part = pieces.label.astype(np.int64) // 2 - 1
-        in_ribbon = np.append(segments.is_ribbon, False)[of_part]  # none is the last
+        kinds = np.stack([segments.is_ribbon, in_wide])
+        in_ribbon, wide = np.pad(kinds, ((0, 0), (0, 1)))[:, of_part]  # none is the last
         is_room = pieces.label % 2 == 1
-        return cls(pieces, is_room, of_part, in_ribbon, layout.source.resolution_m)
+        return cls(pieces, is_room, of_part, in_ribbon, wide, layout.source.resolution_m)
 
     def sums(
         self,
@@ -166,6 +211,7 @@ class _Parts:
             total += np.bincount(part[some] % len(total), odds, minlength=len(total))
         total = total[:-1]
         total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
+        total[self.in_wide & (total > 0)] *= _CORRIDOR_IN_WIDE
         return total * self.resolution_m**2
 
     def borders(

@@ -240,10 +240,13 @@ class NodeSegments:
     is_ribbon : (S,) bool
         Segments at most 3 m wide, at least 3 m long, and twice as long as wide: mostly parts of
         corridors, also in incomplete maps.
+    is_wide : (S,) bool
+        Segments in which a disc of 1.5 m radius fits.
     """
 
     segment: NDArray[np.int16] | NDArray[np.int32]
     is_ribbon: NDArray[np.bool_]
+    is_wide: NDArray[np.bool_]
 
     @classmethod
     def of(cls, lookup: SegmentLookup, basin: NDArray[np.int32]) -> Self:
@@ -253,7 +256,8 @@ class NodeSegments:
         table = lookup.table[:-1]
         radius, aspect, length = (table[:, _COLUMNS.index(n)] for n in ("radius", "aspect", "long"))
         narrow = (2 * radius <= _WIDEST_M) & (length >= _SHORTEST_M)
-        return cls(number.astype(number_type(count))[basin], narrow & (aspect <= _ASPECT))
+        segment = number.astype(number_type(count))[basin]
+        return cls(segment, narrow & (aspect <= _ASPECT), radius >= _WIDEST_M / 2)
 
 
 _COLUMNS = [spec.id for spec in SEGMENT_FEATURES]

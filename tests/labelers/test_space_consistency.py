@@ -37,7 +37,7 @@ def scores(label: NDArray[np.int64], sure: Any = 0.7) -> NDArray[np.float64]:
 def segments_of(segment: NDArray[np.int64], *ribbons: int) -> NodeSegments:
     """Those of the cells of a raster, some of which are ribbons."""
     is_ribbon = np.isin(np.arange(int(segment.max()) + 1), ribbons)
-    return NodeSegments(segment.ravel().astype(np.int32), is_ribbon)
+    return NodeSegments(segment.ravel().astype(np.int32), is_ribbon, ~is_ribbon)
 
 
 def labels(
@@ -94,6 +94,20 @@ def test_ribbons_are_long_and_narrow_segments() -> None:
     in_passage = columns[inside] < 145
     assert ribbon[in_passage].all()
     assert not ribbon[(columns[inside] > 160)].any()
+
+
+@pytest.mark.parametrize(("sure", "kept"), [(0.7, False), (0.95, True)])
+def test_a_corridor_in_an_open_place_needs_the_place_to_be_a_sure_corridor(
+    sure: float, kept: bool
+) -> None:
+    hall = np.zeros((40, 100), int)
+    label = np.where(np.arange(100) < 40, ROOM, CORRIDOR) + hall
+    given, place = scores(label, np.where(label == ROOM, 0.7, sure)), np.zeros(hall.size, int)
+    assert (labels(given, hall, place=place) == label).all()
+    weighed = labels(given, hall, place=place, weigh_wide=True)
+    assert (weighed == (label if kept else ROOM)).all()
+    assert (labels(given, hall, 0, place=place, weigh_wide=True) == CORRIDOR).all()  # not wide
+    assert (labels(given, hall, place=place - 1, weigh_wide=True) == label).all()  # of no place
 
 
 def test_doorways_stay_and_keep_their_probability() -> None:
