@@ -353,7 +353,7 @@ class PlaceLabeler(Labeler):
             return problem
         doorway, depth_m = self.doorway_at_gates(method), self.doorway_depth_m
         return apply_space_evidence(
-            problem, scores, doorway, depth_m, whole_spaces=self.whole_spaces
+            problem, scores, method.unary, doorway, depth_m, whole_spaces=self.whole_spaces
         )
 
     def doorway_at_gates(self, method: PlaceMethod) -> int | None:

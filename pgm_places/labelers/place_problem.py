@@ -190,6 +190,7 @@ def accepted_doorways(
 def apply_space_evidence(
     problem: LabelingProblem,
     scores: CellScores,
+    unary_name: str,
     doorway: int | None,
     doorway_depth_m: float | None,
     *,
@@ -197,7 +198,8 @@ def apply_space_evidence(
 ) -> LabelingProblem:
     """The problem with doorways at gates alone, and with whole spaces, where these are seen.
 
-    ``doorway`` is the label to keep to gates, None for none.
+    ``unary_name`` is the unary of the problem, ``doorway`` the label to keep to gates, None for
+    none.
     """
     layout = problem.graph.layout
     assert problem.unary is not None and isinstance(layout, GridLayout)  # scores of a map
@@ -207,7 +209,7 @@ def apply_space_evidence(
     if whole_spaces and scores.segments is not None:
         names, known, place = tuple(problem.label_names), problem.known, None
         has_gates = scores.doorways is not None or scores.spaces is not None
-        has_networks = scores.floor is not None
+        has_networks = unary_name == "floor"
         if has_gates and (has_networks or known is not None):
             place = layout.from_raster(scores.accepted_gates.place)
         unary = smooth_over_spaces(
